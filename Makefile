@@ -1,0 +1,52 @@
+# Everything runs in .venv, which the first target that needs it makes. `make help` lists the targets.
+
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+POSTGRES := $(VENV)/.postgres
+CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache
+UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-hashes --python-version 3.11
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup demo test check lock clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 16
+
+setup: $(INSTALLED) $(POSTGRES)  ## make .venv and, as root on Debian, install PostGIS if it is missing
+
+demo: setup  ## from nothing to slopes: the whole job on simulated drives, result in demo/
+	@$(BIN)/versant demo --output demo
+
+test: setup  ## every test, on a private PostGIS
+	@$(BIN)/python -m pytest
+
+check: $(INSTALLED)  ## linters, types and the fast tests, in under a minute
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/python -m pytest -m "not db and not slow"
+
+lock: $(INSTALLED)  ## bring .lock/ up to pyproject.toml (UPGRADE=--upgrade: newest versions)
+	@PATH="$$PWD/$(BIN):$$PATH"; command -v uv > /dev/null || $(BIN)/pip install --quiet uv
+	@PATH="$$PWD/$(BIN):$$PATH"; $(UV_COMPILE) $(UPGRADE) pyproject.toml -o .lock/runtime.txt
+	@PATH="$$PWD/$(BIN):$$PATH"; $(UV_COMPILE) $(UPGRADE) --extra dev -c .lock/runtime.txt pyproject.toml -o .lock/dev.txt
+
+clean:  ## remove everything that make made
+	rm -rf $(VENV) $(CACHES) build dist demo *.egg-info
+	find app fusion migrations tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+
+$(VENV)/.made:
+	@.ci/prepare venv $(VENV)
+	@touch $@
+
+$(INSTALLED): $(VENV)/.made .lock/dev.txt pyproject.toml
+	@echo "Installing the locked dependencies into $(VENV) ..."
+	@$(BIN)/python -m pip install --quiet --require-hashes -r .lock/dev.txt
+	@$(BIN)/python -m pip install --quiet --no-deps -e .
+	@touch $@
+
+$(POSTGRES): $(INSTALLED) .ci/prepare
+	@.ci/prepare postgis $(BIN)/python
+	@touch $@

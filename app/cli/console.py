@@ -1,0 +1,133 @@
+"""What the commands say: progress bars and notes on standard error, tables and figures on standard output."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rich.console
+import typer
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn
+from rich.table import Table
+
+from fusion.types import Progress as ProgressCall
+
+PLAIN_WIDTH = 200  # columns of a table that goes into a file or a pipe: never wrapped to an imagined terminal
+
+
+@dataclass(frozen=True)
+class Console:
+    """One command's voice; ``quiet`` silences bars and notes, never results and errors."""
+
+    quiet: bool = False
+    debug: bool = False
+
+    def note(self, text: str) -> None:
+        """A remark for a person, on standard error."""
+        if not self.quiet:
+            typer.echo(text, err=True)
+
+    def complain(self, text: str) -> None:
+        """Say on standard error what went wrong, in one line."""
+        typer.echo(f"versant: {_one_line(text)}", err=True)
+
+    def table(
+        self, columns: Sequence[str], rows: Sequence[Sequence[Any]], *, title: str | None = None
+    ) -> None:
+        """Print a table on standard output; numbers to the right, unknown figures as a dash."""
+        table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+        for k, name in enumerate(columns):
+            numeric = any(isinstance(row[k], int | float) for row in rows)
+            table.add_column(name, justify="right" if numeric else "left", no_wrap=True)
+        for row in rows:
+            table.add_row(*(figure(value) for value in row))
+        out = rich.console.Console(highlight=False, markup=False)
+        if not out.is_terminal:
+            out = rich.console.Console(highlight=False, markup=False, width=PLAIN_WIDTH)
+        out.print(table)
+
+    @contextmanager
+    def progress(self) -> Iterator[Bars]:
+        """Bars on standard error while the block runs; nothing where that is no terminal, or when quiet."""
+        err = rich.console.Console(stderr=True)
+        columns = (
+            SpinnerColumn(),
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=30),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[stage]}", markup=False),
+        )
+        with Progress(
+            *columns, console=err, transient=True, disable=self.quiet or not err.is_terminal
+        ) as bars:
+            yield Bars(bars)
+
+
+class Bars:
+    """Makes one bar per piece of work."""
+
+    def __init__(self, bars: Progress) -> None:
+        self._bars = bars
+
+    def work(self, name: str) -> ProgressCall:
+        """A new bar, driven by the library's ``Progress`` calls: it starts anew at each stage."""
+        task = self._bars.add_task(name, total=1.0, stage="")
+
+        def show(stage: str, share: float) -> None:
+            self._bars.update(task, completed=share, stage=stage)
+
+        return show
+
+    def count(self, name: str, total: int) -> Callable[[int], None]:
+        """A new bar over ``total`` units; call it with how many more are done."""
+        task = self._bars.add_task(name, total=max(total, 1), stage="")
+
+        def advance(units: int) -> None:
+            self._bars.update(task, advance=units)
+
+        return advance
+
+
+def figure(value: Any) -> str:
+    """A table's cell: floats with two decimals, None and NaN as a dash."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+def write_json(path: Path | None, figures: Any) -> None:
+    """Write what a command reports to ``--json FILE``; NaN becomes null. Without a path, nothing."""
+    if path is not None:
+        path.write_text(json.dumps(_finite(figures), indent=2, default=str) + "\n", encoding="utf-8")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def sentence(error: BaseException) -> str:
+    """One line that says what went wrong, without a traceback."""
+    if type(error).__module__.split(".")[0] in {"app", "fusion"}:  # our own errors speak for themselves
+        return _one_line(str(error))
+    if isinstance(error, OSError) and error.strerror:
+        where = f"{error.filename}: " if error.filename else ""
+        return _one_line(f"{where}{error.strerror}.")
+    if type(error).__module__.startswith(("sqlalchemy", "psycopg")):
+        cause = getattr(error, "orig", None) or error
+        return _one_line(f"The database cannot be used: {str(cause).strip() or type(cause).__name__}")
+    return _one_line(f"Internal error, {type(error).__name__}: {error}. Run again with --debug to see where.")
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

@@ -1,0 +1,104 @@
+"""``versant demo``: the whole job on data that it makes itself."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.console import Console, write_json
+from app.cli.options import JsonFile
+from app.cli.supervisor import reach, stop_signals
+from app.demo import DemoResult, demo_service, run_demo
+from app.demo.files import figures, write_files
+from app.demo.score import Score, examples
+
+EXAMPLES = 24
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command("demo")
+def demo(
+    ctx: typer.Context,
+    serve: Annotated[bool, typer.Option("--serve", help="Keep serving the result until Ctrl-C.")] = False,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Where the results go.")
+    ] = Path("demo"),
+    port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port; 0 for any free one.")] = 0,
+    json_file: JsonFile = None,
+) -> None:
+    """Simulate a town and drives, run them through a service of its own, and compare with the truth.
+
+    Needs PostgreSQL with PostGIS installed and nothing else; no database is touched but its own.
+    """
+    console: Console = ctx.obj
+    started = time.perf_counter()
+    with stop_signals():
+        console.note("Starting a database, an API and a worker of its own ...")
+        with demo_service(console, port) as (service, settings):
+            console.note(f"Serving at {service.address}. Simulating, importing, uploading ...")
+            with console.progress() as bars:
+                result = run_demo(service, settings, output / "input", bars)
+            files = write_files(result, output)
+            _show(console, result)
+            typer.echo(f"\nDone in {time.perf_counter() - started:.0f} s. Open:")
+            for what, path in files.items():
+                typer.echo(f"  {path}  ({what})")
+            write_json(json_file, figures(result))
+            if not serve:
+                return
+            typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(settings)}")
+            service.serve_forever()
+        return
+    if not serve:  # interrupted before the end
+        raise typer.Exit(130)
+
+
+def _show(console: Console, result: DemoResult) -> None:
+    estimates, features = result.estimates, {}
+    for feature in result.features:
+        p = feature["properties"]
+        features[p["osm_way_id"], p["from_node"], p["to_node"]] = p
+    rows = []
+    for key in examples(result.truth, EXAMPLES):
+        road, p = result.truth[key], features[key]
+        kind = road.highway + (", bridge" if road.bridge else "") + (", tunnel" if road.tunnel else "")
+        slope = p["slope_percent"]
+        error = None if key not in estimates else slope - road.slope_percent
+        rows.append(
+            [kind, p["length_m"], road.slope_percent, slope, p["slope_sigma_percent"], error, p["drives"]]
+        )
+    console.table(
+        ["road", "length m", "true %", "measured %", "sigma %", "error %", "drives"],
+        rows,
+        title=f"{len(rows)} of {len(result.truth)} driven segments, chosen by their true slope",
+    )
+    typer.echo()
+    labels = {"service": "Versant", "raw": "raw altitudes", "dem": "DEM alone"}
+    _scores(console, "All driven segments", {labels[n]: s for n, s in result.scores().items()})
+    typer.echo()
+    _scores(console, "Versant by class of road", result.scores_by_kind())
+
+
+def _scores(console: Console, title: str, scores: dict[str, Score]) -> None:
+    rows = [
+        [
+            name,
+            s.segments,
+            f"{100 * s.coverage:.0f} %",
+            s.rmse_percent,
+            s.p90_percent,
+            _share(s.within_95),
+            _share(s.wrong_sign),
+        ]
+        for name, s in scores.items()
+    ]
+    columns = ["", "segments", "coverage", "RMSE %", "p90 %", "within 1.96 sigma", "wrong sign"]
+    console.table(columns, rows, title=title)
+
+
+def _share(value: float) -> str:
+    return "–" if value != value else f"{100 * value:.0f} %"  # noqa: PLR0124 - NaN

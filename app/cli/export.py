@@ -1,0 +1,65 @@
+"""``versant export``: the map as one file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from sqlalchemy.orm import Session
+
+from app.cli.console import Console, write_json
+from app.cli.database import sessions
+from app.cli.options import Box, DataDir, JsonFile, parse_box
+from app.outputs import SegmentFeature, output_for, write
+from app.outputs.attribution import attribution
+from app.store import dem, segments
+from fusion.errors import UnknownNameError
+from fusion.types import Progress
+
+PAGE = 5000
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command("export")
+def export(
+    ctx: typer.Context,
+    out: Annotated[Path, typer.Option("-o", "--out", help="File: .geojson, .parquet, .gpkg or .csv.")],
+    bbox: Annotated[
+        str | None, typer.Option(metavar="W,S,E,N", help="Only segments that meet this box, degrees.")
+    ] = None,
+    driven: Annotated[bool, typer.Option("--driven", help="Only segments with a slope.")] = False,
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Write every segment with its slope, as it stands at one moment, to a file."""
+    console: Console = ctx.obj
+    box = parse_box(bbox)
+    try:
+        output_for(out)
+    except UnknownNameError as error:
+        raise typer.BadParameter(str(error)) from error
+    with sessions(data_dir) as (settings, factory), factory() as session, console.progress() as bars:
+        # One snapshot, so that a drive that ends meanwhile is in it altogether or not at all.
+        session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+        terrain = dem.current_dem(session, settings.dem_dir)
+        source = attribution(terrain.names if terrain else ())
+        features = _features(session, box, driven, bars.work(out.name))
+        count = write(features, out, source=source)
+    typer.echo(f"{out}: {count} segments.")
+    write_json(json_file, {"file": str(out), "segments": count})
+
+
+def _features(
+    session: Session, box: Box | None, driven: bool, progress: Progress
+) -> Iterator[SegmentFeature]:
+    wanted = True if driven else None
+    total = max(segments.count_segments(session, bbox=box, driven=wanted), 1)
+    after, done = 0, 0
+    while rows := segments.segment_items(session, bbox=box, after_id=after, limit=PAGE, driven=wanted):
+        for row in rows:
+            yield SegmentFeature(**vars(row))
+        after, done = rows[-1].id, done + len(rows)
+        progress("writing", done / total)

@@ -1,0 +1,137 @@
+"""``versant fuse``: slopes from files, without a server and without a database."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.cli.console import Bars, Console, sentence, write_json
+from app.cli.fuse_files import FusedLog, Fusion, summary
+from app.cli.options import JsonFile, parse_assignments
+from app.outputs import output_for, write
+from app.outputs.attribution import attribution
+from app.outputs.features import collection_chunks
+from app.outputs.profile import build_profile
+from app.outputs.profile_png import profile_png
+from app.outputs.track import track_chunks
+from fusion.errors import BadOptionsError, FusionError, UnknownNameError
+from fusion.methods import DEFAULT_METHOD
+from fusion.methods.base import Options
+from fusion.pipeline import parse_options
+from fusion.roads.osm import read_roads
+from fusion.terrain.dem import Dem
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command("fuse")
+def fuse(
+    ctx: typer.Context,
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Drive logs; several are combined.")],
+    roads: Annotated[
+        Path, typer.Option(metavar="FILE", help="OpenStreetMap roads: .osm, .osm.gz, .osm.pbf.")
+    ],
+    dem: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Elevation raster (GeoTIFF, HGT ...); may be given several times."),
+    ] = None,
+    method: Annotated[str, typer.Option(help="Estimator; `versant methods` lists them.")] = DEFAULT_METHOD,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Option of the method; may be given several times."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--out", help="Segments: .geojson, .parquet, .gpkg or .csv; without it GeoJSON on stdout."
+        ),
+    ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.png", help="Elevation profile; one per log, numbered if several."),
+    ] = None,
+    track: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.geojson", help="Estimated track; one per log, numbered if several."),
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Fuse logs with roads and terrain into segment slopes, without a server or a database.
+
+    Gives the service's numbers for the same logs. A log that fails is reported, and the others go on.
+    """
+    console: Console = ctx.obj
+    chosen = _usable(method, option or [], out)
+    with ExitStack() as stack:
+        bars = stack.enter_context(console.progress())
+        terrain = stack.enter_context(Dem.open(dem)) if dem else None
+        table = read_roads(roads, bars.work(roads.name))
+        fusion = Fusion(method, chosen, table, terrain)
+        outcomes = [_one(fusion, path, console, bars) for path in logs]
+        features = fusion.features()
+    source = attribution(path.name for path in dem or ())
+    if fusion.fused and out is None:
+        sys.stdout.writelines(collection_chunks(features, {"attribution": source}))
+    elif fusion.fused and out is not None:
+        write(features, out, source=source)
+        console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(logs)} logs.")
+    for number, one in enumerate(fusion.fused, 1):
+        _pictures(one, number if len(fusion.fused) > 1 else None, profile, track, console)
+    write_json(json_file, {"method": method, "segments": len(features), "logs": outcomes})
+    if any(outcome["status"] == "failed" for outcome in outcomes):
+        raise typer.Exit(1)
+
+
+def _usable(method: str, option: list[str], out: Path | None) -> Options:
+    """Check what can be checked before the work starts; a wrong name is wrong usage."""
+    try:
+        if out is not None:
+            output_for(out)
+        return parse_options(method, parse_assignments(option))
+    except (UnknownNameError, BadOptionsError) as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def _one(fusion: Fusion, path: Path, console: Console, bars: Bars) -> dict[str, Any]:
+    try:
+        twin = fusion.twin(path)
+        if twin is not None:
+            console.note(f"{path}: the same bytes as {twin}, counted once.")
+            return {
+                "file": str(path),
+                "status": "repeated",
+                "reason": f"the same bytes as {twin}",
+                "segments": 0,
+            }
+        return summary(fusion.add(path, bars.work(path.name)))
+    except (FusionError, OSError) as error:
+        if console.debug:
+            raise
+        text = sentence(error)
+        console.complain(text if isinstance(error, OSError) else f"{path}: {text}")
+        return {"file": str(path), "status": "failed", "reason": text, "segments": 0}
+
+
+def _pictures(
+    one: FusedLog, number: int | None, profile: Path | None, track: Path | None, console: Console
+) -> None:
+    estimated = one.result.track
+    if profile is not None:
+        slopes = {s.segment: (s.slope_percent, s.slope_sigma_percent) for s in one.result.slopes}
+        columns = build_profile(estimated, estimated.segment, slopes)
+        path = _numbered(profile, number)
+        path.write_bytes(profile_png(columns, one.path.name))
+        console.note(f"{path}: profile of {one.path.name}.")
+    if track is not None:
+        path = _numbered(track, number)
+        with path.open("w", encoding="utf-8") as file:
+            file.writelines(track_chunks(estimated, estimated.segment, {"attribution": attribution()}))
+        console.note(f"{path}: track of {one.path.name}.")
+
+
+def _numbered(path: Path, number: int | None) -> Path:
+    return path if number is None else path.with_name(f"{path.stem}-{number}{path.suffix}")

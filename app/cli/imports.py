@@ -1,0 +1,69 @@
+"""``versant import-roads`` and ``versant import-dem``."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app import ingest
+from app.cli.console import Console, write_json
+from app.cli.database import sessions
+from app.cli.options import DataDir, JsonFile
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command("import-roads")
+def import_roads(
+    ctx: typer.Context,
+    file: Annotated[Path, typer.Argument(help="OpenStreetMap extract: .osm.pbf, .osm or .osm.gz.")],
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Make the drivable roads of an OpenStreetMap file the road network.
+
+    Slopes stay with every segment whose way, nodes and geometry are unchanged; segments that the file
+    does not have are dropped.
+    """
+    console: Console = ctx.obj
+    started = time.perf_counter()
+    with sessions(data_dir) as (settings, factory), console.progress() as bars:
+        counts = ingest.import_roads(factory, file, settings.dem_dir, bars.work(file.name))
+    seconds = time.perf_counter() - started
+    segments = counts.kept + counts.moved + counts.added
+    typer.echo(
+        f"{file.name}: {segments} segments ({counts.kept} kept, {counts.moved} moved, {counts.added} added; "
+        f"{counts.dropped} dropped) in {seconds:.1f} s."
+    )
+    figures = {"file": str(file), "segments": segments, **asdict(counts), "seconds": round(seconds, 3)}
+    write_json(json_file, figures)
+
+
+@app.command("import-dem")
+def import_dem(
+    ctx: typer.Context,
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Rasters: GeoTIFF, COG, VRT, HGT; WGS 84 or any CRS."),
+    ],
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Add elevation rasters to the terrain that drives and roads are compared with.
+
+    The rasters are copied. Drives processed before keep their estimates until they are processed again.
+    """
+    console: Console = ctx.obj
+    started = time.perf_counter()
+    with sessions(data_dir) as (settings, factory), console.progress() as bars:
+        active = ingest.import_dem(factory, files, settings.dem_dir, bars.work("elevation"))
+    seconds = time.perf_counter() - started
+    typer.echo(
+        f"The terrain consists of {len(active.names)} raster(s), heights above {active.datum}: "
+        f"{', '.join(active.names)} ({seconds:.1f} s)."
+    )
+    write_json(json_file, {"rasters": active.names, "datum": active.datum, "seconds": round(seconds, 3)})

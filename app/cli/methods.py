@@ -1,0 +1,94 @@
+"""``versant methods``: what can be chosen by name."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from app.cli.console import Console, write_json
+from app.cli.options import JsonFile
+from app.outputs import OUTPUTS
+from fusion.formats import FORMATS
+from fusion.gnss import POSITIONINGS
+from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods.base import Method
+from fusion.simulate import RECEIVERS
+from fusion.terrain.windows import WINDOWS
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command("methods")
+def methods(
+    ctx: typer.Context,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Only these methods.")
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """List methods with source, needs and options, then formats, windows, positionings, outputs."""
+    console: Console = ctx.obj
+    figures = catalogue()
+    for name in names or list(METHODS):
+        _show(console, name, METHODS[name])
+    if not names:
+        for role in ("formats", "windows", "positionings", "outputs", "receivers"):
+            rows = [[name, text] for name, text in figures[role].items()]
+            console.table([role, ""], rows)
+            typer.echo()
+    write_json(json_file, figures)
+
+
+def catalogue() -> dict[str, Any]:
+    """Every registry's names; methods with source, needs and options."""
+    return {
+        "default_method": DEFAULT_METHOD,
+        "methods": {
+            name: {
+                "description": method.description,
+                "source": method.source,
+                "needs": list(method.needs),
+                "options": options(method),
+            }
+            for name, method in METHODS.items()
+        },
+        "formats": {
+            name: f"{item.description} ({', '.join(item.suffixes)})" for name, item in FORMATS.items()
+        },
+        "windows": {name: item.description for name, item in WINDOWS.items()},
+        "positionings": {name: item.description for name, item in POSITIONINGS.items()},
+        "outputs": {item.suffix: item.description for _, item in OUTPUTS.items()},
+        "receivers": {
+            name: f"simulated, {item.h_acc_m:g} m stated horizontally" for name, item in RECEIVERS.items()
+        },
+    }
+
+
+def options(method: Method) -> dict[str, dict[str, Any]]:
+    """The options of a method: default and description (which names the unit)."""
+    return {
+        name: {"default": field.get_default(call_default_factory=True), "description": field.description}
+        for name, field in method.options_model.model_fields.items()
+    }
+
+
+def _show(console: Console, name: str, method: Method) -> None:
+    default = "  (default)" if name == DEFAULT_METHOD else ""
+    typer.echo(f"{name}{default}: {method.description}")
+    typer.echo(f"  source: {method.source}")
+    typer.echo(f"  needs:  {', '.join(method.needs)}")
+    rows = [[f"  {option}", _plain(o["default"]), o["description"]] for option, o in options(method).items()]
+    if rows:
+        console.table(["  option", "default", "meaning"], rows)
+    typer.echo()
+
+
+def _plain(value: Any) -> str:
+    return (
+        f"{value:g}"
+        if isinstance(value, float)
+        else str(value).lower()
+        if isinstance(value, bool)
+        else str(value)
+    )

@@ -1,0 +1,56 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+DataDir = Annotated[
+    Path | None,
+    typer.Option(
+        "--data-dir",
+        metavar="DIR",
+        help="Folder of the embedded database, started if it is not running. Default: VERSANT_DATABASE_URL, "
+        "else the folder that `versant up` uses.",
+        show_default=False,
+    ),
+]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--json", metavar="FILE", help="Write the figures as JSON as well.", show_default=False),
+]
+Box = tuple[float, float, float, float]
+"""(west, south, east, north), degrees."""
+
+
+def parse_box(text: str | None) -> Box | None:
+    """``WEST,SOUTH,EAST,NORTH`` in degrees; raises ``typer.BadParameter``."""
+    if text is None:
+        return None
+    try:
+        west, south, east, north = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r} is not WEST,SOUTH,EAST,NORTH in degrees, such as 8.46,48.95,8.50,48.99."
+        ) from None
+    if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
+        raise typer.BadParameter(f"{text!r} must have WEST < EAST within ±180 and SOUTH < NORTH within ±90.")
+    return west, south, east, north
+
+
+def parse_assignments(texts: Sequence[str]) -> dict[str, Any]:
+    """``name=value`` each: numbers, true and false as such, else text; raises ``typer.BadParameter``."""
+    options: dict[str, Any] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise typer.BadParameter(f"{text!r} is not name=value, such as particles=20000.")
+        try:
+            options[name] = json.loads(value)
+        except ValueError:
+            options[name] = value
+    return options

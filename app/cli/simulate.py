@@ -1,0 +1,69 @@
+"""``versant simulate``: a synthetic town with known slopes, and drives through it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.console import Console, write_json
+from app.cli.options import JsonFile
+from fusion.errors import UnknownNameError
+from fusion.simulate import RECEIVERS, simulate_drive, structures, write_all
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command("simulate")
+def simulate(
+    ctx: typer.Context,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder, made if it is missing.")],
+    seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same files.")] = 1,
+    drives: Annotated[int, typer.Option(min=0, help="Number of drives.")] = 6,
+    receiver: Annotated[
+        str | None, typer.Option(help="m8, phone or f9p, as CSV; without it a mix, as CSV and UBX.")
+    ] = None,
+    duration_s: Annotated[
+        float, typer.Option("--duration", min=10, help="Length of a drive, seconds.")
+    ] = 600.0,
+    rate_hz: Annotated[float, typer.Option("--rate", min=0.1, max=100, help="Epochs per second.")] = 1.0,
+    json_file: JsonFile = None,
+) -> None:
+    """Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv)."""
+    console: Console = ctx.obj
+    with console.progress() as bars:
+        show = bars.work("simulating")
+        if receiver is None:
+            bundle = write_all(out, drives, seed, duration_s=duration_s, rate_hz=rate_hz, progress=show)
+            paths = list(bundle.drives)
+        else:
+            _known(receiver)
+            bundle = write_all(out, 0, seed, progress=show)
+            paths, simulated = [], []
+            for k in range(drives):
+                show("drives", k / drives)
+                drive = simulate_drive(
+                    bundle.town,
+                    1000 * seed + k,
+                    duration_s,
+                    rate_hz=rate_hz,
+                    receiver=receiver,
+                    first=structures(bundle.town),
+                )
+                paths.append(out / f"drive_{k + 1:02d}.csv")
+                drive.write_csv(paths[-1])
+                simulated.append(drive)
+            bundle.town.write_truth(bundle.truth, simulated or None)
+    for path in (bundle.osm, bundle.dem, *paths, bundle.truth):
+        typer.echo(str(path))
+    write_json(
+        json_file, {"seed": seed, "segments": len(bundle.town.roads), "drives": [str(p) for p in paths]}
+    )
+
+
+def _known(receiver: str) -> None:
+    try:
+        RECEIVERS[receiver]
+    except UnknownNameError as error:
+        raise typer.BadParameter(str(error)) from error

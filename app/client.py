@@ -1,0 +1,223 @@
+"""The service seen from outside: the few requests behind ``versant upload`` and the demo."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+import httpx
+
+from fusion.errors import FusionError
+from fusion.types import Progress
+
+FINAL_STATUSES = frozenset({"done", "failed", "cancelled"})
+TIMEOUT = httpx.Timeout(60.0, connect=5.0)
+FIRST_POLL_S, LAST_POLL_S = 0.1, 2.0
+
+BytesSent = Callable[[int], None]
+DriveSeen = Callable[["RemoteDrive"], None]
+
+
+class ClientError(FusionError):
+    """The service cannot be reached, or refused a request; the message is for a person."""
+
+    kind = "client"
+
+
+@dataclass(frozen=True)
+class RemoteDrive:
+    """A drive as the service describes it; ``document`` is all it said."""
+
+    id: str
+    status: str
+    stage: str | None
+    progress: float
+    reason: str | None
+    document: dict[str, Any]
+
+    @classmethod
+    def read(cls, document: dict[str, Any]) -> Self:
+        """Build from the drive's JSON document."""
+        failure = document.get("failure")
+        reason = failure.get("reason") if isinstance(failure, dict) else document.get("failure_reason")
+        return cls(
+            id=str(document["id"]),
+            status=str(document["status"]),
+            stage=document.get("stage"),
+            progress=float(document.get("progress") or 0.0),
+            reason=reason,
+            document=document,
+        )
+
+    @property
+    def final(self) -> bool:
+        """Whether nothing more will happen to it by itself."""
+        return self.status in FINAL_STATUSES
+
+
+def shown(progress: Progress) -> DriveSeen:
+    """Drive a progress bar from what ``Client.wait`` sees."""
+    return lambda drive: progress(drive.stage or drive.status, drive.progress)
+
+
+class Client:
+    """Requests to one service; use as a context manager."""
+
+    def __init__(self, server: str, *, transport: httpx.BaseTransport | None = None) -> None:
+        """``server`` is the base address, such as ``http://127.0.0.1:8000``; ``transport`` is for tests."""
+        self.server = server.rstrip("/")
+        # An address on this machine must never go through a proxy that the environment names for the world.
+        self._http = httpx.Client(
+            base_url=self.server, timeout=TIMEOUT, transport=transport, trust_env=not _is_local(self.server)
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._http.close()
+
+    def upload(
+        self,
+        path: Path,
+        *,
+        method: str | None = None,
+        options: Mapping[str, Any] | None = None,
+        sent: BytesSent | None = None,
+    ) -> RemoteDrive:
+        """Stream a log to the service; the same bytes again give the same drive.
+
+        Raises ``ClientError`` when the service refuses it or is not there, ``OSError`` when the file cannot
+        be read.
+        """
+        asked = {"method": method} if method else {}
+        if options:
+            asked["options"] = json.dumps(dict(options))
+        with path.open("rb") as file:
+            body = _Counted(file, sent) if sent else file
+            answer = self._request(
+                "POST",
+                "/v1/drives",
+                params=asked,
+                files={"file": (path.name, body, "application/octet-stream")},
+            )
+        return self.drive(str(answer.json()["id"]))
+
+    def drive(self, drive_id: str) -> RemoteDrive:
+        """The drive as it stands now."""
+        return RemoteDrive.read(self._request("GET", f"/v1/drives/{drive_id}").json())
+
+    def wait(
+        self, drive_id: str, *, seen: DriveSeen | None = None, timeout_s: float | None = None
+    ) -> RemoteDrive:
+        """Follow a drive until it is done, failed or cancelled; ``seen`` gets each state on the way.
+
+        Raises ``ClientError`` after ``timeout_s`` seconds (None: never).
+        """
+        started, pause = time.monotonic(), FIRST_POLL_S
+        while True:
+            drive = self.drive(drive_id)
+            if seen:
+                seen(drive)
+            if drive.final:
+                return drive
+            if timeout_s is not None and time.monotonic() - started > timeout_s:
+                raise ClientError(
+                    f"Drive {drive_id} is still {drive.status} after {timeout_s:.0f} s. It goes on by "
+                    "itself: look again later, and whether a worker runs."
+                )
+            time.sleep(pause)
+            pause = min(LAST_POLL_S, pause * 1.5)
+
+    def drive_segments(self, drive_id: str) -> list[dict[str, Any]]:
+        """The features of one drive's own estimates, all pages."""
+        return list(self._features(f"/v1/drives/{drive_id}/segments"))
+
+    def segments(
+        self, bbox: tuple[float, float, float, float] | None = None, limit: int = 1000
+    ) -> Iterator[dict[str, Any]]:
+        """Every segment of the map (within west, south, east, north), following ``next`` links."""
+        params: dict[str, Any] = {"limit": limit}
+        if bbox is not None:
+            params["bbox"] = ",".join(f"{x:.7f}" for x in bbox)
+        yield from self._features("/collections/segments/items", params)
+
+    def get(self, address: str, *, accept: str | None = None) -> httpx.Response:
+        """GET an address of the service; an error answer raises ``ClientError`` with its sentence."""
+        return self._request("GET", address, headers={"Accept": accept} if accept else None)
+
+    def _features(self, address: str, params: dict[str, Any] | None = None) -> Iterator[dict[str, Any]]:
+        page = self._request("GET", address, params=params).json()
+        while True:
+            yield from page["features"]
+            following = [link["href"] for link in page.get("links", ()) if link["rel"] == "next"]
+            if not following:
+                return
+            page = self._request("GET", following[0]).json()
+
+    def _request(self, verb: str, address: str, **arguments: Any) -> httpx.Response:
+        try:
+            answer = self._http.request(verb, address, **arguments)
+        except httpx.ConnectError as error:
+            raise ClientError(
+                f"No Versant service answers at {self.server}. Start one with `versant up`, or name another "
+                "with --server or VERSANT_SERVER."
+            ) from error
+        except httpx.TimeoutException as error:
+            raise ClientError(
+                f"The service at {self.server} did not answer in time. It may be overloaded; try again."
+            ) from error
+        except httpx.InvalidURL as error:
+            raise ClientError(
+                f"{self.server!r} is no address: {error}. Write it as http://host:port."
+            ) from error
+        except httpx.TransportError as error:
+            raise ClientError(
+                f"The connection to {self.server} broke ({error or type(error).__name__}). Try again: "
+                "what was uploaded completely is not stored twice."
+            ) from error
+        if answer.is_error:
+            raise ClientError(_refusal(answer))
+        return answer
+
+
+class _Counted(io.RawIOBase):
+    """A file that tells how many bytes were read from it."""
+
+    def __init__(self, file: BinaryIO, sent: BytesSent) -> None:
+        self._file, self._sent = file, sent
+
+    def read(self, size: int = -1) -> bytes:
+        data = self._file.read(size)
+        self._sent(len(data))
+        return data
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def fileno(self) -> int:
+        return self._file.fileno()
+
+
+def _is_local(server: str) -> bool:
+    return httpx.URL(server).host in {"127.0.0.1", "localhost", "::1"} if "://" in server else False
+
+
+def _refusal(answer: httpx.Response) -> str:
+    """The sentence of a problem document, or the bare status of anything else."""
+    try:
+        problem = answer.json()
+        return str(problem["detail"])
+    except (ValueError, KeyError, TypeError):
+        return f"The service answered {answer.status_code} {answer.reason_phrase} to {answer.request.url}."

@@ -1,0 +1,26 @@
+"""Engine and sessions. One style of database access: synchronous SQLAlchemy over psycopg 3."""
+
+from __future__ import annotations
+
+from sqlalchemy import Engine, create_engine
+from sqlalchemy.orm import Session, sessionmaker
+
+from app.settings import sqlalchemy_url
+
+Sessions = sessionmaker[Session]
+
+
+def make_engine(url: str, *, pool_size: int = 5, max_overflow: int = 10) -> Engine:
+    """An engine whose connections are checked before use, so that a restarted database costs no request."""
+    return create_engine(
+        sqlalchemy_url(url),
+        pool_pre_ping=True,
+        pool_size=pool_size,
+        max_overflow=max_overflow,
+        connect_args={"options": "-c timezone=UTC", "application_name": "versant"},
+    )
+
+
+def session_factory(engine: Engine) -> Sessions:
+    """Sessions on ``engine``; use ``with sessions.begin() as session`` for one transaction."""
+    return sessionmaker(engine, expire_on_commit=False)

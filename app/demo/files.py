@@ -1,0 +1,100 @@
+"""What the demonstration leaves behind, to be opened."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.demo.run import DemoResult, feature_key
+from app.demo.score import Score
+from fusion.plot_map import MapSegments, draw_slope_map
+
+CREDIT = "Simulated town; no real place. Made by `versant demo`."
+
+
+ERROR_COLUMNS = (
+    "osm_way_id",
+    "from_node",
+    "to_node",
+    "highway",
+    "true_slope_percent",
+    "slope_percent",
+    "slope_sigma_percent",
+    "error_percent",
+    "drives",
+)
+
+
+def write_files(result: DemoResult, folder: Path) -> dict[str, Path]:
+    """Write slopes.geojson, slopes.png, profile.png and errors.csv; returns what each is and where."""
+    folder.mkdir(parents=True, exist_ok=True)
+    geojson, picture = folder / "slopes.geojson", folder / "slopes.png"
+    profile, errors = folder / "profile.png", folder / "errors.csv"
+    document = {"type": "FeatureCollection", "attribution": CREDIT, "features": result.features}
+    geojson.write_text(json.dumps(document, separators=(",", ":")) + "\n", encoding="utf-8")
+    draw_map(result.features, picture, title="Slopes measured by the simulated drives", credit=CREDIT)
+    profile.write_bytes(result.profile_png)
+    _write_errors(result, errors)
+    return {
+        "every segment with its slope": geojson,
+        "map of the slopes": picture,
+        "elevation profile of one drive": profile,
+        "every slope beside the truth": errors,
+    }
+
+
+def draw_map(features: Sequence[Mapping[str, Any]], path: Path, *, title: str, credit: str) -> None:
+    """Draw a service's features as a slope map."""
+    ends = np.array([[f["geometry"]["coordinates"][0], f["geometry"]["coordinates"][-1]] for f in features])
+    columns = [f["properties"] for f in features]
+    segments = MapSegments(
+        lon0_deg=ends[:, 0, 0],
+        lat0_deg=ends[:, 0, 1],
+        lon1_deg=ends[:, 1, 0],
+        lat1_deg=ends[:, 1, 1],
+        slope_percent=_column(columns, "slope_percent"),
+        slope_sigma_percent=_column(columns, "slope_sigma_percent"),
+        bridge=np.array([bool(c["bridge"]) for c in columns]),
+        tunnel=np.array([bool(c["tunnel"]) for c in columns]),
+    )
+    draw_slope_map(path, segments, title=title, credit=credit)
+
+
+def figures(result: DemoResult) -> dict[str, Any]:
+    """What ``--json`` says."""
+    return {
+        "scores": {name: _figures(s) for name, s in result.scores().items()},
+        "by_kind": {name: _figures(s) for name, s in result.scores_by_kind().items()},
+        "drives": [
+            {"file": path.name, "drive": drive.id, "report": drive.document.get("report")}
+            for path, drive in zip(result.bundle.drives, result.drives, strict=True)
+        ],
+        "seconds": result.seconds,
+    }
+
+
+def _figures(one: Score) -> dict[str, Any]:
+    return {**asdict(one), "coverage": one.coverage}
+
+
+def _column(columns: Sequence[Mapping[str, Any]], name: str) -> Any:
+    return np.array([np.nan if c[name] is None else c[name] for c in columns], float)
+
+
+def _write_errors(result: DemoResult, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(ERROR_COLUMNS)
+        features = {feature_key(f): f["properties"] for f in result.features}
+        for key, road in result.truth.items():
+            got = features[key]
+            slope = got["slope_percent"]
+            error = None if slope is None else round(slope - road.slope_percent, 4)
+            estimate = (slope, got["slope_sigma_percent"], error, got["drives"])
+            table.writerow([*key, road.highway, round(road.slope_percent, 4), *estimate])

@@ -1,0 +1,190 @@
+"""From nothing to slopes: every step that a person would take, through the same doors."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app import ingest, migrate
+from app.cli.console import Bars, Console
+from app.cli.fuse_files import Fusion
+from app.cli.supervisor import Service
+from app.client import Client, RemoteDrive, shown
+from app.db import make_engine, session_factory
+from app.demo.score import Estimate, Score, SegmentKey, Truth, by_kind, score
+from app.embedded import EmbeddedPostgres
+from app.settings import Settings
+from fusion.errors import FusionError
+from fusion.pipeline import parse_options
+from fusion.simulate import Bundle, write_all
+from fusion.terrain.dem import Dem
+
+DRIVES, SEED = 6, 1
+DRIVE_TIMEOUT_S = 600.0
+LEAST_DRIVEN_M = 10.0
+
+
+class DemoError(FusionError):
+    """The demonstration did not work out."""
+
+    kind = "demo"
+
+
+@dataclass
+class DemoResult:
+    """What the service answered, beside the truth and the baselines."""
+
+    bundle: Bundle
+    drives: list[RemoteDrive]
+    features: list[dict[str, Any]]
+    truth: dict[SegmentKey, Truth]
+    baselines: dict[str, dict[SegmentKey, Estimate]]
+    profile_png: bytes
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def estimates(self) -> dict[SegmentKey, Estimate]:
+        """The service's slopes."""
+        return {
+            feature_key(f): Estimate(f["properties"]["slope_percent"], f["properties"]["slope_sigma_percent"])
+            for f in self.features
+            if f["properties"]["slope_percent"] is not None
+        }
+
+    def scores(self) -> dict[str, Score]:
+        """The service's score, then each baseline's."""
+        return {
+            "service": score(self.truth, self.estimates),
+            **{n: score(self.truth, e) for n, e in self.baselines.items()},
+        }
+
+    def scores_by_kind(self) -> dict[str, Score]:
+        """The service's score by class of road."""
+        return by_kind(self.truth, self.estimates)
+
+
+@contextmanager
+def demo_service(console: Console, port: int = 0) -> Iterator[tuple[Service, Settings]]:
+    """API and worker on a database in a folder of its own, which is removed at the end."""
+    # Not durable: nobody misses this database after a power cut, and it starts in half the time.
+    with (
+        tempfile.TemporaryDirectory(prefix="versant-demo-") as folder,
+        EmbeddedPostgres(Path(folder), durable=False) as cluster,
+    ):
+        migrate.upgrade(cluster.url)
+        settings = Settings(
+            database_url=cluster.url, data_dir=Path(folder), port=port, host="127.0.0.1", log_level="WARNING"
+        )
+        with Service(settings, console) as service:
+            yield service, service.settings
+
+
+def run_demo(
+    service: Service, settings: Settings, folder: Path, bars: Bars, *, drives: int = DRIVES, seed: int = SEED
+) -> DemoResult:
+    """Simulate into ``folder``, import, upload, wait, read back, and score.
+
+    Raises ``DemoError`` when a drive does not end as ``done``.
+    """
+    seconds: dict[str, float] = {}
+    with _timed("simulate", seconds):
+        bundle = write_all(folder, drives, seed, progress=bars.work("simulating"))
+    with _timed("import", seconds):
+        _import(settings, bundle, bars)
+    with Client(service.address) as client:
+        with _timed("fuse", seconds):
+            done = _upload(client, bundle.drives, bars)
+        features = list(client.segments())
+        longest = max(done, key=lambda drive: drive.document["distance_m"] or 0)
+        profile = client.get(f"/v1/drives/{longest.id}/profile", accept="image/png").content
+    with _timed("baselines", seconds):
+        baselines = _baselines(bundle, features, bars)
+    return DemoResult(bundle, done, features, driven_truth(bundle), baselines, profile, seconds)
+
+
+def feature_key(feature: Mapping[str, Any]) -> SegmentKey:
+    """The identity of a segment."""
+    properties = feature["properties"]
+    return int(properties["osm_way_id"]), int(properties["from_node"]), int(properties["to_node"])
+
+
+def driven_truth(bundle: Bundle) -> dict[SegmentKey, Truth]:
+    """The true slopes of the segments that some drive covered over at least 10 m."""
+    town = bundle.town
+    roads = town.roads
+    passes = [p for drive in bundle.simulated for p in drive.passes() if p.driven_m >= LEAST_DRIVEN_M]
+    return {
+        (int(roads.osm_way_id[k]), int(roads.from_node[k]), int(roads.to_node[k])): Truth(
+            float(town.true_slope_percent[k]),
+            str(roads.highway[k]),
+            bool(roads.bridge[k]),
+            bool(roads.tunnel[k]),
+        )
+        for k in sorted({p.segment for p in passes})
+    }
+
+
+def _import(settings: Settings, bundle: Bundle, bars: Bars) -> None:
+    assert settings.database_url is not None  # noqa: S101 - demo_service sees to it
+    engine = make_engine(settings.database_url, pool_size=1)
+    try:
+        sessions = session_factory(engine)
+        ingest.import_roads(sessions, bundle.osm, settings.dem_dir, bars.work(bundle.osm.name))
+        ingest.import_dem(sessions, [bundle.dem], settings.dem_dir, bars.work(bundle.dem.name))
+    finally:
+        engine.dispose()
+
+
+def _upload(client: Client, paths: Sequence[Path], bars: Bars) -> list[RemoteDrive]:
+    sent = [client.upload(p, sent=bars.count(f"sending {p.name}", p.stat().st_size)) for p in paths]
+    done = []
+    for path, drive in zip(paths, sent, strict=True):
+        show = bars.work(f"fusing {path.name}")
+        final = client.wait(drive.id, seen=shown(show), timeout_s=DRIVE_TIMEOUT_S)
+        if final.status != "done":
+            raise DemoError(f"{path.name} ended as {final.status}: {final.reason}")
+        done.append(final)
+    return done
+
+
+def _baselines(
+    bundle: Bundle, features: Sequence[Mapping[str, Any]], bars: Bars
+) -> dict[str, dict[SegmentKey, Estimate]]:
+    """What one has without us: a line through the raw altitudes, the DEM's heights at a segment's ends."""
+    terrain = {
+        feature_key(f): Estimate(f["properties"]["dem_slope_percent"], float("nan"))
+        for f in features
+        if f["properties"]["dem_slope_percent"] is not None
+    }
+    with Dem.open([bundle.dem]) as dem:
+        raw = Fusion("raw", parse_options("raw"), bundle.town.roads, dem)
+        show = bars.work("baseline raw")
+        for k, path in enumerate(bundle.drives):
+            show(path.name, k / len(bundle.drives))
+            raw.add(path)
+        slopes = raw.features()
+    lines = {
+        (s.osm_way_id, s.from_node, s.to_node): Estimate(
+            _number(s.slope_percent), _number(s.slope_sigma_percent)
+        )
+        for s in slopes
+    }
+    return {"raw": lines, "dem": terrain}
+
+
+def _number(value: float | None) -> float:
+    return float(np.nan) if value is None else value
+
+
+@contextmanager
+def _timed(stage: str, seconds: dict[str, float]) -> Iterator[None]:
+    started = time.perf_counter()
+    yield
+    seconds[stage] = round(time.perf_counter() - started, 2)

@@ -1,0 +1,129 @@
+"""Finds the programs of a PostgreSQL server that has PostGIS."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.embedded.errors import PostgresMissingError
+
+OLDEST_MAJOR = 13
+"""The queue (procrastinate) needs PostgreSQL 13 or newer."""
+
+PLACES = (
+    "/usr/lib/postgresql/*/bin",  # Debian, Ubuntu
+    "/usr/pgsql-*/bin",  # Fedora, Red Hat
+    "/usr/lib/postgresql*/bin",  # openSUSE, Alpine
+    "/opt/homebrew/opt/postgresql@*/bin",
+    "/usr/local/opt/postgresql@*/bin",
+    "/home/linuxbrew/.linuxbrew/opt/postgresql@*/bin",
+    "/Applications/Postgres.app/Contents/Versions/*/bin",
+    "/usr/local/pgsql/bin",
+)
+
+ADVICE = (
+    "Install PostgreSQL with PostGIS (Debian and Ubuntu: `apt-get install postgresql-postgis`, "
+    "macOS: `brew install postgis`, Fedora: `dnf install postgresql-server postgis`), or set "
+    "VERSANT_DATABASE_URL to a PostGIS database that you have."
+)
+
+
+@dataclass(frozen=True)
+class Binaries:
+    """A folder that holds ``initdb``, ``pg_ctl`` and ``postgres`` of one version."""
+
+    folder: Path
+    major: int
+    postgis: bool
+
+    def path(self, program: str) -> str:
+        """The program's absolute path."""
+        return str(self.folder / program)
+
+
+def find_binaries(major: int | None = None, *, places: Iterable[Path] | None = None) -> Binaries:
+    """The newest PostgreSQL with PostGIS, or the one of version ``major`` that an existing cluster needs.
+
+    ``places`` are the folders to look in, by default ``PATH`` and where the usual packages put them. Raises
+    ``PostgresMissingError`` that says what was found and what to install.
+    """
+    found = [b for folder in _distinct(places or _usual_places()) if (b := _inspect(folder)) is not None]
+    fit = [b for b in found if b.postgis and b.major >= OLDEST_MAJOR and major in (None, b.major)]
+    if fit:
+        return max(fit, key=lambda b: b.major)
+    raise PostgresMissingError(_explain(found, major))
+
+
+def _explain(found: list[Binaries], major: int | None) -> str:
+    there = "; ".join(
+        f"PostgreSQL {b.major} in {b.folder}{'' if b.postgis else ', without PostGIS'}" for b in found
+    )
+    if major is not None:
+        return (
+            f"The cluster was made by PostgreSQL {major}, which is not here together with PostGIS "
+            f"(found: {there or 'nothing'}). Install that version (Debian and Ubuntu: `apt-get install "
+            f"postgresql-{major}-postgis-3`), or move the cluster's folder away to begin with an empty one."
+        )
+    if not found:
+        return f"No PostgreSQL server was found on this machine. {ADVICE}"
+    return f"No PostgreSQL {OLDEST_MAJOR} or newer with PostGIS was found ({there}). {ADVICE}"
+
+
+def _usual_places() -> Iterator[Path]:
+    for program in ("initdb", "pg_ctl", "postgres"):
+        if (path := shutil.which(program)) is not None:
+            yield Path(path).resolve().parent
+    if (pg_config := shutil.which("pg_config")) is not None and (bindir := _output(pg_config, "--bindir")):
+        yield Path(bindir)
+    for pattern in PLACES:
+        yield from Path("/").glob(pattern.lstrip("/"))
+
+
+def _distinct(folders: Iterable[Path]) -> Iterator[Path]:
+    seen: set[Path] = set()
+    for folder in folders:
+        if (resolved := folder.resolve()) not in seen:
+            seen.add(resolved)
+            yield resolved
+
+
+def _inspect(folder: Path) -> Binaries | None:
+    if not all((folder / program).is_file() for program in ("initdb", "pg_ctl", "postgres")):
+        return None
+    version = re.search(r"\(PostgreSQL\) (\d+)", _output(str(folder / "postgres"), "--version"))
+    if version is None:
+        return None
+    major = int(version[1])
+    postgis = any((share / "extension" / "postgis.control").is_file() for share in _share_dirs(folder, major))
+    return Binaries(folder, major, postgis)
+
+
+def _share_dirs(folder: Path, major: int) -> Iterator[Path]:
+    if (folder / "pg_config").is_file() and (sharedir := _output(str(folder / "pg_config"), "--sharedir")):
+        yield Path(sharedir)
+    # Debian ships pg_config apart from the server, so the usual places follow.
+    yield Path(f"/usr/share/postgresql/{major}")
+    root = folder.parent
+    for share in ("share", "share/postgresql", f"share/postgresql@{major}"):
+        yield root / share
+
+
+def _output(*command: str) -> str:
+    try:
+        # stdin is closed and the working directory fixed: nothing of the caller's surroundings matters.
+        done = subprocess.run(  # noqa: S603 - the command is a program of PostgreSQL
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=20,
+            stdin=subprocess.DEVNULL,
+            cwd="/",
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""

@@ -1,0 +1,277 @@
+"""A private PostgreSQL + PostGIS cluster in a folder, reached through a Unix socket only."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+from urllib.parse import quote
+
+from app.embedded.account import Account, account_for, with_access
+from app.embedded.binaries import find_binaries
+from app.embedded.config import HBA, INCLUDE, server_settings
+from app.embedded.errors import EmbeddedPostgresError
+from app.embedded.lockfile import Postmaster, remove_stale_lock, running_postmaster
+from app.embedded.locks import FileLock
+from app.embedded.sockets import PORT, clear_sockets, prepare_socket_dir
+from app.settings import SQLALCHEMY_SCHEME
+from app.store import databases
+
+SUPERUSER = "versant"
+START_TIMEOUT_S = 120.0
+STOP_TIMEOUT_S = 60.0
+LOG_LINES_QUOTED = 8
+LARGEST_LOG_BYTES = 10 * 2**20
+
+# What PostgreSQL says while processes of a killed server are still on their way out.
+_STILL_LEAVING = "pre-existing shared memory block"
+
+
+class EmbeddedPostgres:
+    """The cluster in ``data_dir/postgres``: initialised at the first start, then kept.
+
+    Any number of programs may use one folder at once: the first starts the server, the others find it running
+    (also one that a killed program left behind), and the last to stop shuts it down. Who uses it is known by
+    a file lock, which the kernel releases when a program dies, however it dies. The server has its own
+    session, so Ctrl-C reaches the program and not the database under it.
+
+    As root the server runs as an unprivileged user; its folder belongs to that user, mode 0700, and within
+    that folder everybody is trusted. ``durable=False`` trades safety in a power cut for speed, for tests.
+    """
+
+    def __init__(self, data_dir: Path, *, durable: bool = True, database: str = "versant") -> None:
+        """Nothing is touched before ``start``."""
+        self._cluster = Path(data_dir).expanduser().resolve() / "postgres"
+        self._data = self._cluster / "data"
+        self._log = self._cluster / "postgres.log"
+        self._durable = durable
+        self._database = database
+        self._usage: FileLock | None = None
+        self._socket_dir: Path | None = None
+
+    @property
+    def url(self) -> str:
+        """SQLAlchemy URL of the database, valid while started."""
+        return self.url_of(self._database)
+
+    def url_of(self, database: str) -> str:
+        """SQLAlchemy URL of another database of the cluster, valid while started."""
+        if self._socket_dir is None:
+            raise EmbeddedPostgresError("The embedded PostgreSQL has not been started.")
+        host = quote(str(self._socket_dir), safe="/")
+        return f"{SQLALCHEMY_SCHEME}{SUPERUSER}@/{quote(database)}?host={host}&port={PORT}"
+
+    @property
+    def log_path(self) -> Path:
+        """The server's log."""
+        return self._log
+
+    def is_running(self) -> bool:
+        """Whether a server runs on the folder and takes connections, whoever started it."""
+        server = running_postmaster(self._data)
+        return server is not None and server.ready
+
+    def start(self) -> Self:
+        """Make sure that the server runs and the database exists; raises ``EmbeddedPostgresError``."""
+        if self._usage is not None:
+            return self
+        account = self._own_folder()
+        with self._starting_or_stopping(account):
+            self._usage = FileLock.shared(self._cluster / "users.lock", account)
+            try:
+                self._bring_up(account)
+            except BaseException:
+                self._leave()
+                raise
+        return self
+
+    def stop(self) -> None:
+        """Shut the server down unless another program uses it. Does nothing when not started."""
+        if self._usage is not None:
+            with self._starting_or_stopping(account_for(self._cluster)):
+                self._leave()
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _starting_or_stopping(self, account: Account) -> FileLock:
+        return FileLock.exclusive(self._cluster / "start.lock", account, START_TIMEOUT_S)
+
+    def _own_folder(self) -> Account:
+        try:
+            self._cluster.parent.mkdir(parents=True, exist_ok=True)
+            self._cluster.mkdir(mode=0o700, exist_ok=True)
+            account = account_for(self._cluster)
+            account.own(self._cluster)
+            self._cluster.chmod(0o700)
+        except OSError as error:
+            raise EmbeddedPostgresError(
+                f"The folder {self._cluster} cannot be used for the database: {error.strerror}. Choose a "
+                "data folder that belongs to you (--data-dir or VERSANT_DATA_DIR)."
+            ) from error
+        if not os.access(self._cluster, os.R_OK | os.W_OK | os.X_OK):
+            raise EmbeddedPostgresError(
+                f"The folder {self._cluster} belongs to user {self._cluster.stat().st_uid}, and this process "
+                "may not enter it: a root without the capability dac_override. Start as an ordinary user."
+            )
+        return account
+
+    def _bring_up(self, account: Account) -> None:
+        server = self._await_server()
+        if server is None:
+            self._launch(with_access(account, [self._cluster]))
+            server = self._await_server()
+        if server is None:
+            raise EmbeddedPostgresError(f"PostgreSQL stopped as soon as it was started. {self._last_words()}")
+        self._socket_dir = server.socket_dir
+        databases.ensure_database(self.url_of("postgres"), self._database)
+        databases.ensure_postgis(self.url)
+
+    def _await_server(self) -> Postmaster | None:
+        """The running server once it is ready, or None if there is none or it is one that shuts down."""
+        _wait_until(lambda: (s := running_postmaster(self._data)) is None or s.ready, START_TIMEOUT_S)
+        server = running_postmaster(self._data)
+        if server is None:
+            return None
+        if not server.ready:
+            raise EmbeddedPostgresError(
+                f"PostgreSQL (process {server.pid}) has been starting or stopping for {START_TIMEOUT_S:.0f} "
+                f"s. {self._last_words()}"
+            )
+        if not (server.socket_dir / f".s.PGSQL.{PORT}").exists():
+            # Something cleaned the folder for temporary files; nobody can connect any more.
+            self._shut_down(server)
+            return None
+        return server
+
+    def _launch(self, account: Account) -> None:
+        major = self._existing_major()
+        binaries = find_binaries(major)
+        if major is None:
+            self._initialise(account, binaries.path("initdb"))
+        socket_dir = prepare_socket_dir(self._cluster, account)
+        account = with_access(account, [self._cluster, socket_dir])
+        remove_stale_lock(self._data)
+        clear_sockets(socket_dir)
+        _write_as(account, self._data / INCLUDE, server_settings(socket_dir, durable=self._durable))
+        self._rotate_log()
+        deadline = time.monotonic() + START_TIMEOUT_S
+        # PGDATA and a relative log: pg_ctl passes both options through a shell without proper quoting.
+        command = [
+            binaries.path("pg_ctl"),
+            "start",
+            "-w",
+            "-s",
+            "-t",
+            f"{START_TIMEOUT_S:.0f}",
+            "-l",
+            self._log.name,
+        ]
+        while account.run(command, cwd=self._cluster, PGDATA=str(self._data)).returncode != 0:
+            words = self._last_words()
+            if _STILL_LEAVING not in words or time.monotonic() > deadline:
+                raise EmbeddedPostgresError(f"PostgreSQL did not start. {words}")
+            time.sleep(0.1)
+
+    def _existing_major(self) -> int | None:
+        try:
+            return int((self._data / "PG_VERSION").read_text())
+        except FileNotFoundError:
+            if self._data.exists() and any(self._data.iterdir()):
+                raise EmbeddedPostgresError(
+                    f"{self._data} holds something that is no PostgreSQL cluster. Move it away, or choose "
+                    "another data folder."
+                ) from None
+            return None
+        except (OSError, ValueError) as error:
+            raise EmbeddedPostgresError(
+                f"The cluster in {self._data} is damaged, its PG_VERSION cannot be read ({error}). Restore "
+                "the folder from a backup, or move it away to begin with an empty database."
+            ) from error
+
+    def _initialise(self, account: Account, initdb: str) -> None:
+        # Made beside its place and renamed when whole: a kill in between leaves nothing like a cluster.
+        fresh = self._cluster / "data.new"
+        shutil.rmtree(fresh, ignore_errors=True)
+        options = ["--encoding=UTF8", "--no-locale", "--auth=trust", f"--username={SUPERUSER}"]
+        if not self._durable:
+            options.append("--no-sync")
+        done = account.run([initdb, "-D", str(fresh), *options])
+        if done.returncode != 0:
+            raise EmbeddedPostgresError(
+                f"No PostgreSQL cluster could be made in {self._cluster}. initdb said: {_tail(done.stdout)}"
+            )
+        _write_as(account, fresh / "pg_hba.conf", HBA)
+        with (fresh / "postgresql.conf").open("a") as conf:
+            conf.write(f"\ninclude '{INCLUDE}'\n")
+        fresh.replace(self._data)
+
+    def _leave(self) -> None:
+        """Give up our use, and shut the server down if it was the last one."""
+        usage, self._usage, self._socket_dir = self._usage, None, None
+        if usage is None:
+            return
+        alone = usage.try_exclusive()
+        usage.release()
+        server = running_postmaster(self._data)
+        if alone and server is not None:
+            self._shut_down(server)
+
+    def _shut_down(self, server: Postmaster) -> None:
+        # Fast: clients are cut off, everything is written. Immediate: a crash, repaired at the next start.
+        for how, patience_s in ((signal.SIGINT, STOP_TIMEOUT_S), (signal.SIGQUIT, 10.0)):
+            try:
+                os.kill(server.pid, how)
+            except ProcessLookupError:
+                break
+            if _wait_until(lambda: running_postmaster(self._data) is None, patience_s):
+                break
+        else:
+            raise EmbeddedPostgresError(
+                f"PostgreSQL (process {server.pid}) did not stop. {self._last_words()}"
+            )
+        if server.socket_dir.parent != self._cluster:
+            shutil.rmtree(server.socket_dir, ignore_errors=True)
+
+    def _rotate_log(self) -> None:
+        if self._log.exists() and self._log.stat().st_size > LARGEST_LOG_BYTES:
+            self._log.replace(self._log.with_suffix(".log.1"))
+
+    def _last_words(self) -> str:
+        try:
+            words = _tail(self._log.read_text(errors="replace"))
+        except OSError:
+            words = "(nothing)"
+        return f"The end of its log, {self._log}: {words}"
+
+
+def _tail(text: str) -> str:
+    return "\n".join(["", *text.strip().splitlines()[-LOG_LINES_QUOTED:]])
+
+
+def _wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def _write_as(account: Account, path: Path, text: str) -> None:
+    """Replace a file in the account's own folder; never through a link that may have been put there."""
+    path.unlink(missing_ok=True)
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "w") as file:
+        file.write(text)
+    account.own(path)

@@ -1,0 +1,72 @@
+"""Locks between programs on one machine: ``flock``, which the kernel releases when their holder dies."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from app.embedded.account import Account
+from app.embedded.errors import EmbeddedPostgresError
+
+
+class FileLock:
+    """A held lock; released by ``release``, at the end of a ``with`` block, or with the process."""
+
+    def __init__(self, path: Path, account: Account) -> None:
+        """Open the lock file, not locked yet."""
+        self._path = path
+        try:
+            self._handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            raise EmbeddedPostgresError(
+                f"The lock file {path} cannot be opened: {error.strerror}. Start Versant as the user "
+                "who started it first."
+            ) from error
+        if account.uid is not None and account.gid is not None:
+            os.fchown(self._handle, account.uid, account.gid)
+
+    @classmethod
+    def shared(cls, path: Path, account: Account) -> Self:
+        """One of any number of holders."""
+        lock = cls(path, account)
+        fcntl.flock(lock._handle, fcntl.LOCK_SH)
+        return lock
+
+    @classmethod
+    def exclusive(cls, path: Path, account: Account, timeout_s: float) -> Self:
+        """The only holder; waits for the others, at most ``timeout_s``."""
+        lock = cls(path, account)
+        deadline = time.monotonic() + timeout_s
+        while not lock.try_exclusive():
+            if time.monotonic() > deadline:
+                lock.release()
+                raise EmbeddedPostgresError(
+                    f"Another program has been starting or stopping this database for {timeout_s:.0f} s (it "
+                    f"holds {path}). End that program and try again."
+                )
+            time.sleep(0.05)
+        return lock
+
+    def try_exclusive(self) -> bool:
+        """Become the only holder if nobody else holds the lock."""
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+    def release(self) -> None:
+        """Give the lock back."""
+        os.close(self._handle)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()

@@ -1,0 +1,142 @@
+"""What comes in: uploads (row and job in one transaction), reruns, removals, roads, elevation."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from app.db import Sessions
+from app.store import dem, drives, locks, queue, roads
+from app.store.blobs import BlobStore, StoredBlob
+from app.store.rows import DemSet, DriveRow, ImportCounts
+from fusion.errors import RoadsError, TerrainError
+from fusion.pipeline import parse_options
+from fusion.roads.osm import read_roads
+from fusion.types import Progress, no_progress
+
+
+def accept_upload(
+    sessions: Sessions,
+    blobs: BlobStore,
+    chunks: Iterable[bytes],
+    *,
+    filename: str,
+    method: str,
+    options: Mapping[str, Any] | None = None,
+    max_bytes: int | None = None,
+) -> tuple[DriveRow, bool]:
+    """Store an upload and queue it; the flag says whether it is new. Known bytes give the drive they made.
+
+    Raises ``MethodError`` for an unusable method or options, before anything is read, and
+    ``UploadTooLargeError`` as soon as ``max_bytes`` are passed.
+    """
+    parse_options(method, options or {})
+    blob = blobs.put(chunks, max_bytes=max_bytes)
+    return register_upload(sessions, blobs, blob, filename=filename, method=method, options=options)
+
+
+def register_upload(
+    sessions: Sessions,
+    blobs: BlobStore,
+    blob: StoredBlob,
+    *,
+    filename: str,
+    method: str,
+    options: Mapping[str, Any] | None = None,
+) -> tuple[DriveRow, bool]:
+    """Make a stored blob a queued drive; row and job in one transaction.
+
+    The blob becomes the drive's, or is deleted: when the same bytes are known already, and when the
+    transaction fails. Only a process that dies in between leaves a blob that nobody refers to: it costs disk
+    space and nothing else, since a later upload of the same bytes brings its own.
+    """
+    try:
+        parse_options(method, options or {})
+        with sessions.begin() as session:
+            drive, created = drives.create_drive(
+                session,
+                sha256=blob.sha256,
+                filename=filename,
+                size_bytes=blob.size_bytes,
+                blob_key=blob.key,
+                method=method,
+                options=options or {},
+            )
+            if created:
+                queue.enqueue(session, drive.id, drive.generation)
+    except BaseException:
+        blobs.delete(blob.key)
+        raise
+    if not created:
+        blobs.delete(blob.key)
+    return drive, created
+
+
+def reprocess(
+    sessions: Sessions,
+    drive_id: uuid.UUID,
+    method: str | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> DriveRow | None:
+    """Queue the drive again; without ``method`` with the method and options it had. None: no such drive."""
+    with sessions.begin() as session:
+        known = drives.get_drive(session, drive_id)
+        if known is None:
+            return None
+        chosen = known.method if method is None else method
+        wanted = known.options if method is None and options is None else options or {}
+        parse_options(chosen, wanted)
+        drive = drives.request_reprocess(session, drive_id, chosen, wanted)
+        if drive is not None:
+            queue.enqueue(session, drive.id, drive.generation)
+        return drive
+
+
+def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> bool:
+    """Remove a drive, its influence and its bytes, whatever its status; False when there is none.
+
+    A worker that computes it finds it gone and discards its result; its job in the queue ends likewise.
+    """
+    with sessions.begin() as session:
+        drive = drives.get_drive(session, drive_id)
+        if drive is None or not drives.delete_drive(session, drive_id):
+            return False
+    blobs.delete(drive.blob_key)
+    return True
+
+
+def import_roads(
+    sessions: Sessions, path: Path, dem_dir: Path, progress: Progress = no_progress
+) -> ImportCounts:
+    """Make the drivable roads of an OpenStreetMap file the whole network (``app.store.roads.replace_roads``).
+
+    Raises ``RoadsError`` for a file that cannot be used, also for one without a single drivable road: it is
+    taken for a mistake, since it would drop every segment.
+    """
+    table = read_roads(path, progress)
+    if not len(table):
+        raise RoadsError(
+            f"{path.name} holds no drivable road, so importing it would empty the map. "
+            "Give an extract that covers roads.",
+            where=path.name,
+        )
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    with sessions.begin() as session:
+        locks.own_network(session)  # before the elevation set is read, so that it is the one that stays
+        slope = dem.slopes_of(session, table, dem_dir)
+        return roads.replace_roads(session, table, path.name, sha256, progress, dem_slope_percent=slope)
+
+
+def import_dem(
+    sessions: Sessions, paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress
+) -> DemSet:
+    """Add elevation rasters to the active set; ``TerrainError`` for one that cannot be used."""
+    if not paths:
+        raise TerrainError("No elevation raster was named. Give one or more GeoTIFF, VRT or .hgt files.")
+    sources = dem.store_files(paths, dem_dir, progress)
+    with sessions.begin() as session:
+        return dem.add_dem(session, sources, dem_dir, progress)

@@ -1,0 +1,92 @@
+"""Drives: list, look, delete, process again."""
+
+from __future__ import annotations
+
+import uuid
+from typing import Annotated
+
+from fastapi import APIRouter, Body, Query, Response
+
+from app import ingest
+from app.errors import BadRequestError
+from app.routes.deps import BaseUrl, ServiceDep, found, link, problems, with_query
+from app.routes.drive_links import accepted, drive_address, drive_document
+from app.routes.options import MethodQuery, OptionQuery, OptionsQuery, asked_options
+from app.schemas import Drive, DriveAccepted, DriveList, DriveStatus, ReprocessRequest
+from app.store import drives
+
+router = APIRouter(prefix="/v1/drives", tags=["drives"])
+
+
+@router.get("", summary="List drives", responses=problems(422, 503))
+def list_drives(
+    service: ServiceDep,
+    base: BaseUrl,
+    status: Annotated[DriveStatus | None, Query(description="Only drives of this status.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Drives per page.")] = 100,
+    after: Annotated[
+        uuid.UUID | None, Query(description="Id of the last drive of the page before; `next` links hold it.")
+    ] = None,
+) -> DriveList:
+    """Newest upload first. Follow the `next` link until there is none; each drive comes once."""
+    with service.reading() as session:
+        if after is not None and drives.get_drive(session, after) is None:
+            raise BadRequestError(
+                f"The drive {after}, after which the page begins, was deleted. Begin again without after.",
+                field="after",
+            )
+        rows = drives.list_drives(session, status=status, limit=limit + 1, after=after)
+    shown, more = rows[:limit], len(rows) > limit
+    here = f"{base}/v1/drives"
+    links = [link(with_query(here, status=status, limit=limit, after=after), "self")]
+    if more:
+        links.append(link(with_query(here, status=status, limit=limit, after=shown[-1].id), "next"))
+    return DriveList(drives=[drive_document(base, row) for row in shown], links=links)
+
+
+@router.get("/{drive_id}", summary="One drive", responses=problems(404, 503))
+def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
+    """Status, progress, reason of a failure, and the report of the last successful run."""
+    with service.reading() as session:
+        return drive_document(base, found(drives.get_drive(session, drive_id), "drive", drive_id))
+
+
+@router.delete("/{drive_id}", status_code=204, summary="Remove a drive", responses=problems(403, 404, 503))
+def delete_drive(drive_id: uuid.UUID, service: ServiceDep) -> Response:
+    """Always works, whatever the status: a worker that computes it discards its result.
+
+    Its log is deleted and its influence leaves every segment.
+    """
+    found(ingest.remove_drive(service.sessions, service.blobs, drive_id) or None, "drive", drive_id)
+    return Response(status_code=204)
+
+
+@router.post(
+    "/{drive_id}/reprocess",
+    status_code=202,
+    summary="Process a drive again",
+    responses=problems(403, 404, 413, 422, 503),
+)
+def reprocess_drive(
+    drive_id: uuid.UUID,
+    service: ServiceDep,
+    base: BaseUrl,
+    response: Response,
+    method: MethodQuery = None,
+    options: OptionsQuery = None,
+    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
+    body: Annotated[ReprocessRequest | None, Body(description="The same as the query parameters.")] = None,
+) -> DriveAccepted:
+    """Queue the drive again, perhaps for another method or with other options.
+
+    With neither a method nor options it keeps both; with a method alone, that method's defaults are used.
+    What it published stays until the new run replaces it.
+    """
+    chosen = asked_options(options, option)
+    if body is not None:
+        method = method or body.method
+        chosen = body.options if chosen is None else chosen
+    row = ingest.reprocess(service.sessions, drive_id, method, chosen)
+    row = found(row, "drive", drive_id)
+    response.headers["Location"] = drive_address(base, row)
+    return accepted(base, row)

@@ -1,0 +1,81 @@
+"""Query parameters as the OGC standards define them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection
+
+from fastapi import Request
+
+from app.errors import BadQueryError
+from app.store.rows import Bounds
+
+THIN_DEG = 1e-9
+"""0.1 mm, a hundredth of the resolution of coordinates."""
+
+_MOMENT = r"\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2}))?"
+_DATETIME = re.compile(rf"({_MOMENT})|(({_MOMENT}|\.\.)?/({_MOMENT}|\.\.)?)")
+
+
+def refuse_unknown(request: Request, known: Collection[str]) -> None:
+    """``BadQueryError`` for a parameter that the route does not have (OGC 17-069, query-param-unknown).
+
+    A filter that is misspelt and ignored would answer with everything.
+    """
+    for name in request.query_params:
+        if name not in known:
+            raise BadQueryError(
+                f"There is no parameter {name!r}. There are: {', '.join(sorted(known))}.", field=name
+            )
+
+
+def parse_bbox(text: str | None) -> Bounds | None:
+    """West, south, east, north in degrees; of six numbers (with heights) the heights are dropped.
+
+    West may exceed east: the box crosses the antimeridian. Raises ``BadQueryError``.
+    """
+    if text is None:
+        return None
+    numbers = [_number(part) for part in text.split(",")]
+    if len(numbers) not in {4, 6}:
+        raise _bad_bbox("it needs 4 numbers: west,south,east,north")
+    west, south, east, north = numbers if len(numbers) == 4 else (*numbers[:2], *numbers[3:5])
+    if not (-180 <= west <= 180 and -180 <= east <= 180):
+        raise _bad_bbox("west and east must lie between -180 and 180 degrees")
+    if not (-90 <= south <= north <= 90):
+        raise _bad_bbox("south must not exceed north, and both must lie between -90 and 90 degrees")
+    # A box without width or height is a line or a point to a person, but an invalid polygon to PostGIS.
+    west, east = _with_width(west, east, 180)
+    south, north = _with_width(south, north, 90)
+    return west, south, east, north
+
+
+def check_datetime(text: str | None) -> None:
+    """``BadQueryError`` unless it is a date, a time or an interval of RFC 3339; what it says is not used.
+
+    Segments have no time of their own, and the standard lets ``datetime`` match such features always.
+    """
+    if text is not None and (not _DATETIME.fullmatch(text) or text in {"/", "../.."}):
+        raise BadQueryError(
+            f"datetime: {text!r} is no time. Write 2026-11-20T00:00:00Z or an interval: 2026-11-20/..",
+            field="datetime",
+        )
+
+
+def _with_width(low: float, high: float, most: float) -> tuple[float, float]:
+    return (max(low - THIN_DEG, -most), min(high + THIN_DEG, most)) if low == high else (low, high)
+
+
+def _number(part: str) -> float:
+    try:
+        value = float(part)
+    except ValueError:
+        raise _bad_bbox(f"{part!r} is no number") from None
+    if not math.isfinite(value):
+        raise _bad_bbox(f"{part!r} is no number")
+    return value
+
+
+def _bad_bbox(reason: str) -> BadQueryError:
+    return BadQueryError(f"bbox: {reason}. Write for example bbox=8.46,48.95,8.50,48.99.", field="bbox")

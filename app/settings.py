@@ -1,0 +1,208 @@
+"""The service's settings: environment variables that begin with ``VERSANT_``.
+
+Nothing is read at import. A program reads them once, by ``get_settings()``, and hands the object on; tests
+build ``Settings(...)`` themselves. Every field carries its unit, its default and a sentence.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from fusion.errors import FusionError
+
+ENV_PREFIX = "VERSANT_"
+SQLALCHEMY_SCHEME = "postgresql+psycopg://"
+LIBPQ_SCHEME = "postgresql://"
+
+_GIB = 2**30
+
+
+class SettingsError(FusionError):
+    """A setting has a value that cannot be used; the message names the variable."""
+
+    kind = "bad-settings"
+
+
+def default_data_dir() -> Path:
+    """``$XDG_DATA_HOME/versant``, or ``~/.local/share/versant`` where that variable is unset or relative."""
+    base = Path(os.environ.get("XDG_DATA_HOME", ""))
+    if not base.is_absolute():  # the XDG specification says that relative paths are to be ignored
+        base = Path.home() / ".local" / "share"
+    return base / "versant"
+
+
+def sqlalchemy_url(url: str) -> str:
+    """A PostgreSQL URL with the driver's name that SQLAlchemy wants; ValueError for another scheme."""
+    scheme, separator, rest = url.partition("://")
+    if not separator or scheme not in {"postgresql", "postgres", "postgresql+psycopg"}:
+        raise ValueError("it must be a URL such as postgresql://user:password@host:5432/versant")
+    return SQLALCHEMY_SCHEME + rest
+
+
+def libpq_url(url: str) -> str:
+    """The same URL without a driver's name, for psycopg, procrastinate and psql."""
+    return LIBPQ_SCHEME + sqlalchemy_url(url).removeprefix(SQLALCHEMY_SCHEME)
+
+
+def _http_url(url: str) -> str:
+    if not url.startswith(("http://", "https://")):
+        raise ValueError("it must begin with http:// or https://")
+    return url.rstrip("/")
+
+
+def _absolute(path: Path) -> Path:
+    # Child processes may run in another directory, so a relative folder is fixed where it was given.
+    return path.expanduser().absolute()
+
+
+HttpUrlText = Annotated[str, AfterValidator(_http_url)]
+Zoom = Annotated[int, Field(ge=0, le=24)]
+
+
+class Settings(BaseSettings):
+    """All settings of the service; frozen. An empty variable counts as unset."""
+
+    model_config = SettingsConfigDict(
+        env_prefix=ENV_PREFIX, env_ignore_empty=True, frozen=True, extra="forbid"
+    )
+
+    # Where things are kept
+    database_url: Annotated[str, AfterValidator(sqlalchemy_url)] | None = Field(
+        None,
+        repr=False,  # it may hold a password
+        description="PostgreSQL with PostGIS, as postgresql://user:password@host:port/name; "
+        "unset: the embedded cluster in data_dir.",
+    )
+    data_dir: Annotated[Path, AfterValidator(_absolute)] = Field(
+        default_factory=default_data_dir,
+        description="Folder of the embedded cluster, of uploaded logs and of elevation rasters; default "
+        "$XDG_DATA_HOME/versant or ~/.local/share/versant.",
+    )
+    blob_url: str | None = Field(
+        None,
+        description="Where logs are kept, an fsspec URL such as s3://bucket/logs; unset: data_dir/blobs.",
+    )
+
+    # The API
+    host: str = Field(
+        "127.0.0.1",
+        description="Address that the API listens on. There is no access control yet, so by default "
+        "only this machine reaches it.",
+    )
+    port: int = Field(8000, ge=0, le=65535, description="TCP port of the API; 0 lets the system choose.")
+    public_url: HttpUrlText | None = Field(
+        None,
+        description="Address under which people reach the API, used in links; unset: that of the request.",
+    )
+    server: HttpUrlText = Field(
+        "http://127.0.0.1:8000", description="Address of the API that `versant upload` sends logs to."
+    )
+    max_upload_bytes: int = Field(
+        _GIB, ge=1, description="Largest upload accepted, bytes as sent; a larger one is answered by 413."
+    )
+    items_limit_default: int = Field(100, ge=1, description="Items per page when a request names no limit.")
+    items_limit_max: int = Field(
+        10_000, ge=1, description="Most items per page; a larger limit is reduced to it."
+    )
+    events_poll_s: float = Field(
+        0.5, gt=0, le=60, description="Seconds between two looks at a drive while its events are followed."
+    )
+    tile_min_zoom: Zoom = Field(6, description="Lowest zoom level with tiles; further out a tile is empty.")
+    tile_full_zoom: Zoom = Field(
+        13, description="Zoom level from which tiles hold every road; further out only driven or major roads."
+    )
+    tile_max_zoom: Zoom = Field(
+        18, description="Highest zoom level with tiles; a map enlarges those beyond it."
+    )
+
+    # The worker
+    worker_concurrency: int = Field(
+        1, ge=1, le=256, description="Drives that one worker process computes at once."
+    )
+    heartbeat_interval_s: float = Field(
+        5.0, gt=0, description="Seconds between two signs of life of a worker that computes."
+    )
+    stalled_after_s: float = Field(
+        30.0,
+        gt=0,
+        description="Seconds without a sign of life after which a drive is given to another worker.",
+    )
+    default_method: str = Field(
+        "particle", min_length=1, description="Estimator of drives uploaded without a method."
+    )
+    max_log_bytes: int = Field(
+        2 * _GIB, ge=1, description="Largest log after decompression, bytes; a larger one fails as malformed."
+    )
+    road_margin_m: float = Field(
+        250.0, gt=0, le=10_000, description="Metres around a log within which roads are considered."
+    )
+
+    # Both
+    db_pool_size: int = Field(
+        5, ge=1, le=100, description="Database connections that one process keeps open."
+    )
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
+        "INFO", description="Least severe messages that are logged."
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Settings:
+        _require(
+            self.heartbeat_interval_s * 2 <= self.stalled_after_s,
+            "stalled_after_s must be at least twice heartbeat_interval_s",
+        )
+        _require(
+            self.items_limit_default <= self.items_limit_max,
+            "items_limit_default must not exceed items_limit_max",
+        )
+        _require(
+            self.tile_min_zoom <= self.tile_full_zoom <= self.tile_max_zoom,
+            "the zoom levels must be in the order tile_min_zoom, tile_full_zoom, tile_max_zoom",
+        )
+        return self
+
+    @property
+    def blob_store_url(self) -> str:
+        """``blob_url``, or the ``file://`` URL of ``data_dir/blobs``."""
+        return self.blob_url or (self.data_dir / "blobs").as_uri()
+
+    @property
+    def dem_dir(self) -> Path:
+        """Where imported elevation rasters are kept."""
+        return self.data_dir / "dem"
+
+
+def _require(holds: bool, sentence: str) -> None:
+    if not holds:
+        raise ValueError(sentence)
+
+
+def load_settings(source: Callable[[], Settings] = Settings) -> Settings:
+    """Read the environment now; ``SettingsError`` names each variable at fault and what is wrong with it."""
+    try:
+        return source()
+    except ValidationError as error:
+        raise SettingsError(_explain(error)) from error
+
+
+@lru_cache(maxsize=1)
+def get_settings() -> Settings:
+    """The process's settings, read at the first call. ``get_settings.cache_clear()`` makes it read again."""
+    return load_settings()
+
+
+def _explain(error: ValidationError) -> str:
+    problems = []
+    for item in error.errors():
+        field = str(item["loc"][0]) if item["loc"] else ""
+        reason = item["msg"].removeprefix("Value error, ")
+        # The value is not repeated: a database URL holds a password.
+        problems.append(f"{ENV_PREFIX}{field.upper()}: {reason}" if field else reason)
+    return f"The settings cannot be used. {'; '.join(problems)}. Correct the environment and start again."

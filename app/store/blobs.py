@@ -1,0 +1,158 @@
+"""Uploaded bytes, kept over fsspec: a folder, or a bucket such as ``s3://bucket/logs``.
+
+A blob appears under its key at once or not at all: it is written under ``incoming/`` and renamed when it is
+complete. A process that dies in between leaves a part there that nobody refers to; ``sweep`` removes it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import os
+import uuid
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any, BinaryIO, Self
+
+import fsspec
+
+from fusion.errors import FusionError
+
+_INCOMING = "incoming"
+_KEPT = "drives"
+
+
+class UploadTooLargeError(FusionError):
+    """The upload exceeds the service's limit."""
+
+    kind = "upload-too-large"
+
+
+@dataclass(frozen=True)
+class StoredBlob:
+    """A complete blob: its key, the SHA-256 of its bytes (hex) and their number."""
+
+    key: str
+    sha256: str
+    size_bytes: int
+
+
+class BlobStore:
+    """Blobs below ``url`` (any fsspec URL; a plain path is a folder). Safe to share between threads."""
+
+    def __init__(self, url: str) -> None:
+        """The folder is created when the first blob arrives."""
+        self._fs, root = fsspec.core.url_to_fs(url)
+        self._root = str(root).rstrip("/")
+
+    def writer(self, *, max_bytes: int | None = None) -> BlobWriter:
+        """Begin a blob; write chunks, then ``finish`` it, or leave the ``with`` block to discard it."""
+        return BlobWriter(self._fs, self._root, max_bytes)
+
+    def put(self, chunks: Iterable[bytes], *, max_bytes: int | None = None) -> StoredBlob:
+        """Store ``chunks`` under a new key, one at a time; ``UploadTooLargeError`` past ``max_bytes``."""
+        with self.writer(max_bytes=max_bytes) as writer:
+            for chunk in chunks:
+                writer.write(chunk)
+            return writer.finish()
+
+    def open(self, key: str) -> BinaryIO:
+        """The blob's bytes as a file; ``FileNotFoundError`` when there is none."""
+        file: BinaryIO = self._fs.open(f"{self._root}/{key}", "rb")
+        return file
+
+    def delete(self, key: str) -> None:
+        """Remove the blob; one that is not there is no error."""
+        _remove(self._fs, f"{self._root}/{key}")
+
+    def keys(self) -> list[str]:
+        """The keys of all complete blobs, sorted."""
+        return [f"{_KEPT}/{path.rsplit('/', 1)[-1]}" for path in sorted(self._list(_KEPT))]
+
+    def sweep(self, older_than: timedelta = timedelta(days=1)) -> int:
+        """Remove parts of uploads that began longer ago than ``older_than``; return how many."""
+        limit = datetime.now(UTC) - older_than
+        removed = 0
+        for path in self._list(_INCOMING):
+            if _changed_at(self._fs, path) < limit:
+                _remove(self._fs, path)
+                removed += 1
+        return removed
+
+    def _list(self, folder: str) -> list[str]:
+        try:
+            return [str(path) for path in self._fs.ls(f"{self._root}/{folder}", detail=False, refresh=True)]
+        except FileNotFoundError:
+            return []
+
+
+class BlobWriter:
+    """One blob on its way in. Use as a context manager; without ``finish`` nothing is left behind."""
+
+    def __init__(self, fs: Any, root: str, max_bytes: int | None) -> None:
+        self._fs = fs
+        self._root = root
+        self._max_bytes = max_bytes
+        self._name = uuid.uuid4().hex
+        self._part = f"{root}/{_INCOMING}/{self._name}"
+        self._hash = hashlib.sha256()
+        self._finished = False
+        self.size_bytes = 0
+        fs.makedirs(f"{root}/{_INCOMING}", exist_ok=True)
+        self._file = fs.open(self._part, "wb")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if not self._finished:
+            self.discard()
+
+    def write(self, chunk: bytes) -> None:
+        """Append a chunk; ``UploadTooLargeError`` as soon as the limit is passed, before it is stored."""
+        self.size_bytes += len(chunk)
+        if self._max_bytes is not None and self.size_bytes > self._max_bytes:
+            raise UploadTooLargeError(
+                f"The upload is larger than {self._max_bytes} bytes, the most that this service takes. "
+                "Compress it with gzip or split it into several drives."
+            )
+        self._hash.update(chunk)
+        self._file.write(chunk)
+
+    def finish(self) -> StoredBlob:
+        """Complete the blob and give it its key; in a folder it survives a power cut from here on."""
+        self._file.flush()
+        with contextlib.suppress(io.UnsupportedOperation):  # a bucket sees to that itself
+            os.fsync(self._file.fileno())
+        self._file.close()
+        key = f"{_KEPT}/{self._name}"
+        self._fs.makedirs(f"{self._root}/{_KEPT}", exist_ok=True)
+        self._fs.mv(self._part, f"{self._root}/{key}")
+        self._finished = True
+        return StoredBlob(key, self._hash.hexdigest(), self.size_bytes)
+
+    def discard(self) -> None:
+        """Forget what was written."""
+        self._finished = True
+        try:
+            self._file.close()
+        finally:
+            _remove(self._fs, self._part)
+
+
+def _remove(fs: Any, path: str) -> None:
+    try:
+        fs.rm_file(path)
+    except FileNotFoundError:
+        return
+
+
+def _changed_at(fs: Any, path: str) -> datetime:
+    try:
+        moment = fs.modified(path)
+    except FileNotFoundError:  # finished or discarded while we looked
+        return datetime.now(UTC)
+    stamp: datetime = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return stamp

@@ -1,0 +1,199 @@
+"""The set of elevation rasters: files in a folder, named in the newest ``dem_versions`` row.
+
+A file is kept as ``<folder>/<sha256>/<its name>``: the content gives the folder, and the name stays, because
+an HGT tile says only by its name where it lies. The database holds the path relative to the folder, so that
+the folder may move.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import uuid
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import rasterio
+import rasterio.shutil
+from rasterio.errors import RasterioError
+from rasterio.warp import transform_bounds
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.store import locks, roads, slopes
+from app.store.rows import DemSet
+from fusion.errors import TerrainError
+from fusion.roads.table import RoadTable
+from fusion.terrain import Dem, dem_slopes
+from fusion.types import Floats, Progress, no_progress
+
+_CHUNK_BYTES = 1 << 20
+
+_ACTIVE = text("SELECT id, sources, datum, imported_at FROM dem_versions WHERE active")
+_RETIRE = text("UPDATE dem_versions SET active = false WHERE active")
+_ADD = text(
+    "INSERT INTO dem_versions (sources, datum, active) VALUES (CAST(:sources AS jsonb), :datum, true)"
+)
+
+# Only rows whose value changes are written; NaN stands for unknown in the arrays.
+_SET_SLOPES = text(
+    """
+    UPDATE segments AS s SET dem_slope_percent = t.slope
+    FROM (SELECT id, nullif(slope, 'NaN') AS slope
+          FROM unnest(CAST(:ids AS bigint[]), CAST(:slopes AS float8[])) AS u (id, slope)) AS t
+    WHERE s.id = t.id AND s.dem_slope_percent IS DISTINCT FROM t.slope
+    """
+)
+_ROWS_PER_UPDATE = 50_000
+
+
+@dataclass(frozen=True)
+class DemSource:
+    """One stored raster: its name, its path relative to the folder, the SHA-256 of the stored bytes (hex)."""
+
+    name: str
+    uri: str
+    sha256: str
+
+
+def current_dem(session: Session, dem_dir: Path) -> DemSet | None:
+    """The active rasters, or None before the first import."""
+    row = session.execute(_ACTIVE).one_or_none()
+    if row is None:
+        return None
+    return DemSet(
+        version_id=row.id,
+        datum=row.datum,
+        imported_at=row.imported_at,
+        names=tuple(source["name"] for source in row.sources),
+        paths=tuple(dem_dir / source["uri"] for source in row.sources),
+    )
+
+
+def store_files(paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress) -> list[DemSource]:
+    """Copy rasters into the folder; ``TerrainError`` for one that cannot be read. No database is involved.
+
+    A raster that consists of one file is copied as it is, streaming; one that refers to others (a VRT, a file
+    with a header beside it) is written anew as one GeoTIFF, since the references would break.
+    """
+    stored = []
+    for k, path in enumerate(paths):
+        progress("copying", k / len(paths))
+        stored.append(_store(path, dem_dir))
+    return stored
+
+
+def add_dem(
+    session: Session, sources: Sequence[DemSource], dem_dir: Path, progress: Progress = no_progress
+) -> DemSet:
+    """Add stored rasters to the active set and renew ``dem_slope_percent`` of the segments that they cover.
+
+    A raster that is in the set already changes nothing; one with the name of an active raster but other bytes
+    takes its place. Drives processed before keep their estimates. Waits for running writers of estimates.
+    """
+    locks.own_network(session)
+    active = session.execute(_ACTIVE).one_or_none()
+    former = [DemSource(**source) for source in active.sources] if active else []
+    new = [source for source in sources if source not in former]
+    if active and not new:
+        found = current_dem(session, dem_dir)
+        assert found is not None  # noqa: S101  (it was there a statement ago, under the lock)
+        return found
+    replaced = {source.name for source in new}
+    gone = [source for source in former if source.name in replaced]
+    whole = [source for source in former if source.name not in replaced] + list(dict.fromkeys(new))
+    with Dem.open([dem_dir / source.uri for source in whole]) as dem:
+        session.execute(_RETIRE)
+        listed = json.dumps([asdict(source) for source in whole])
+        session.execute(_ADD, {"sources": listed, "datum": dem.datum})
+        _renew_slopes(session, dem, [dem_dir / source.uri for source in [*new, *gone]], progress)
+    slopes.bump_data_version(session)
+    found = current_dem(session, dem_dir)
+    assert found is not None  # noqa: S101  (inserted above)
+    return found
+
+
+def slopes_of(session: Session, table: RoadTable, dem_dir: Path) -> Floats:
+    """Each segment's slope by the active rasters, percent, NaN unknown, shape (n,)."""
+    active = current_dem(session, dem_dir)
+    if active is None or not len(table):
+        return np.full(len(table), np.nan)
+    with Dem.open(active.paths) as dem:
+        return dem_slopes(dem, table)
+
+
+def _renew_slopes(session: Session, dem: Dem, changed: Sequence[Path], progress: Progress) -> None:
+    """Write the slopes of all segments that the changed rasters cover."""
+    table, ids = roads.all_roads(session)
+    covered = np.zeros(len(table), bool)
+    for path in changed:
+        west, south, east, north = _bounds_deg(path)
+        covered |= (
+            (np.minimum(table.lon0_deg, table.lon1_deg) <= east)
+            & (np.maximum(table.lon0_deg, table.lon1_deg) >= west)
+            & (np.minimum(table.lat0_deg, table.lat1_deg) <= north)
+            & (np.maximum(table.lat0_deg, table.lat1_deg) >= south)
+        )
+    ids, table = ids[covered], table.subset(covered)
+    for start in range(0, len(ids), _ROWS_PER_UPDATE):
+        progress("slopes", start / len(ids))
+        part = slice(start, start + _ROWS_PER_UPDATE)
+        slope = dem_slopes(dem, table.subset(np.arange(len(ids))[part]))
+        session.execute(_SET_SLOPES, {"ids": ids[part].tolist(), "slopes": slope.tolist()})
+    progress("slopes", 1.0)
+
+
+def _store(path: Path, dem_dir: Path) -> DemSource:
+    incoming = dem_dir / "incoming" / uuid.uuid4().hex
+    incoming.mkdir(parents=True)
+    try:
+        copied = _copy(path, incoming)
+        sha256 = _sha256(copied)
+        with Dem.open([copied]):  # refuses what cannot serve as elevation, before it is referred to
+            pass
+        final = dem_dir / sha256
+        final.mkdir(exist_ok=True)
+        # Renamed within one file system: the file is there complete or not at all.
+        copied.replace(final / copied.name)
+        return DemSource(copied.name, f"{sha256}/{copied.name}", sha256)
+    finally:
+        shutil.rmtree(incoming)
+
+
+def _copy(path: Path, folder: Path) -> Path:
+    try:
+        with rasterio.open(path) as raster:
+            several = len(raster.files) > 1
+        target = folder / (f"{path.stem}.tif" if several else path.name)
+        if several:
+            rasterio.shutil.copy(
+                path, target, driver="GTiff", tiled=True, compress="deflate", bigtiff="if_safer"
+            )
+        else:
+            shutil.copyfile(path, target)
+    except (RasterioError, OSError) as error:
+        raise TerrainError(
+            f"{path.name} cannot be read as an elevation raster: {error}. Give a GeoTIFF, a VRT or an SRTM "
+            "tile named like N49E008.hgt."
+        ) from error
+    return target
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _bounds_deg(path: Path) -> tuple[float, float, float, float]:
+    """(west, south, east, north) of a raster, widened by two of its posts, degrees."""
+    with rasterio.open(path) as raster:
+        across, down = 2 * abs(raster.transform.a), 2 * abs(raster.transform.e)
+        left, bottom, right, top = raster.bounds
+        box = (left - across, bottom - down, right + across, top + down)
+        bounds: tuple[float, float, float, float] = transform_bounds(
+            raster.crs or "EPSG:4326", "EPSG:4326", *box
+        )
+        return bounds

@@ -1,0 +1,252 @@
+"""Drives and their life: queued -> running -> done or failed, perhaps again; deleted at any time."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import Row, func, select, text, tuple_, update
+from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy.orm import Session
+
+from app.models import Drive
+from app.store import locks, slopes
+from app.store.plain import plain_json, plain_text
+from app.store.rows import Bounds, DriveRow, DriveSegmentRow
+
+_BOUNDS = (
+    func.ST_XMin(Drive.bounds).label("west"),
+    func.ST_YMin(Drive.bounds).label("south"),
+    func.ST_XMax(Drive.bounds).label("east"),
+    func.ST_YMax(Drive.bounds).label("north"),
+)
+_PLAIN = tuple(column for column in Drive.__table__.columns if column.key != "bounds")
+
+
+def create_drive(
+    session: Session,
+    *,
+    sha256: str,
+    filename: str,
+    size_bytes: int,
+    blob_key: str,
+    method: str,
+    options: Mapping[str, Any],
+    drive_id: uuid.UUID | None = None,
+) -> tuple[DriveRow, bool]:
+    """Insert a queued drive, or find the one that holds the same bytes; the flag says whether it is new.
+
+    Two uploads of the same bytes at the same moment meet at the unique ``sha256``: the second waits for the
+    first to commit and gets its drive.
+    """
+    row = insert(Drive).values(
+        id=drive_id or uuid.uuid4(),
+        sha256=sha256,
+        filename=plain_text(filename),
+        size_bytes=size_bytes,
+        blob_key=blob_key,
+        status="queued",
+        method=method,
+        options=plain_json(dict(options)),
+    )
+    created = session.execute(
+        row.on_conflict_do_nothing(index_elements=["sha256"]).returning(Drive.id)
+    ).scalar()
+    found = session.execute(_select().where(Drive.sha256 == sha256)).one_or_none()
+    if found is None:  # the other upload's drive was deleted between the two statements
+        return create_drive(
+            session,
+            sha256=sha256,
+            filename=filename,
+            size_bytes=size_bytes,
+            blob_key=blob_key,
+            method=method,
+            options=options,
+            drive_id=drive_id,
+        )
+    return _row(found), created is not None
+
+
+def get_drive(session: Session, drive_id: uuid.UUID) -> DriveRow | None:
+    """The drive, or None."""
+    found = session.execute(_select().where(Drive.id == drive_id)).one_or_none()
+    return None if found is None else _row(found)
+
+
+def list_drives(
+    session: Session, *, status: str | None = None, limit: int = 100, after: uuid.UUID | None = None
+) -> list[DriveRow]:
+    """At most ``limit`` drives, newest upload first, that come after the drive ``after`` in that order.
+
+    An ``after`` that no longer exists yields an empty list.
+    """
+    query = _select().order_by(Drive.created_at.desc(), Drive.id.desc()).limit(limit)
+    if status is not None:
+        query = query.where(Drive.status == status)
+    if after is not None:
+        place = select(Drive.created_at, Drive.id).where(Drive.id == after).scalar_subquery()
+        query = query.where(tuple_(Drive.created_at, Drive.id) < place)
+    return [_row(found) for found in session.execute(query)]
+
+
+def mark_running(session: Session, drive_id: uuid.UUID, generation: int) -> DriveRow | None:
+    """Claim the drive for a worker; None when it is gone, finished, or was asked for anew since."""
+    claimed = session.execute(
+        update(Drive)
+        .where(Drive.id == drive_id, Drive.generation == generation, Drive.status.in_(("queued", "running")))
+        .values(
+            status="running",
+            stage=None,
+            progress=0.0,
+            started_at=func.clock_timestamp(),
+            finished_at=None,
+        )
+        .returning(Drive.id)
+    ).scalar()
+    return None if claimed is None else get_drive(session, drive_id)
+
+
+def set_progress(session: Session, drive_id: uuid.UUID, generation: int, stage: str, progress: float) -> bool:
+    """Show the stage and the share of the work done, 0..1; False: the drive is no longer this worker's."""
+    return _while_running(session, drive_id, generation, stage=plain_text(stage), progress=progress)
+
+
+def mark_failed(
+    session: Session,
+    drive_id: uuid.UUID,
+    generation: int,
+    *,
+    kind: str,
+    reason: str,
+    stage: str | None,
+    where: str | None = None,
+) -> bool:
+    """End a running drive as failed; what an earlier run published stays. False: no longer this worker's."""
+    return _while_running(
+        session,
+        drive_id,
+        generation,
+        status="failed",
+        stage=plain_text(stage),
+        failure_kind=kind,
+        failure_reason=plain_text(reason),
+        failure_where=plain_text(where),
+        finished_at=func.clock_timestamp(),
+    )
+
+
+def mark_queued(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
+    """Put a running drive back into the queue (its worker stops); False: no longer this worker's."""
+    return _while_running(session, drive_id, generation, status="queued", stage=None, progress=0.0)
+
+
+def lock_running(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
+    """Hold the drive's row until the transaction ends; False when it is gone or no longer this worker's."""
+    mine = select(Drive.id).where(
+        Drive.id == drive_id, Drive.generation == generation, Drive.status == "running"
+    )
+    return session.execute(mine.with_for_update()).scalar() is not None
+
+
+def mark_done(
+    session: Session,
+    drive_id: uuid.UUID,
+    *,
+    report: Mapping[str, Any],
+    bounds: Bounds,
+    epochs: int,
+    distance_m: float | None,
+    drive_time: datetime | None,
+) -> None:
+    """End a drive whose row is locked as done, with what its run says."""
+    session.execute(
+        update(Drive)
+        .where(Drive.id == drive_id)
+        .values(
+            status="done",
+            stage=None,
+            progress=1.0,
+            failure_kind=None,
+            failure_reason=None,
+            failure_where=None,
+            report=plain_json(dict(report)),
+            bounds=func.ST_MakeEnvelope(*bounds, 4326),
+            epochs=epochs,
+            distance_m=distance_m,
+            drive_time=drive_time,
+            finished_at=func.clock_timestamp(),
+        )
+    )
+
+
+def request_reprocess(
+    session: Session, drive_id: uuid.UUID, method: str, options: Mapping[str, Any]
+) -> DriveRow | None:
+    """Queue the drive again, perhaps for another method; None when there is no such drive.
+
+    A worker that still computes the older request discards its result. What is published stays until the new
+    run replaces it. The caller enqueues the job in the same transaction (``app.ingest.reprocess``).
+    """
+    changed = session.execute(
+        update(Drive)
+        .where(Drive.id == drive_id)
+        .values(
+            status="queued",
+            stage=None,
+            progress=0.0,
+            failure_kind=None,
+            failure_reason=None,
+            failure_where=None,
+            method=method,
+            options=plain_json(dict(options)),
+            generation=Drive.generation + 1,
+            queued_at=func.clock_timestamp(),
+            started_at=None,
+            finished_at=None,
+        )
+        .returning(Drive.id)
+    ).scalar()
+    return None if changed is None else get_drive(session, drive_id)
+
+
+def delete_drive(session: Session, drive_id: uuid.UUID) -> bool:
+    """Remove the drive whatever its status, and its influence on every aggregate; False when there is none.
+
+    The blob is the caller's to delete after the commit (``app.ingest.remove_drive``).
+    """
+    locks.share_network(session)
+    if session.execute(select(Drive.id).where(Drive.id == drive_id).with_for_update()).scalar() is None:
+        return False
+    touched = slopes.lock_segments(session, slopes.estimated_segments(session, drive_id))
+    session.execute(text("DELETE FROM drives WHERE id = :id"), {"id": drive_id})
+    slopes.refresh_aggregates(session, touched)
+    if touched:
+        slopes.bump_data_version(session)
+    return True
+
+
+def drive_slopes(session: Session, drive_id: uuid.UUID) -> list[DriveSegmentRow]:
+    """The drive's estimates in the order of their first observation."""
+    return slopes.drive_segment_rows(session, drive_id)
+
+
+def _select() -> Any:
+    return select(*_PLAIN, *_BOUNDS)
+
+
+def _row(found: Row[Any]) -> DriveRow:
+    values = dict(found._mapping)
+    west, south, east, north = (values.pop(side) for side in ("west", "south", "east", "north"))
+    return DriveRow(**values, bounds=None if west is None else (west, south, east, north))
+
+
+def _while_running(session: Session, drive_id: uuid.UUID, generation: int, **values: Any) -> bool:
+    changed = session.execute(
+        update(Drive)
+        .where(Drive.id == drive_id, Drive.generation == generation, Drive.status == "running")
+        .values(**values)
+        .returning(Drive.id)
+    ).scalar()
+    return changed is not None

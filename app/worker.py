@@ -1,0 +1,217 @@
+"""The worker: takes drives from the queue and processes them.
+
+A worker that is killed leaves its job marked as running; every worker looks, when it starts and then again
+and again, for jobs whose worker has given no sign of life for ``stalled_after_s`` and puts them back.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import logging
+import signal
+import threading
+import uuid
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator
+from typing import Any
+
+import procrastinate
+from procrastinate import exceptions, jobs
+from procrastinate.retry import BaseRetryStrategy, RetryDecision
+
+from app.db import make_engine, session_factory
+from app.process import Interrupted, Workbench, give_up, is_connection_loss, process_drive
+from app.settings import Settings, libpq_url
+from app.store.queue import QUEUE, TASK
+
+logger = logging.getLogger(__name__)
+
+MAX_ATTEMPTS = 10
+"""Runs that may be cut off before a drive fails, counting lost connections, killed and stopped workers."""
+
+GRACE_S = 5.0
+"""How long a stopping worker lets its drives run on before it puts them back into the queue, seconds."""
+
+_POLL_S = 1.0  # for jobs put back: only new ones announce themselves
+_RESTART_AFTER_S = 1.0
+_CONNECTIONS = 5  # of the queue: fetching, listening, heartbeat, looking after stalled jobs
+
+
+class _AgainLater(BaseRetryStrategy):
+    """Run a job again that was cut off: at once after a stop, later and later while the database is away."""
+
+    def get_retry_decision(self, *, exception: BaseException, job: jobs.Job) -> RetryDecision | None:
+        if isinstance(exception, exceptions.JobAborted):
+            return RetryDecision()
+        if is_connection_loss(exception):
+            return RetryDecision(retry_in={"seconds": min(2**job.attempts, 60)})
+        return None
+
+
+def make_queue(url: str, bench: Workbench) -> procrastinate.App:
+    """The queue with its one task, on the database at ``url``; the caller opens it."""
+    connector = procrastinate.PsycopgConnector(conninfo=libpq_url(url), min_size=1, max_size=_CONNECTIONS)
+    app = procrastinate.App(connector=connector)
+
+    @app.task(name=TASK, queue=QUEUE, pass_context=True, retry=_AgainLater())
+    def process(context: procrastinate.JobContext, *, drive_id: str, generation: int) -> str:
+        drive = uuid.UUID(drive_id)
+        if context.job.attempts >= MAX_ATTEMPTS:
+            give_up(bench, drive, generation, context.job.attempts)
+            return "given up"
+        try:
+            return process_drive(bench, drive, generation, should_stop=context.should_abort).value
+        except Interrupted as stop:
+            raise exceptions.JobAborted from stop
+
+    return app
+
+
+def run_worker(
+    settings: Settings,
+    *,
+    concurrency: int | None = None,
+    wait: bool = True,
+    stop_event: threading.Event | None = None,
+    grace_s: float = GRACE_S,
+) -> None:
+    """Process drives until SIGTERM or SIGINT (in the main thread) or until ``stop_event`` is set.
+
+    With ``wait=False`` it returns as soon as the queue is empty. ``concurrency`` defaults to the setting. May
+    run in any thread. Stopping lets running drives go on for ``grace_s``, then puts them back into the queue.
+    """
+    if settings.database_url is None:
+        raise ValueError("the worker needs settings.database_url")
+    lanes = concurrency or settings.worker_concurrency
+    engine = make_engine(settings.database_url, pool_size=lanes, max_overflow=lanes)
+    try:
+        bench = Workbench.of(settings, session_factory(engine))
+        bench.blobs.sweep()
+        queue = make_queue(settings.database_url, bench)
+        serve = functools.partial(_serve, settings, queue, lanes, wait, grace_s)
+        asyncio.run(_work(queue, settings.stalled_after_s, serve, wait, stop_event))
+    finally:
+        engine.dispose()
+
+
+async def _work(
+    app: procrastinate.App,
+    stalled_after_s: float,
+    serve: Callable[[asyncio.Event], Awaitable[None]],
+    wait: bool,
+    stop_event: threading.Event | None,
+) -> None:
+    """Serve until stopped, or once; look after stalled jobs meanwhile."""
+    stop = asyncio.Event()
+    with _stop_signals(stop):
+        async with app.open_async(), _background(_watch(stop_event, stop)):
+            await _retry_stalled(app, stalled_after_s)
+            async with _background(_retry_stalled_for_ever(app, stalled_after_s)):
+                while not stop.is_set():
+                    await serve(stop)
+                    if not wait:
+                        return
+                    if not stop.is_set():  # it ended by itself: the connection to the database was lost
+                        await asyncio.sleep(_RESTART_AFTER_S)
+
+
+async def _serve(
+    settings: Settings,
+    app: procrastinate.App,
+    lanes: int,
+    wait: bool,
+    grace_s: float,
+    stop: asyncio.Event,
+) -> None:
+    """Run procrastinate's worker until it ends or ``stop`` is set."""
+    worker = asyncio.create_task(
+        app.run_worker_async(
+            queues=[QUEUE],
+            concurrency=lanes,
+            wait=wait,
+            install_signal_handlers=False,
+            fetch_job_polling_interval=_POLL_S,
+            shutdown_graceful_timeout=grace_s,
+            update_heartbeat_interval=settings.heartbeat_interval_s,
+            stalled_worker_timeout=settings.stalled_after_s,
+            delete_jobs=jobs.DeleteJobCondition.SUCCESSFUL.value,
+        )
+    )
+    stopping = asyncio.create_task(stop.wait())
+    try:
+        await asyncio.wait({worker, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        worker.cancel()  # a worker that is cancelled ends its drives first
+        await worker
+    except asyncio.CancelledError:
+        if not worker.done():
+            raise
+    except exceptions.ConnectorException:
+        if not wait:
+            raise
+        logger.warning("the worker lost the database and will try again", exc_info=True)
+    finally:
+        stopping.cancel()
+
+
+async def _retry_stalled_for_ever(app: procrastinate.App, stalled_after_s: float) -> None:
+    while True:
+        await asyncio.sleep(min(stalled_after_s / 4, 10.0))
+        await _retry_stalled(app, stalled_after_s)
+
+
+async def _retry_stalled(app: procrastinate.App, stalled_after_s: float) -> None:
+    """Put jobs of silent workers back. Two workers may do so at once: a drive may safely run twice."""
+    try:
+        for job in await app.job_manager.get_stalled_jobs(
+            queue=QUEUE, seconds_since_heartbeat=stalled_after_s
+        ):
+            logger.warning("job %s of a silent worker goes back into the queue", job.id)
+            await app.job_manager.retry_job(job)
+    except exceptions.ConnectorException:
+        logger.warning("stalled jobs could not be looked after; trying again later", exc_info=True)
+
+
+async def _watch(stop_event: threading.Event | None, stop: asyncio.Event) -> None:
+    """Carry a thread's event over to the loop."""
+    while stop_event is not None and not stop.is_set():
+        if stop_event.is_set():
+            stop.set()
+        await asyncio.sleep(0.1)
+
+
+@contextlib.asynccontextmanager
+async def _background(coroutine: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    task = asyncio.create_task(coroutine)
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+@contextlib.contextmanager
+def _stop_signals(stop: asyncio.Event) -> Iterator[None]:
+    """Let the first SIGTERM or SIGINT set ``stop``; a second one acts as usual."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    loop = asyncio.get_running_loop()
+    wanted = (signal.SIGTERM, signal.SIGINT)
+
+    def restore() -> None:
+        for number in wanted:
+            loop.remove_signal_handler(number)
+
+    def on_signal() -> None:
+        logger.info("stopping: drives that do not end soon go back into the queue")
+        stop.set()
+        restore()
+
+    for number in wanted:
+        loop.add_signal_handler(number, on_signal)
+    try:
+        yield
+    finally:
+        restore()

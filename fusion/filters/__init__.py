@@ -1,0 +1,1 @@
+"""The textbook algorithms, free of any model."""

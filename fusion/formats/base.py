@@ -1,0 +1,202 @@
+"""What every log format shares: the protocol, notes for the driver's report, and the test of plausibility."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion.errors import EmptyLogError
+from fusion.types import DriveLog, Floats, GnssFix, Progress, SensorTable
+
+Bools = NDArray[np.bool_]
+Data = bytes | memoryview
+Place = Callable[[int], str]
+"""Says where a row, an offset or a point of the input is, in words: ``line 7``, ``byte 1200``."""
+
+GPS_EPOCH_S = 315964800.0
+"""1980-01-06 in Unix seconds. Logs that name no date at all are placed in the week that begins here."""
+MIN_TIME_S = 315532800.0
+"""1980-01-01: no satellite navigation before."""
+MAX_TIME_S = 4102444800.0
+"""2100-01-01."""
+WEEK_S = 604800.0
+DAY_S = 86400.0
+
+NO_DATE = "no date: placed in January 1980"
+UNDATED = (
+    "The log names no date: its times are placed in the first week of January 1980. Order and intervals are "
+    "right, the calendar is not."
+)
+
+
+class LogFormat(Protocol):
+    """One kind of log file. Formats recognise content, never names, and refuse each other's samples."""
+
+    @property
+    def name(self) -> str:
+        """As in ``DriveLog.source_format`` and the registry."""
+        ...
+
+    @property
+    def description(self) -> str:
+        """What error messages call it."""
+        ...
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """Usual endings of file names, for help texts only."""
+        ...
+
+    def recognises(self, head: bytes) -> bool:
+        """Whether the first bytes (up to ``HEAD_BYTES``, or the whole file) look like this format."""
+        ...
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """Read the whole file; raises ``LogError``, nothing else."""
+        ...
+
+
+@dataclass
+class Notes:
+    """What a reader has to say about its input: what it skipped, repaired and warns of."""
+
+    skipped: Counter[str] = field(default_factory=Counter)
+    repaired: Counter[str] = field(default_factory=Counter)
+    warnings: list[str] = field(default_factory=list)
+    first_offender: str = ""
+    """The first position that was refused, as a clause such as ``line 2: lat_deg is 91, outside -90..90``."""
+
+    def skip(self, reason: str, count: int, example: str = "", *, position: bool = False) -> None:
+        """Count ``count`` unusable items; ``example`` says where the first is and what is wrong with it.
+
+        With ``position`` set the items were positions, and an empty log is explained by the first of them.
+        """
+        if count <= 0:
+            return
+        self.skipped[reason] += count
+        if example:
+            self.warnings.append(f"Skipped {count} x {reason}; the first: {example}.")
+        if position and not self.first_offender:
+            self.first_offender = example or reason
+
+    def undated(self) -> None:
+        """Say that the times were placed in the week of the GPS epoch."""
+        self.warn(UNDATED)
+        self.repaired[NO_DATE] = 1
+
+    def dated_after_all(self) -> None:
+        """Take ``undated`` back."""
+        self.warnings = [w for w in self.warnings if w != UNDATED]
+        self.repaired.pop(NO_DATE, None)
+
+    def warn(self, sentence: str) -> None:
+        """Add a sentence once."""
+        if sentence not in self.warnings:
+            self.warnings.append(sentence)
+
+
+def usable_positions(
+    time_s: Floats, lat_deg: Floats, lon_deg: Floats, notes: Notes, place: Place, *, need: Bools | None = None
+) -> Bools:
+    """Which rows have a plausible time, latitude and longitude; the others are counted by reason.
+
+    ``need`` marks the rows that claim to hold a position; elsewhere a missing position is no fault (but an
+    implausible time is). A position of exactly 0, 0 is what receivers write before their first fix.
+    """
+    need = np.ones(len(time_s), bool) if need is None else need
+    with np.errstate(invalid="ignore"):
+        faults: tuple[tuple[str, Bools, Callable[[int], str]], ...] = (
+            ("without a time", ~np.isfinite(time_s), lambda i: "it has no time"),
+            (
+                "impossible time",
+                (time_s < MIN_TIME_S) | (time_s > MAX_TIME_S),
+                lambda i: f"the time is {_calendar(float(time_s[i]))}, outside 1980..2100",
+            ),
+            (
+                "incomplete position",
+                need & ~(np.isfinite(lat_deg) & np.isfinite(lon_deg)),
+                lambda i: "the latitude or the longitude is missing",
+            ),
+            (
+                "latitude out of range",
+                np.abs(lat_deg) > 90,
+                lambda i: f"lat_deg is {lat_deg[i]:.9g}, outside -90..90",
+            ),
+            (
+                "longitude out of range",
+                np.abs(lon_deg) > 180,
+                lambda i: f"lon_deg is {lon_deg[i]:.9g}, outside -180..180",
+            ),
+            (
+                "position 0, 0",
+                need & (lat_deg == 0) & (lon_deg == 0),
+                lambda i: "the position is 0, 0, as written without a fix",
+            ),
+        )
+    good = np.ones(len(time_s), bool)
+    refused: list[tuple[int, str, int, str]] = []
+    for reason, bad, say in faults:
+        hit = np.flatnonzero(bad & good)
+        good &= ~bad
+        if len(hit):
+            first = int(hit[0])
+            refused.append((first, reason, len(hit), f"{place(first)}: {say(first)}"))
+    for _, reason, count, example in sorted(refused):
+        notes.skip(reason, count, example, position=True)
+    return good
+
+
+def _calendar(time_s: float) -> str:
+    year = 1970 + time_s / 31556952.0
+    return f"{time_s:.14g} s (about the year {year:.0f})"
+
+
+def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Floats]:
+    """Velocity north and east from ground speed and course (clockwise from north).
+
+    Unknown course makes both unknown, except at a speed of exactly 0, where there is none.
+    """
+    still = speed_mps == 0
+    north = np.where(still, 0.0, speed_mps * np.cos(heading_rad))
+    east = np.where(still, 0.0, speed_mps * np.sin(heading_rad))
+    return north, east
+
+
+def build_log(
+    format_name: str,
+    description: str,
+    notes: Notes,
+    tables: dict[str, SensorTable],
+    *,
+    gaps_s: Floats | None = None,
+    geoid: str = "unknown",
+    advice: str = "",
+) -> DriveLog:
+    """Put a ``DriveLog`` together, or raise ``EmptyLogError`` naming the first offender."""
+    fix = tables.get("fix")
+    if not isinstance(fix, GnssFix) or not len(fix):
+        why = f" The first: {notes.first_offender}." if notes.first_offender else ""
+        advice = advice or "Check that the recording had satellite reception and upload it again."
+        raise EmptyLogError(
+            f"This {description} holds no usable position.{why} {advice}",
+            where=notes.first_offender.split(":")[0] or None,
+        )
+    for name, table in tables.items():
+        sane = (table.time_s > MIN_TIME_S) & (table.time_s < MAX_TIME_S)
+        if not sane.all():  # the reason was given with the positions
+            notes.skipped[f"{name} samples at an impossible time"] += int((~sane).sum())
+            tables[name] = table.take(sane)
+    return DriveLog(
+        source_format=format_name,
+        gaps_s=np.empty(0) if gaps_s is None else np.unique(gaps_s),
+        geoid=geoid,
+        skipped=notes.skipped,
+        repaired=notes.repaired,
+        warnings=tuple(notes.warnings),
+        **tables,  # type: ignore[arg-type]
+    )

@@ -1,0 +1,101 @@
+"""Getting at the bytes of a log: from memory, a path or a stream, gunzipped, never more than allowed."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import BinaryIO
+
+from fusion.errors import LogError, MalformedLogError
+from fusion.formats.base import Notes
+from fusion.types import Progress
+
+CHUNK_BYTES = 1 << 20
+BOMB_RATIO = 200
+"""Logs compress 3 to 30 times; more than this beyond ``BOMB_FREE_BYTES`` is an attack or an accident."""
+BOMB_FREE_BYTES = 64 << 20
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+def load(source: bytes | Path | BinaryIO, max_bytes: int, notes: Notes, progress: Progress) -> bytes:
+    """Return the log's bytes, unpacked from at most two layers of gzip; raises ``MalformedLogError``."""
+    data = _read(source, max_bytes)
+    for _layer in range(2):
+        if data[:2] != GZIP_MAGIC:
+            return data
+        data = gunzip(data, max_bytes, notes, progress)
+    if data[:2] == GZIP_MAGIC:
+        raise MalformedLogError("The file is gzipped more than twice. Unpack it and upload the log itself.")
+    return data
+
+
+def _read(source: bytes | Path | BinaryIO, max_bytes: int) -> bytes:
+    if isinstance(source, bytes | bytearray | memoryview):
+        data = bytes(source)
+    else:
+        try:
+            if isinstance(source, Path):
+                with source.open("rb") as stream:
+                    data = stream.read(max_bytes + 1)
+            else:
+                data = source.read(max_bytes + 1)
+        except OSError as error:
+            raise LogError(f"The log cannot be read: {error.strerror or error}. Check the path.") from error
+    if len(data) > max_bytes:
+        raise MalformedLogError(
+            f"The log is larger than the {_size(max_bytes)} that are read at most. Split the recording."
+        )
+    return data
+
+
+def gunzip(data: bytes, max_bytes: int, notes: Notes, progress: Progress) -> bytes:
+    """Unpack gzip (several members too) in pieces, so that a bomb is refused after a small part of it.
+
+    A truncated or damaged stream gives what was unpacked before the damage, with a warning.
+    """
+    out = bytearray()
+    view = memoryview(data)
+    used = 0
+    while used < len(data) and (used == 0 or data[used : used + 2] == GZIP_MAGIC):
+        member = zlib.decompressobj(31)
+        feed: bytes | memoryview = b""
+        try:
+            while not member.eof and (feed or used < len(data)):
+                if not feed:
+                    feed = view[used : used + CHUNK_BYTES]
+                    used += len(feed)
+                    progress("unpack", used / len(data))
+                out += member.decompress(feed, CHUNK_BYTES)
+                feed = member.unconsumed_tail
+                _refuse_bomb(len(out), used - len(feed), max_bytes)
+        except zlib.error as error:
+            if not out:
+                raise MalformedLogError(
+                    f"The gzip stream is damaged from its start ({error}). Compress the log again."
+                ) from error
+            notes.repaired["gzip damaged: read up to the damage"] += 1
+            notes.warn(
+                f"The gzip stream is damaged after {len(out)} unpacked bytes: only what comes before is used."
+            )
+            return bytes(out)
+        used -= len(member.unused_data)
+        if not member.eof:
+            notes.repaired["gzip truncated: read to the end"] += 1
+            notes.warn(f"The gzip stream ends early: only its first {len(out)} unpacked bytes are used.")
+    return bytes(out)
+
+
+def _refuse_bomb(unpacked: int, packed: int, max_bytes: int) -> None:
+    ratio_bomb = unpacked > BOMB_FREE_BYTES and unpacked > BOMB_RATIO * max(packed, 1)
+    if unpacked > max_bytes or ratio_bomb:
+        raise MalformedLogError(
+            f"This gzip looks like a zip bomb: {_size(packed)} of it unpack to over {_size(unpacked)}. "
+            "Upload a log that unpacks to less."
+        )
+
+
+def _size(count: int) -> str:
+    for unit, size in (("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10)):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count} bytes"

@@ -1,0 +1,26 @@
+"""The NMEA 0183 format: one sentence a line, perhaps with the recorder's time stamp before it."""
+
+from __future__ import annotations
+
+from fusion.formats.base import Data
+from fusion.formats.nmea_sentences import looks_like_nmea
+from fusion.formats.stream import read_stream
+from fusion.formats.ubx import UbxFormat
+from fusion.formats.ucenter import looks_like_dump
+from fusion.types import DriveLog, Progress
+
+
+class NmeaFormat:
+    """Recognised by a sentence; UBX files and u-center dumps may hold sentences too and come first."""
+
+    name = "nmea"
+    description = "NMEA log"
+    suffixes = (".nmea", ".txt", ".log")
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        return looks_like_nmea(head) and not UbxFormat().recognises(head) and not looks_like_dump(head)
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        return read_stream(data, progress, format_name=self.name, description=self.description)

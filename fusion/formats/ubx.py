@@ -1,0 +1,24 @@
+"""The UBX format: files of u-blox receivers, with or without NMEA sentences between."""
+
+from __future__ import annotations
+
+from fusion.formats.base import Data
+from fusion.formats.stream import read_stream
+from fusion.formats.ubx_frame import SYNC, find_frames
+from fusion.types import DriveLog, Progress
+
+
+class UbxFormat:
+    """Recognised by one intact message anywhere in the head, or by sync bytes at the very start."""
+
+    name = "ubx"
+    description = "UBX file"
+    suffixes = (".ubx",)
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        return head.startswith(SYNC) or (SYNC in head and len(find_frames(head)) > 0)
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        return read_stream(data, progress, format_name=self.name, description=self.description)

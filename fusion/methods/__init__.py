@@ -1,0 +1,14 @@
+"""The estimators, by name. A new one is one file with a class that follows ``Method``, and one line here."""
+
+from fusion.methods.base import METHODS
+from fusion.methods.dem import DemMethod
+from fusion.methods.particle import ParticleMethod
+from fusion.methods.raw import RawMethod
+
+METHODS.add(ParticleMethod.name, ParticleMethod())
+METHODS.add(RawMethod.name, RawMethod())
+METHODS.add(DemMethod.name, DemMethod())
+
+DEFAULT_METHOD = ParticleMethod.name
+
+__all__ = ["DEFAULT_METHOD", "METHODS"]

@@ -1,0 +1,206 @@
+"""A drive log laid on one clock for the filters that work epoch by epoch.
+
+The log's tables keep their own rates; here each epoch takes from every sensor what was measured around it,
+and NaN where nothing was. Epochs follow the GNSS fixes; in an outage they go on at the pace of the other
+sensors, so that a filter can bridge it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion.frames import GRAVITY_MPS2, LocalProjection, acceleration_enu
+from fusion.types import DriveLog, Floats, SensorTable
+
+MAX_BRIDGED_S = 120.0
+"""A hole in the whole recording longer than this starts the filter anew."""
+
+
+@dataclass(frozen=True)
+class Epochs:
+    """One row per epoch, ``n`` rows; NaN where not measured. Metres in the local plane, ENU, SI units.
+
+    ``acc_*`` is the kinematic acceleration (gravity taken off), ``pitch_rad`` the sensor's pitch as logged
+    (mount offset included), ``speed_mps`` the best ground speed, ``restart`` marks epochs to which nothing
+    may be carried over from the one before.
+    """
+
+    time_s: Floats
+    x_m: Floats
+    y_m: Floats
+    alt_m: Floats
+    h_acc_m: Floats
+    v_acc_m: Floats
+    vel_e_mps: Floats
+    vel_n_mps: Floats
+    vel_u_mps: Floats
+    s_acc_mps: Floats
+    acc_e_mps2: Floats
+    acc_n_mps2: Floats
+    acc_u_mps2: Floats
+    pitch_rad: Floats
+    pitch_acc_rad: Floats
+    speed_mps: Floats
+    restart: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def has_gnss(self) -> NDArray[np.bool_]:
+        """Whether the epoch has a position."""
+        return np.isfinite(self.x_m)
+
+    def take(self, keep: NDArray[np.bool_]) -> Epochs:
+        """The epochs selected by a mask."""
+        return Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
+
+
+def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1.0) -> Epochs:
+    """Lay ``log`` on epochs at least 0.95 ``period_s`` apart; samples around each epoch are averaged."""
+    time_s = _epoch_times(log, period_s)
+    fix = _nearest(log.fix, time_s, 0.45 * period_s)
+    x_m, y_m = projection.to_xy(fix["lon_deg"], fix["lat_deg"])
+    altitude = fix["alt_msl_m"] if log.fix.has("alt_msl_m") else fix["height_ell_m"]
+    velocity = _window_mean(log.velocity, time_s, period_s)
+    attitude = _window_mean(log.attitude, time_s, period_s)
+    force = _window_mean(log.force, time_s, period_s)
+    odometer = _window_mean(log.odometry, time_s, period_s)["speed_mps"]
+    restart = _restarts(time_s, log.gaps_s)
+    speed = _ground_speed(time_s, velocity, odometer, x_m, y_m, restart)
+    acceleration = _acceleration(force, attitude)
+    pitch = attitude["pitch_rad"]
+    if not np.isfinite(pitch).any():
+        pitch = _pitch_from_force(time_s, force["acc_x_mps2"], speed)
+    return Epochs(
+        time_s=time_s,
+        x_m=x_m,
+        y_m=y_m,
+        alt_m=altitude,
+        h_acc_m=fix["h_acc_m"],
+        v_acc_m=fix["v_acc_m"],
+        vel_e_mps=velocity["vel_e_mps"],
+        vel_n_mps=velocity["vel_n_mps"],
+        vel_u_mps=-velocity["vel_d_mps"],
+        s_acc_mps=velocity["s_acc_mps"],
+        acc_e_mps2=acceleration[:, 0],
+        acc_n_mps2=acceleration[:, 1],
+        acc_u_mps2=acceleration[:, 2],
+        pitch_rad=pitch,
+        pitch_acc_rad=attitude["pitch_acc_rad"],
+        speed_mps=speed,
+        restart=restart,
+    )
+
+
+def _epoch_times(log: DriveLog, period_s: float) -> Floats:
+    """Fix times, thinned; in their gaps the times of the densest other sensor, thinned likewise."""
+    fixes = _thin(log.fix.time_s, period_s)
+    others = max((log.attitude, log.force, log.odometry, log.velocity), key=len, default=log.attitude).time_s
+    inside = np.searchsorted(fixes, others)
+    inner = (inside > 0) & (inside < len(fixes))
+    others, inside = others[inner], inside[inner]
+    clear = np.minimum(others - fixes[inside - 1], fixes[inside] - others) >= 0.95 * period_s
+    return np.sort(np.concatenate([fixes, _thin(others[clear], period_s)]))
+
+
+def _thin(time_s: Floats, period_s: float) -> Floats:
+    """Keep each time that is at least 0.95 periods after the last one kept."""
+    kept: list[float] = []
+    for t in time_s.tolist():
+        if not kept or t - kept[-1] >= 0.95 * period_s:
+            kept.append(t)
+    return np.array(kept)
+
+
+def _nearest(table: SensorTable, time_s: Floats, within_s: float) -> dict[str, Floats]:
+    """The sample nearest to each time, NaN where none is ``within_s``."""
+    if not len(table):
+        return {name: np.full(len(time_s), np.nan) for name in table.columns()}
+    after = np.clip(np.searchsorted(table.time_s, time_s), 1, max(len(table) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(table) - 1)
+    left = np.abs(time_s - table.time_s[before]) <= np.abs(table.time_s[after] - time_s)
+    index = np.where(left, before, after)
+    near = np.abs(table.time_s[index] - time_s) <= within_s
+    return {name: np.where(near, getattr(table, name)[index], np.nan) for name in table.columns()}
+
+
+def _window_mean(table: SensorTable, time_s: Floats, period_s: float) -> dict[str, Floats]:
+    """The mean of the samples within half a period of each time; yaw is averaged on the circle."""
+    out: dict[str, Floats] = {}
+    low = np.searchsorted(table.time_s, time_s - period_s / 2, side="left")
+    high = np.searchsorted(table.time_s, time_s + period_s / 2, side="left")
+    for name in table.columns():
+        column = getattr(table, name)
+        if name == "yaw_rad":
+            sine, cosine = _means(np.sin(column), low, high), _means(np.cos(column), low, high)
+            out[name] = np.arctan2(sine, cosine)
+        else:
+            out[name] = _means(column, low, high)
+    return out
+
+
+def _means(column: Floats, low: NDArray[np.intp], high: NDArray[np.intp]) -> Floats:
+    """Means of ``column[low:high]``, NaN left out; NaN where nothing is left."""
+    known = np.isfinite(column)
+    # Cumulative sums about the column's own level: heights of 1e3 m and 1e6 samples would lose digits else.
+    level = float(np.mean(column[known])) if known.any() else 0.0
+    sums = np.concatenate([[0.0], np.cumsum(np.where(known, column - level, 0.0))])
+    counts = np.concatenate([[0], np.cumsum(known)])
+    count = counts[high] - counts[low]
+    mean = (sums[high] - sums[low]) / np.maximum(count, 1) + level
+    return np.where(count > 0, mean, np.nan)
+
+
+def _restarts(time_s: Floats, gaps_s: Floats) -> NDArray[np.bool_]:
+    """The first epoch, those after a stated gap, and those after a long hole in the recording."""
+    restart = np.zeros(len(time_s), bool)
+    restart[:1] = True
+    restart[1:] |= np.diff(time_s) > MAX_BRIDGED_S
+    for gap in gaps_s.tolist():
+        after = int(np.searchsorted(time_s, gap, side="left"))
+        if 0 < after < len(time_s):
+            restart[after] = True
+    return restart
+
+
+def _ground_speed(
+    time_s: Floats,
+    velocity: dict[str, Floats],
+    odometer_mps: Floats,
+    x_m: Floats,
+    y_m: Floats,
+    restart: NDArray[np.bool_],
+) -> Floats:
+    """Doppler speed, else the vehicle's own, else differences of the positions."""
+    doppler = np.hypot(velocity["vel_n_mps"], velocity["vel_e_mps"])
+    speed = np.where(np.isfinite(doppler), doppler, odometer_mps)
+    step = np.hypot(np.diff(x_m), np.diff(y_m)) / np.diff(time_s)
+    step[restart[1:]] = np.nan
+    around = np.full((2, len(time_s)), np.nan)
+    around[0, 1:], around[1, :-1] = step, step
+    count = np.isfinite(around).sum(axis=0)
+    by_position = np.where(count > 0, np.nansum(around, axis=0) / np.maximum(count, 1), np.nan)
+    return np.where(np.isfinite(speed), speed, by_position)
+
+
+def _acceleration(force: dict[str, Floats], attitude: dict[str, Floats]) -> Floats:
+    """ENU acceleration, shape (n, 3); NaN where force or attitude is missing.
+
+    The attitude is the sensor's own, mount offset included: accelerometer and attitude come from one box.
+    """
+    body = np.column_stack([force["acc_x_mps2"], force["acc_y_mps2"], force["acc_z_mps2"]])
+    roll = np.nan_to_num(attitude["roll_rad"])  # logs with pitch and yaw only: level across is the best guess
+    return acceleration_enu(body, roll, attitude["pitch_rad"], attitude["yaw_rad"])
+
+
+def _pitch_from_force(time_s: Floats, forward_mps2: Floats, speed_mps: Floats) -> Floats:
+    """Pitch of the sensor from what its forward axis feels beyond the change of speed: sin(pitch) = (f - dv/dt) / g."""
+    if len(time_s) < 3:
+        return np.full(len(time_s), np.nan)
+    felt = (forward_mps2 - np.gradient(speed_mps, time_s)) / GRAVITY_MPS2
+    return np.where(np.abs(felt) < 0.5, np.arcsin(np.clip(felt, -0.5, 0.5)), np.nan)

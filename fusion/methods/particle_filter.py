@@ -1,0 +1,157 @@
+"""The SIR filter of chapter 3 at one epoch after another, on the compiled cloud."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fusion.filters.resampling import RESAMPLERS
+from fusion.methods import particle_kernels as k
+from fusion.methods.particle_options import ParticleOptions
+from fusion.types import Floats
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What the sensors say at one epoch: values and inverse variances, 0 where a sensor says nothing.
+
+    ``z`` and ``inv_var`` (9,) address the states directly: GNSS position, Doppler velocity, acceleration.
+    """
+
+    z: Floats
+    inv_var: Floats
+    pitch_rad: float = 0.0
+    inv_var_pitch: float = 0.0
+
+
+@dataclass(frozen=True)
+class PredictedMap:
+    """Zhat (2.26) and its covariance P (2.30) over x, y, heading, after the sensors' corrections."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    covariance: Floats
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """State (9,), attitude and spread after all corrections, (2.36)-(2.38)."""
+
+    state: Floats
+    heading_rad: float
+    pitch_rad: float
+    pitch_sigma_rad: float
+    h_sigma_m: float
+    z_sigma_m: float
+    n_eff: float
+    resampled: bool
+
+
+@dataclass
+class ParticleCloud:
+    """The cloud and its buffers. ``weigh_sensors`` -> ``weigh_surroundings`` -> ``resample_if_due`` at each epoch."""
+
+    options: ParticleOptions
+    _step: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        n = self.options.particles
+        blocks = -(-n // k.BLOCK)
+        self._cloud, self._spare = np.zeros((k.STATES, n)), np.zeros((k.STATES, n))
+        self._logw, self._angles, self._weights = np.zeros(n), np.zeros((2, n)), np.zeros(n)
+        self._sums_a, self._sums_b = np.zeros((blocks, 11)), np.zeros((blocks, k.B_COLUMNS))
+        self._ref = np.zeros(4)  # x, y, heading, z: where second moments are taken
+        o = self.options
+        horizontal = [o.sigma_acc_mps2, o.sigma_vel_mps, o.sigma_pos_m]
+        vertical = [o.sigma_acc_up_mps2, o.sigma_vel_up_mps, o.sigma_pos_up_m]
+        self._q_per_s = np.array([horizontal, horizontal, vertical]) ** 2
+        self._resample = RESAMPLERS[o.resampling]
+
+    def restart(self, mean: Floats, sigma: Floats) -> None:
+        """Draw a new cloud around ``mean`` (9,) with standard deviations ``sigma`` (9,)."""
+        self._step += 1
+        k.draw_cloud(self._cloud, self._logw, self.options.seed, self._step, mean, sigma)
+        self._ref[:] = mean[k.X], mean[k.Y], math.atan2(mean[k.VY], mean[k.VX]), mean[k.Z]
+
+    def weigh_sensors(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
+        """Predict over ``dt_s`` (None: no prediction) and correct by GNSS, acceleration and pitch."""
+        self._step += 1
+        dt = -1.0 if dt_s is None else dt_s
+        half = 0.5 * dt * dt if self.options.discretisation == "exact" else 0.0
+        k.predict_and_weigh(
+            self._cloud, self._logw, self._angles, self._sums_a, self.options.seed, self._step, dt, half,
+            self._q_per_s * max(dt, 0.0), measured.z, measured.inv_var, self.options.proposal == "optimal",
+            measured.pitch_rad, measured.inv_var_pitch, self._ref,
+        )  # fmt: skip
+        total = k.merge_sums(self._sums_a, -1, np.empty(11))
+        w = total[k.A_W]
+        first = total[[k.A_X, k.A_Y, k.A_T]] / w
+        xx, yy, tt, xy, xt, yt = total[[k.A_XX, k.A_YY, k.A_TT, k.A_XY, k.A_XT, k.A_YT]] / w
+        covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) - np.outer(first, first)
+        return PredictedMap(
+            self._ref[0] + first[0], self._ref[1] + first[1], _wrapped(self._ref[2] + first[2]), covariance
+        )
+
+    def weigh_surroundings(
+        self,
+        road: tuple[float, float, float] | None,
+        use_heading: bool,
+        ground_m: float | None,
+        inv_var_ground: float,
+    ) -> Estimate:
+        """Correct by the matched road point (x, y, heading) and the terrain's height, and estimate."""
+        o = self.options
+        inv = np.zeros(3)
+        if road is not None:
+            inv[:2] = o.map_sigma_m**-2
+            inv[2] = o.map_sigma_rad**-2 if use_heading else 0.0
+        ground = 0.0 if ground_m is None else ground_m
+        inv_ground = 0.0 if ground_m is None else inv_var_ground
+        k.weigh_and_estimate(
+            self._cloud, self._logw, self._angles, self._sums_b, self._ref, np.array(road or (0.0, 0.0, 0.0)), inv,
+            ground, o.antenna_height_m, inv_ground,
+        )  # fmt: skip
+        return self._estimate(k.merge_sums(self._sums_b, k.B_WW, np.empty(k.B_COLUMNS)))
+
+    def _estimate(self, total: Floats) -> Estimate:
+        w = total[k.B_W]
+        mean = total[k.B_STATE :] / w
+        spread = total[[k.B_XX, k.B_YY, k.B_ZZ]] / w - mean[[k.X, k.Y, k.Z]] ** 2
+        state = mean.copy()
+        state[[k.X, k.Y, k.Z]] += self._ref[[0, 1, 3]]
+        pitch = total[k.B_PITCH] / w
+        n_eff = w * w / total[k.B_WW]
+        heading = _wrapped(self._ref[2] + math.atan2(total[k.B_SIN], total[k.B_COS]))
+        resampled = n_eff < self.options.n_eff_threshold * self.options.particles
+        if resampled:
+            self._draw_again(total[k.B_LOGMAX], w)
+        else:
+            self._logw -= total[k.B_LOGMAX]
+        return Estimate(
+            state=state,
+            heading_rad=heading,
+            pitch_rad=pitch,
+            pitch_sigma_rad=math.sqrt(max(total[k.B_PITCH2] / w - pitch * pitch, 0.0)),
+            h_sigma_m=math.sqrt(max(float(spread[0] + spread[1]), 0.0)),
+            z_sigma_m=math.sqrt(max(float(spread[2]), 0.0)),
+            n_eff=n_eff,
+            resampled=resampled,
+        )
+
+    def _draw_again(self, top: float, total: float) -> None:
+        k.normalised_weights(self._logw, top, total, self._weights)
+        ancestors = self._resample(self._weights, self.options.seed, self._step)
+        k.gather(self._cloud, ancestors, self._spare)
+        self._cloud, self._spare = self._spare, self._cloud
+        self._logw[:] = 0.0
+
+    def refer_to(self, x_m: float, y_m: float, z_m: float, heading_rad: float) -> None:
+        """Set the point about which the next epoch's second moments are taken: near the cloud, for precision."""
+        self._ref[:] = x_m, y_m, heading_rad, z_m
+
+
+def _wrapped(angle_rad: float) -> float:
+    return math.remainder(angle_rad, 2 * math.pi)

@@ -1,0 +1,98 @@
+"""Options of the particle method: what the thesis states, and one validated choice for what it leaves open."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from fusion.methods.base import Options
+
+
+class ParticleOptions(Options):
+    """Al Assaad 2020, chapter 3. Values marked "thesis" are printed there; the others were chosen on several drives."""
+
+    particles: int = Field(
+        100_000, ge=100, le=10_000_000, description="Number of particles (thesis: 100,000)."
+    )
+    seed: int = Field(
+        0, ge=0, le=2**31 - 1, description="Seed of the random draws; the same seed gives the same result."
+    )
+    period_s: float = Field(1.0, gt=0, le=10, description="Shortest time between two epochs, s (thesis: 1).")
+    discretisation: Literal["thesis", "exact"] = Field(
+        "thesis", description="Position row as printed (2.1), or with the a dt^2/2 of constant acceleration."
+    )
+    proposal: Literal["optimal", "transition"] = Field(
+        "optimal",
+        description="Importance density: the optimal one for the linear sensors, or the dynamics alone (thesis).",
+    )
+    resampling: str = Field("multinomial", description="Resampling scheme (thesis: multinomial).")
+    n_eff_threshold: float = Field(
+        2 / 3,
+        gt=0,
+        le=1,
+        description="Resample when N_eff falls below this share of the particles (thesis: 2/3).",
+    )
+    dem_window: str = Field(
+        "adjacent", description="Selection of terrain points (thesis, chapter 3: adjacent)."
+    )
+    match_gate: float = Field(
+        2.55, gt=0, description="Largest Mahalanobis distance of a map match (thesis: 2.55)."
+    )
+    antenna_height_m: float = Field(
+        1.55, ge=0, le=10, description="Antenna above the road, m (thesis: 1.55)."
+    )
+    level_pitch: bool = Field(True, description="Take the pitch sensor's mount off before filtering.")
+    doppler: bool = Field(True, description="Use the receiver's Doppler velocity, which the thesis does not.")
+    min_epochs: int = Field(
+        3, ge=2, le=100, description="Altitudes that a slope needs (thesis: 3; its experiment 4)."
+    )
+
+    sigma_acc_mps2: float = Field(
+        1.2, gt=0, description="Process noise of horizontal acceleration, m/s2 per root second."
+    )
+    sigma_vel_mps: float = Field(
+        0.5, gt=0, description="Process noise of horizontal velocity, m/s per root second."
+    )
+    sigma_pos_m: float = Field(
+        0.5, gt=0, description="Process noise of horizontal position, m per root second."
+    )
+    sigma_acc_up_mps2: float = Field(
+        0.2, gt=0, description="Process noise of vertical acceleration, m/s2 per root second."
+    )
+    sigma_vel_up_mps: float = Field(
+        0.1, gt=0, description="Process noise of vertical velocity, m/s per root second."
+    )
+    sigma_pos_up_m: float = Field(0.05, gt=0, description="Process noise of altitude, m per root second.")
+
+    gnss_h_sigma_m: float = Field(
+        2.5, gt=0, description="Horizontal accuracy (2-D) of a log that states none, m."
+    )
+    gnss_v_sigma_m: float = Field(5.0, gt=0, description="Vertical accuracy of a log that states none, m.")
+    gnss_correlation_s: float = Field(
+        2.0,
+        ge=0,
+        description="GNSS altitude errors hang together this long, s: an epoch counts for dt / (dt + 2 tau).",
+    )
+    doppler_sigma_mps: float = Field(
+        0.2, gt=0, description="Velocity accuracy of a log that states none, m/s."
+    )
+    acc_sigma_mps2: float = Field(0.3, gt=0, description="Accuracy of acceleration, m/s2.")
+    pitch_sigma_rad: float = Field(
+        0.012, gt=0, description="Body motion on the suspension, added to the sensor's accuracy, rad."
+    )
+    map_sigma_m: float = Field(
+        4.0, gt=0, description="Accuracy of the map's position, lane offset included, m."
+    )
+    map_sigma_rad: float = Field(0.2, gt=0, description="Accuracy of the map's direction, rad.")
+    dem_sigma_m: float = Field(
+        6.0, gt=0, description="Accuracy of the terrain's height, m (thesis: 6 World 30, 12.6 ASTER)."
+    )
+    dem_correlation_m: float = Field(
+        300.0,
+        ge=0,
+        description="Terrain errors hang together this far, m: an epoch counts for dx / (dx + 2 L).",
+    )
+    min_speed_mps: float = Field(
+        1.0, ge=0, description="Below this speed pitch and heading say nothing, m/s."
+    )

@@ -1,0 +1,100 @@
+"""The way of one drive through the library: log, roads and terrain in; track, slopes and report out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from fusion.errors import BadOptionsError, EmptyLogError, NoMatchError
+from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods.base import Options
+from fusion.roads.network import RoadNetwork, RoadTable
+from fusion.terrain.dem import Dem
+from fusion.types import DriveLog, DriveResult, Progress, no_progress
+
+ROAD_MARGIN_M = 250.0
+MIN_EPOCHS = 4
+
+
+def parse_options(method: str, options: Mapping[str, Any] | None = None) -> Options:
+    """Validate ``options`` for ``method``; raises ``UnknownNameError`` or ``BadOptionsError``."""
+    model = METHODS[method].options_model
+    try:
+        return model(**(options or {}))
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"])
+        known = ", ".join(model.model_fields) or "none"
+        raise BadOptionsError(
+            f"Option {name!r} of method {method!r} is not usable: {first['msg']}. Its options are: {known}.",
+            where=name,
+        ) from None
+
+
+def run_drive(
+    log: DriveLog,
+    roads: RoadTable,
+    dem: Dem | None,
+    *,
+    method: str = DEFAULT_METHOD,
+    options: Mapping[str, Any] | Options | None = None,
+    progress: Progress = no_progress,
+) -> tuple[RoadNetwork, DriveResult]:
+    """Estimate the slopes of the segments that one drive went over.
+
+    Takes the roads within ``ROAD_MARGIN_M`` of the log's extent, so a whole country may be handed in. Returns
+    the network that the result's segment indices refer to. Raises ``FusionError`` with a sentence for the
+    person who supplied the log.
+    """
+    estimator = METHODS[method]
+    chosen = options if isinstance(options, Options) else parse_options(method, options)
+    if len(log.fix) < MIN_EPOCHS:
+        raise EmptyLogError(
+            f"The log holds {len(log.fix)} position(s); at least {MIN_EPOCHS} are needed for a slope. "
+            "Record for longer, or check that the receiver had a fix."
+        )
+    network = RoadNetwork.project(roads.near(log.bounds_deg(), ROAD_MARGIN_M))
+    if not len(network):
+        raise NoMatchError(_far_message(log))
+    result = estimator.estimate(log, network, dem, chosen, progress)
+    if not np.any(result.track.segment >= 0):
+        raise NoMatchError(_far_message(log))
+    progress("filter", 1.0)
+    return network, DriveResult(result.track, result.slopes, _report(log, result, method, chosen, dem))
+
+
+def _far_message(log: DriveLog) -> str:
+    west, south, east, north = log.bounds_deg()
+    return (
+        f"The log lies between {south:.5f} and {north:.5f} degrees north and between {west:.5f} and {east:.5f} "
+        "degrees east, and no position in it comes near a known road. Import the roads of that area, or check the "
+        "log's coordinates (latitude and longitude swapped?)."
+    )
+
+
+def _report(
+    log: DriveLog, result: DriveResult, method: str, options: Options, dem: Dem | None
+) -> dict[str, Any]:
+    """The method's own report with what is the same for every method."""
+    track = result.track
+    return {
+        "format": log.source_format,
+        "method": method,
+        "options": options.model_dump(mode="json"),
+        "epochs": len(track),
+        "duration_s": float(np.ptp(track.time_s)) if len(track) else 0.0,
+        "matched_share": float(np.mean(track.segment >= 0)) if len(track) else 0.0,
+        "segments_driven": len(np.unique(track.segment[track.segment >= 0])),
+        "segments_estimated": len(result.slopes),
+        "dem": None if dem is None else dem.description,
+        "dem_datum": None if dem is None else dem.datum,
+        "geoid": log.geoid,
+        "missing": list(log.missing),
+        "skipped": dict(log.skipped),
+        "repaired": dict(log.repaired),
+        "warnings": list(log.warnings),
+        **{name: value for name, value in result.report.items() if name != "matched_share"},
+    }

@@ -1,0 +1,47 @@
+"""One kind of registry for everything that can be chosen by name: formats, methods, windows, outputs."""
+
+from collections.abc import Iterator
+from typing import Generic, TypeVar
+
+from fusion.errors import UnknownNameError
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """Name -> thing, in order of registration; a duplicate is refused, an unknown name answered with the known ones."""
+
+    def __init__(self, role: str) -> None:
+        """``role`` is the singular noun that error messages use, such as ``method``."""
+        self.role = role
+        self._things: dict[str, T] = {}
+
+    def add(self, name: str, thing: T) -> T:
+        """Register ``thing``; raises ``ValueError`` when the name is taken."""
+        if name in self._things:
+            raise ValueError(f"{self.role} {name!r} is registered twice")
+        self._things[name] = thing
+        return thing
+
+    def __getitem__(self, name: str) -> T:
+        """Return the thing, or raise ``UnknownNameError`` listing what there is."""
+        try:
+            return self._things[name]
+        except KeyError:
+            known = ", ".join(self._things)
+            raise UnknownNameError(
+                f"There is no {self.role} called {name!r}. Choose one of: {known}."
+            ) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._things
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._things)
+
+    def __len__(self) -> int:
+        return len(self._things)
+
+    def items(self) -> Iterator[tuple[str, T]]:
+        """Yield (name, thing) in order of registration."""
+        yield from self._things.items()

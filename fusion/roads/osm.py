@@ -1,0 +1,217 @@
+"""OSM files to road segments."""
+
+from __future__ import annotations
+
+from array import array
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import osmium
+from numpy.typing import NDArray
+
+from fusion.errors import RoadsError
+from fusion.roads.table import RoadTable
+from fusion.types import Progress, no_progress
+
+DRIVABLE = frozenset(
+    {
+        "motorway",
+        "motorway_link",
+        "trunk",
+        "trunk_link",
+        "primary",
+        "primary_link",
+        "secondary",
+        "secondary_link",
+        "tertiary",
+        "tertiary_link",
+        "unclassified",
+        "residential",
+        "living_street",
+        "service",
+        "road",
+        "track",
+    }
+)
+"""The values of ``highway`` that make a way drivable."""
+
+_FORWARD = frozenset({"yes", "true", "1"})
+_BACKWARD = frozenset({"-1", "reverse"})
+_NO = frozenset({"no", "false", "0"})
+_WAYS_PER_REPORT = 8192
+_SUFFIX_HINT = "Give an OpenStreetMap extract: .osm.pbf, .osm or .osm.gz."
+
+
+@dataclass
+class _Ways:
+    """What one pass over the ways collects: node columns flat, way columns one per way."""
+
+    node: array[int] = field(default_factory=lambda: array("q"))
+    x: array[int] = field(default_factory=lambda: array("i"))
+    y: array[int] = field(default_factory=lambda: array("i"))
+    id: list[int] = field(default_factory=list)
+    nodes: list[int] = field(default_factory=list)
+    oneway: list[int] = field(default_factory=list)
+    bridge: list[bool] = field(default_factory=list)
+    tunnel: list[bool] = field(default_factory=list)
+    layer: list[int] = field(default_factory=list)
+    highway: list[str] = field(default_factory=list)
+    name: list[str | None] = field(default_factory=list)
+
+    def add(self, way: Any) -> None:
+        """Append one osmium way whose nodes carry their locations."""
+        before = len(self.node)
+        node, x, y = self.node.append, self.x.append, self.y.append
+        for n in way.nodes:
+            node(n.ref)
+            x(n.x)
+            y(n.y)
+        tag = way.tags.get
+        highway = tag("highway")
+        self.id.append(way.id)
+        self.nodes.append(len(self.node) - before)
+        self.oneway.append(oneway_of(highway, tag("oneway"), tag("junction")))
+        self.bridge.append(tag("bridge", "no") != "no")
+        self.tunnel.append(tag("tunnel", "no") != "no")
+        self.layer.append(layer_of(tag("layer")))
+        self.highway.append(highway)
+        self.name.append(tag("name"))
+
+
+def read_roads(path: Path, progress: Progress = no_progress) -> RoadTable:
+    """Read the drivable ways of an OSM file (XML, gzipped XML or PBF, recognised by content) as segments.
+
+    Node pairs with an end that the extract lacks, and pairs without length, are left out and counted in
+    ``RoadTable.skipped``. Nodes may come after the ways. Raises ``RoadsError`` when the file is missing, is
+    no OSM file, is damaged, or holds no drivable way with the positions of its nodes.
+    """
+    path = Path(path)
+    source = osmium.io.File(str(path), _format(path))
+    progress("reading nodes", 0.0)
+    try:
+        locations = osmium.NodeLocationsForWays(osmium.index.create_map("flex_mem"))
+        locations.ignore_errors()
+        with osmium.io.Reader(source, osmium.osm.NODE) as reader:
+            osmium.apply(reader, locations)
+        progress("reading ways", 0.3)
+        ways = _collect(source, locations, progress)
+    except (RuntimeError, ValueError, UnicodeDecodeError) as error:
+        raise RoadsError(f"{path.name} is damaged: {error}. Download or export it again.") from error
+    progress("building segments", 0.9)
+    table = _segments(ways)
+    if not len(table):
+        raise RoadsError(_nothing(path, ways, table.skipped))
+    progress("building segments", 1.0)
+    return table
+
+
+def oneway_of(highway: str, oneway: str | None, junction: str | None) -> int:
+    """1 along the way, -1 against it, 0 both; roundabouts and motorways are one-way unless tagged."""
+    if oneway in _FORWARD:
+        return 1
+    if oneway in _BACKWARD:
+        return -1
+    if oneway in _NO:
+        return 0
+    return int(highway == "motorway" or junction in ("roundabout", "circular"))
+
+
+def layer_of(tag: str | None) -> int:
+    """OSM's ``layer`` as an integer; 0 when absent, not a whole number or beyond -100..100."""
+    try:
+        layer = int(tag or 0)
+    except ValueError:
+        return 0
+    return layer if abs(layer) <= 100 else 0
+
+
+def _format(path: Path) -> str:
+    """The name that osmium gives the file's format, from its first bytes."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(64)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise RoadsError(f"The road file {path} cannot be read: {reason}. {_SUFFIX_HINT}") from error
+    if not head:
+        raise RoadsError(f"The road file {path.name} is empty. {_SUFFIX_HINT}")
+    if b"OSMHeader" in head:
+        return "pbf"
+    if head.startswith(b"\x1f\x8b"):
+        return "osm.gz"
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
+        return "osm"
+    raise RoadsError(f"{path.name} is no OpenStreetMap file. {_SUFFIX_HINT}")
+
+
+def _collect(source: Any, locations: Any, progress: Progress) -> _Ways:
+    drivable = osmium.filter.TagFilter(*(("highway", value) for value in sorted(DRIVABLE)))
+    ways = _Ways()
+    processor = osmium.FileProcessor(source, osmium.osm.WAY).with_filter(drivable).with_filter(locations)
+    for count, way in enumerate(processor):
+        if isinstance(way, osmium.osm.Way) and not way.deleted:
+            ways.add(way)
+        if count % _WAYS_PER_REPORT == 0:
+            # osmium does not say how far it has read: approach the end without reaching it.
+            progress("reading ways", 0.3 + 0.6 * count / (count + 100_000))
+    return ways
+
+
+def _segments(ways: _Ways) -> RoadTable:
+    """Pair consecutive nodes of each way; vectorised, as a country has tens of millions of them."""
+    node = np.frombuffer(ways.node, np.int64)
+    x, y = np.frombuffer(ways.x, np.int32), np.frombuffer(ways.y, np.int32)
+    way = np.repeat(np.arange(len(ways.id)), ways.nodes)
+    known = (np.abs(x.astype(np.int64)) <= 1_800_000_000) & (np.abs(y.astype(np.int64)) <= 900_000_000)
+    pair = way[1:] == way[:-1]
+    located = known[1:] & known[:-1]
+    length = (node[1:] != node[:-1]) & ((x[1:] != x[:-1]) | (y[1:] != y[:-1]))
+    i = np.flatnonzero(pair & located & length)
+    skipped = Counter[str]()
+    for reason, lost in (
+        ("node missing from the file", pair & ~located),
+        ("no length", pair & located & ~length),
+    ):
+        if lost.any():
+            skipped[reason] = int(lost.sum())
+    w = way[i]
+    return RoadTable.from_columns(
+        osm_way_id=np.array(ways.id, np.int64)[w],
+        from_node=node[i],
+        to_node=node[i + 1],
+        lon0_deg=_degrees(x[i]),
+        lat0_deg=_degrees(y[i]),
+        lon1_deg=_degrees(x[i + 1]),
+        lat1_deg=_degrees(y[i + 1]),
+        oneway=np.array(ways.oneway, np.int8)[w],
+        bridge=np.array(ways.bridge, np.bool_)[w],
+        tunnel=np.array(ways.tunnel, np.bool_)[w],
+        layer=np.array(ways.layer, np.int8)[w],
+        highway=np.array(ways.highway, np.object_)[w],
+        name=np.array(ways.name, np.object_)[w],
+        skipped=skipped,
+    )
+
+
+def _degrees(units: NDArray[np.int32]) -> NDArray[np.float64]:
+    # Dividing by 1e7 gives the double nearest to the decimal in the file; multiplying by 1e-7 does not.
+    return units / 1e7
+
+
+def _nothing(path: Path, ways: _Ways, skipped: Counter[str]) -> str:
+    if not ways.id:
+        return (
+            f"{path.name} holds no drivable way (highway = {', '.join(sorted(DRIVABLE))}). "
+            "Give an extract that covers roads."
+        )
+    if skipped["node missing from the file"]:
+        return (
+            f"{path.name} holds {len(ways.id)} drivable ways but not the positions of their nodes. "
+            "Export it again with complete ways."
+        )
+    return (
+        f"The {len(ways.id)} drivable ways of {path.name} have no length. Give an extract that covers roads."
+    )

@@ -1,0 +1,152 @@
+"""Road segments in degrees, as a file or a database holds them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pyproj import Geod
+
+from fusion.types import Floats, Ints
+
+_METRES_PER_DEGREE = 111_132.0  # of latitude, mean; only used to widen boxes
+_WGS84 = Geod(ellps="WGS84")
+
+
+@dataclass(frozen=True, eq=False)
+class RoadTable:
+    """n directed road segments: pairs of consecutive nodes of drivable OSM ways, unprojected.
+
+    Every column has shape (n,). Rows are sorted by (osm_way_id, from_node, to_node), which is the segment's
+    identity and never repeats; from_node to to_node is the direction in which the way is drawn. Longitudes
+    and latitudes are WGS 84 degrees. ``oneway`` is 1 along the way, -1 against it, 0 both. ``layer`` is
+    OSM's stacking order. ``name`` holds ``str`` or ``None``. ``skipped`` counts, by reason, the node pairs
+    of the source that are not here.
+    """
+
+    osm_way_id: Ints
+    from_node: Ints
+    to_node: Ints
+    lon0_deg: Floats
+    lat0_deg: Floats
+    lon1_deg: Floats
+    lat1_deg: Floats
+    oneway: NDArray[np.int8]
+    bridge: NDArray[np.bool_]
+    tunnel: NDArray[np.bool_]
+    layer: NDArray[np.int8]
+    highway: NDArray[np.object_]
+    name: NDArray[np.object_]
+    skipped: Counter[str] = field(default_factory=Counter)
+
+    @classmethod
+    def columns(cls) -> tuple[str, ...]:
+        """The names of the columns, in order."""
+        return tuple(spec.name for spec in fields(cls) if spec.name != "skipped")
+
+    @classmethod
+    def from_columns(
+        cls,
+        *,
+        osm_way_id: ArrayLike,
+        from_node: ArrayLike,
+        to_node: ArrayLike,
+        lon0_deg: ArrayLike,
+        lat0_deg: ArrayLike,
+        lon1_deg: ArrayLike,
+        lat1_deg: ArrayLike,
+        oneway: ArrayLike,
+        bridge: ArrayLike,
+        tunnel: ArrayLike,
+        layer: ArrayLike,
+        highway: Sequence[str] | NDArray[np.object_],
+        name: Sequence[str | None] | NDArray[np.object_],
+        skipped: Counter[str] | None = None,
+    ) -> RoadTable:
+        """Build a table from columns of equal length in any order.
+
+        Rows are sorted; of rows with the same identity the first is kept.
+        Raises ``ValueError`` for columns of different lengths.
+        """
+        given: dict[str, NDArray[Any]] = {
+            "osm_way_id": np.asarray(osm_way_id, np.int64),
+            "from_node": np.asarray(from_node, np.int64),
+            "to_node": np.asarray(to_node, np.int64),
+            "lon0_deg": np.asarray(lon0_deg, np.float64),
+            "lat0_deg": np.asarray(lat0_deg, np.float64),
+            "lon1_deg": np.asarray(lon1_deg, np.float64),
+            "lat1_deg": np.asarray(lat1_deg, np.float64),
+            "oneway": np.asarray(oneway, np.int8),
+            "bridge": np.asarray(bridge, np.bool_),
+            "tunnel": np.asarray(tunnel, np.bool_),
+            "layer": np.asarray(layer, np.int8),
+            "highway": np.asarray(highway, np.object_),
+            "name": np.asarray(name, np.object_),
+        }
+        shapes = {column: values.shape for column, values in given.items()}
+        if len(set(shapes.values())) != 1 or len(shapes["osm_way_id"]) != 1:
+            raise ValueError(f"the columns of a RoadTable must be vectors of one length, not {shapes}")
+        order = np.lexsort((given["to_node"], given["from_node"], given["osm_way_id"]))
+        key = np.column_stack([given[c][order] for c in ("osm_way_id", "from_node", "to_node")])
+        first = np.ones(len(order), bool)
+        first[1:] = np.any(key[1:] != key[:-1], axis=1)
+        keep = order[first]
+        return cls(**{c: v[keep] for c, v in given.items()}, skipped=Counter(skipped or {}))
+
+    @classmethod
+    def empty(cls) -> RoadTable:
+        """A table without segments."""
+        return cls.from_columns(**{c: [] for c in cls.columns()})  # type: ignore[arg-type]
+
+    def __len__(self) -> int:
+        return len(self.osm_way_id)
+
+    @cached_property
+    def length_m(self) -> Floats:
+        """Geodesic lengths on WGS 84, metres, shape (n,)."""
+        if not len(self):
+            return np.empty(0)
+        return np.asarray(
+            _WGS84.inv(self.lon0_deg, self.lat0_deg, self.lon1_deg, self.lat1_deg)[2], np.float64
+        )
+
+    def subset(self, which: NDArray[np.bool_] | Ints) -> RoadTable:
+        """The rows selected by a mask or by strictly increasing indices, as the table stays sorted.
+
+        Raises ``ValueError`` for indices that do not increase.
+        """
+        if which.dtype != np.bool_ and np.any(np.diff(which.astype(np.int64)) <= 0):
+            raise ValueError("indices into a RoadTable must increase strictly")
+        return replace(self, **{c: getattr(self, c)[which] for c in self.columns()})
+
+    def within(self, west_deg: float, south_deg: float, east_deg: float, north_deg: float) -> RoadTable:
+        """The segments whose bounding box meets the given one (WGS 84 degrees)."""
+        meets = (
+            (np.minimum(self.lon0_deg, self.lon1_deg) <= east_deg)
+            & (np.maximum(self.lon0_deg, self.lon1_deg) >= west_deg)
+            & (np.minimum(self.lat0_deg, self.lat1_deg) <= north_deg)
+            & (np.maximum(self.lat0_deg, self.lat1_deg) >= south_deg)
+        )
+        return self.subset(meets)
+
+    def near(self, log_bounds_deg: tuple[float, float, float, float], margin_m: float = 250.0) -> RoadTable:
+        """The segments whose bounding box comes within about ``margin_m`` of (west, south, east, north)."""
+        west, south, east, north = log_bounds_deg
+        lat_margin = margin_m / _METRES_PER_DEGREE
+        widest = min(max(abs(south), abs(north)) + lat_margin, 89.9)
+        lon_margin = lat_margin / float(np.cos(np.radians(widest)))
+        return self.within(west - lon_margin, south - lat_margin, east + lon_margin, north + lat_margin)
+
+    def bounds_deg(self) -> tuple[float, float, float, float]:
+        """(west, south, east, north) of all segments, degrees; raises ``ValueError`` for an empty table."""
+        return (
+            float(min(self.lon0_deg.min(), self.lon1_deg.min())),
+            float(min(self.lat0_deg.min(), self.lat1_deg.min())),
+            float(max(self.lon0_deg.max(), self.lon1_deg.max())),
+            float(max(self.lat0_deg.max(), self.lat1_deg.max())),
+        )

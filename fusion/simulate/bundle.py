@@ -1,0 +1,112 @@
+"""A whole demonstration on disk: map, elevations, drives in several formats, truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
+from fusion.simulate.routes import structures
+from fusion.simulate.town import Town, make_town
+from fusion.types import Progress, no_progress
+
+_MIX = (
+    ("m8", "csv"),
+    ("m8", "ubx"),
+    ("f9p", "csv"),
+    ("phone", "csv.gz"),
+    ("f9p", "ubx"),
+    ("phone", "ubx"),
+)
+"""Receiver and file suffix of the first, second, ... drive; then from the beginning."""
+
+
+class NamedDrive(NamedTuple):
+    """A drive and the file it is to become."""
+
+    filename: str
+    drive: SimulatedDrive
+
+    def write(self, folder: Path) -> Path:
+        """Write the file in the format of its suffix and return its path."""
+        path = Path(folder) / self.filename
+        if path.suffix == ".ubx":
+            self.drive.write_ubx(path)
+        else:
+            self.drive.write_csv(path)
+        return path
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """The files of a demonstration. ``town`` and ``simulated`` hold what they were made from."""
+
+    osm: Path
+    dem: Path
+    truth: Path
+    drives: tuple[Path, ...]
+    town: Town
+    simulated: tuple[SimulatedDrive, ...]
+
+
+def demo_drives(
+    town: Town, count: int, seed: int = 1, *, duration_s: float = 600.0, rate_hz: float = 1.0
+) -> Iterator[NamedDrive]:
+    """Yield ``count`` drives that together cover as much of the town as they can, in mixed receivers and
+    formats.
+
+    The first ones take the motorway, the ramps, the bridges and the tunnel; six drives of 600 s pass most of
+    the town, further ones pass it again. Each has its own start time, an hour and a half after the one
+    before.
+    """
+    visits = np.zeros(len(town.roads), np.int64)
+    for k in range(count):
+        receiver, suffix = _MIX[k % len(_MIX)]
+        drive = simulate_drive(
+            town,
+            1000 * seed + k,
+            duration_s,
+            rate_hz=rate_hz,
+            receiver=receiver,
+            visits=visits,
+            first=structures(town),
+        )
+        yield NamedDrive(f"drive_{k + 1:02d}.{suffix}", drive)
+
+
+def write_all(
+    folder: Path,
+    drives: int = 6,
+    seed: int = 1,
+    *,
+    duration_s: float = 600.0,
+    rate_hz: float = 1.0,
+    progress: Progress = no_progress,
+) -> Bundle:
+    """Make the town of ``seed`` and write town.osm, dem.tif, drive_01.csv ... and truth.csv into ``folder``.
+
+    The folder is created where it is missing and files in it are overwritten. ``truth.csv`` holds the
+    segments that the drives cover, or the whole town without drives. Raises ``OSError`` where the folder
+    cannot be written.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    progress("town", 0.0)
+    town = make_town(seed)
+    town.write_osm(folder / "town.osm")
+    town.write_dem(folder / "dem.tif")
+    paths: list[Path] = []
+    simulated: list[SimulatedDrive] = []
+    for named in demo_drives(town, drives, seed, duration_s=duration_s, rate_hz=rate_hz):
+        progress("drives", len(paths) / max(drives, 1))
+        paths.append(named.write(folder))
+        simulated.append(named.drive)
+    progress("truth", 1.0)
+    town.write_truth(folder / "truth.csv", simulated or None)
+    return Bundle(
+        folder / "town.osm", folder / "dem.tif", folder / "truth.csv", tuple(paths), town, tuple(simulated)
+    )

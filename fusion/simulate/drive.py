@@ -1,0 +1,223 @@
+"""One simulated drive: the truth, what the receiver logged of it, and the files it becomes."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion.simulate.motion import Motion, MotionState, move
+from fusion.simulate.receiver import (
+    RECEIVERS,
+    GnssReadings,
+    InertialReadings,
+    Mounting,
+    ReceiverProfile,
+    observe_gnss,
+    observe_inertial,
+)
+from fusion.simulate.routes import plan_route
+from fusion.simulate.ubx_file import ubx_bytes
+from fusion.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from fusion.simulate.town import Town
+
+FIRST_START_S = 1_717_394_400.0
+"""2024-06-03T06:00:00Z, when the drive of seed 0 begins."""
+_BETWEEN_DRIVES_S = 5400.0
+_POSITION_COLUMNS = ("lat_deg", "lon_deg", "alt_msl_m", "h_acc_m", "v_acc_m")
+_VELOCITY_COLUMNS = ("vel_n_mps", "vel_e_mps", "vel_d_mps", "s_acc_mps")
+_DIGITS = {"time_s": 3, "lat_deg": 8, "lon_deg": 8}
+
+
+class Pass(NamedTuple):
+    """One passage over a segment; times in seconds from the drive's beginning."""
+
+    segment: int
+    forward: bool
+    start_s: float
+    end_s: float
+    driven_m: float
+
+
+@dataclass(frozen=True)
+class SimulatedDrive:
+    """A drive through a town. ``time_s`` (Unix seconds, whole milliseconds) are the GNSS epochs.
+
+    ``truth`` is the true state at the epochs; ``gnss`` and ``inertial`` are the readings there. ``has_gnss``
+    is False in tunnels and outages, where the GNSS readings must not be used.
+    """
+
+    town: Town
+    seed: int
+    receiver: str
+    rate_hz: float
+    antenna_m: float
+    start_time_s: float
+    motion: Motion
+    mounting: Mounting
+    elapsed_s: Floats
+    truth: MotionState
+    gnss: GnssReadings
+    inertial: InertialReadings
+    has_gnss: NDArray[np.bool_]
+
+    @property
+    def profile(self) -> ReceiverProfile:
+        """The receiver's error figures."""
+        return RECEIVERS[self.receiver]
+
+    @property
+    def time_s(self) -> Floats:
+        """Epochs, Unix seconds."""
+        return self.start_time_s + self.elapsed_s
+
+    def lonlat(self) -> tuple[Floats, Floats]:
+        """Logged positions, degrees (lon, lat)."""
+        return self.town.projection.to_lonlat(self.gnss.x_m, self.gnss.y_m)
+
+    def inertial_at(self, elapsed_s: Floats) -> InertialReadings:
+        """Inertial readings at other instants than the epochs, with noise of their own."""
+        rng = np.random.default_rng([self.town.seed, self.seed, 24])
+        return observe_inertial(self.motion.at(elapsed_s), self.profile, self.mounting, rng)
+
+    @cached_property
+    def _passes(self) -> tuple[Pass, ...]:
+        t = np.arange(0.0, self.motion.duration_s, 0.1)
+        state = self.motion.at(t)
+        cuts = np.flatnonzero(np.diff(state.arc)) + 1
+        runs = zip(np.r_[0, cuts], np.r_[cuts, len(t)], strict=True)
+        return tuple(
+            Pass(
+                int(state.segment[a]),
+                bool(state.forward[a]),
+                float(t[a]),
+                float(t[b - 1]),
+                float(np.ptp(state.distance_m[a:b])),
+            )
+            for a, b in runs
+        )
+
+    def passes(self) -> tuple[Pass, ...]:
+        """Every passage over a segment, in order."""
+        return self._passes
+
+    def columns(self) -> dict[str, Floats]:
+        """The columns of the Versant CSV, NaN where nothing was measured."""
+        lon, lat = self.lonlat()
+        n, p, imu = len(lon), self.profile, self.inertial
+        ned = self.gnss.velocity_ned_mps
+        gyro = np.degrees(imu.rate_radps)
+        table = {
+            "time_s": self.time_s,
+            "lat_deg": lat,
+            "lon_deg": lon,
+            "alt_msl_m": self.gnss.alt_msl_m,
+            "h_acc_m": np.full(n, p.h_acc_m),
+            "v_acc_m": np.full(n, p.v_acc_m),
+            "vel_n_mps": ned[:, 0],
+            "vel_e_mps": ned[:, 1],
+            "vel_d_mps": ned[:, 2],
+            "s_acc_mps": np.full(n, p.s_acc_mps),
+            "acc_x_mps2": imu.force_mps2[:, 0],
+            "acc_y_mps2": imu.force_mps2[:, 1],
+            "acc_z_mps2": imu.force_mps2[:, 2],
+            "gyr_x_dps": gyro[:, 0],
+            "gyr_y_dps": gyro[:, 1],
+            "gyr_z_dps": gyro[:, 2],
+            "roll_deg": np.degrees(imu.roll_rad),
+            "pitch_deg": np.degrees(imu.pitch_rad),
+            "yaw_deg": np.degrees(imu.yaw_rad) % 360.0,
+            "pitch_acc_deg": np.full(n, p.pitch_acc_deg),
+            "odo_speed_mps": imu.odo_speed_mps,
+        }
+        for name in _POSITION_COLUMNS + _VELOCITY_COLUMNS:
+            table[name] = np.where(self.has_gnss, table[name], np.nan)
+        return table
+
+    def write_csv(self, path: Path) -> None:
+        """Write a Versant CSV, gzipped if the name ends in ``.gz``."""
+        table = self.columns()
+        cells = [[_cell(v, _DIGITS.get(name, 4)) for v in values] for name, values in table.items()]
+        text = io.StringIO(newline="")
+        out = csv.writer(text)
+        out.writerow(table)
+        out.writerows(zip(*cells, strict=True))
+        data = text.getvalue().encode("ascii")
+        Path(path).write_bytes(gzip.compress(data, mtime=0) if str(path).endswith(".gz") else data)
+
+    def write_ubx(self, path: Path) -> None:
+        """Write u-blox binary messages (see ``fusion.simulate.ubx_file``)."""
+        Path(path).write_bytes(ubx_bytes(self))
+
+
+def _cell(value: float, digits: int) -> str:
+    return "" if np.isnan(value) else f"{value:.{digits}f}"
+
+
+def simulate_drive(
+    town: Town,
+    seed: int,
+    duration_s: float = 600.0,
+    *,
+    rate_hz: float = 1.0,
+    receiver: str = "m8",
+    outages: Sequence[tuple[float, float]] = (),
+    antenna_m: float = 1.55,
+    start_time_s: float | None = None,
+    visits: Ints | None = None,
+    first: NDArray[np.bool_] | None = None,
+) -> SimulatedDrive:
+    """Drive a random route for ``duration_s``; everything random comes from the town's seed and ``seed``.
+
+    ``outages`` are (start, length) in seconds from the drive's beginning, without GNSS as in tunnels.
+    ``visits`` and ``first`` steer the route (``routes.plan_route``); the passes of this drive are added to
+    ``visits``. Raises ``UnknownNameError`` for an unknown receiver, ``ValueError`` for a duration or rate
+    that is not positive.
+    """
+    if duration_s <= 0 or rate_hz <= 0:
+        raise ValueError(f"a drive needs a positive duration and rate, not {duration_s} s at {rate_hz} Hz")
+    profile = RECEIVERS[receiver]
+
+    def chance(k: int) -> np.random.Generator:
+        return np.random.default_rng([town.seed, seed, k])
+
+    earlier = None if visits is None else visits.copy()
+    route = plan_route(town, 1.3 * duration_s + 120.0, chance(20), visits=earlier, first=first)
+    motion = move(town, route, duration_s, chance(21), springs=profile.springs)
+    mounting = Mounting.draw(profile, chance(22))
+    noise = chance(23)
+    phase = float(noise.random()) / rate_hz
+    elapsed = np.round(np.arange(phase, motion.duration_s, 1 / rate_hz), 3)
+    truth = motion.at(elapsed)
+    lost = town.roads.tunnel[truth.segment].copy()
+    for begin, length in outages:
+        lost |= (elapsed >= begin) & (elapsed < begin + length)
+    start = FIRST_START_S + _BETWEEN_DRIVES_S * (seed % 5000) if start_time_s is None else start_time_s
+    drive = SimulatedDrive(
+        town=town,
+        seed=seed,
+        receiver=receiver,
+        rate_hz=rate_hz,
+        antenna_m=antenna_m,
+        start_time_s=start,
+        motion=motion,
+        mounting=mounting,
+        elapsed_s=elapsed,
+        truth=truth,
+        gnss=observe_gnss(truth, 1 / rate_hz, antenna_m, profile, mounting, noise),
+        inertial=observe_inertial(truth, profile, mounting, noise),
+        has_gnss=~lost,
+    )
+    if visits is not None:
+        np.add.at(visits, [p.segment for p in drive.passes()], 1)
+    return drive

@@ -1,0 +1,123 @@
+"""From altitudes along a road to the slopes of its segments: the line of the thesis, with a sigma that is true."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion.combine import combine
+from fusion.types import Floats, Ints, SegmentSlope, Track
+
+Index = NDArray[np.intp]
+AltitudeCovariance = Callable[[Index], Floats]
+"""Covariance (k, k), m^2, of the altitude errors at k epochs of a track."""
+
+
+@dataclass(frozen=True)
+class LineRule:
+    """When a pass over a segment yields a slope.
+
+    ``min_epochs``: altitudes on the segment at least (thesis 3.4.3: 3, its experiment 4). ``min_span_m``: distance
+    between the first and the last of them at least. ``max_break_s``: epochs further apart belong to two passes.
+    ``floor_percent``: what a line can't know about a segment (its curvature, where within it the epochs lie).
+    """
+
+    min_epochs: int = 4
+    min_span_m: float = 5.0
+    max_break_s: float = 5.0
+    floor_percent: float = 0.2
+
+
+def passes(segment: Ints, time_s: Floats, max_break_s: float) -> Iterator[tuple[int, Index]]:
+    """Yield (segment, epochs) for each uninterrupted stay on a segment; -1 is no segment."""
+    if not len(segment):
+        return
+    cuts = np.flatnonzero((np.diff(segment) != 0) | (np.diff(time_s) > max_break_s)) + 1
+    for part in np.split(np.arange(len(segment)), cuts):
+        if segment[part[0]] >= 0:
+            yield int(segment[part[0]]), part
+
+
+def line_weights(distance_m: Floats) -> Floats:
+    """Weights h with least-squares slope = h @ altitude, for at least two different distances."""
+    centred = distance_m - distance_m.mean()
+    weights: Floats = centred / float(centred @ centred)
+    return weights
+
+
+def segment_slopes(track: Track, covariance: AltitudeCovariance, rule: LineRule) -> tuple[SegmentSlope, ...]:
+    """The slope of every segment that the track stays on long enough, passes combined, ordered by segment.
+
+    ``distance_m`` grows from from_node to to_node, so the sign is right whichever way the vehicle went.
+    """
+    found: dict[int, list[tuple[float, float, Index]]] = {}
+    for segment, epochs in passes(track.segment, track.time_s, rule.max_break_s):
+        usable = epochs[np.isfinite(track.alt_m[epochs]) & np.isfinite(track.distance_m[epochs])]
+        if len(usable) < rule.min_epochs or np.ptp(track.distance_m[usable]) < rule.min_span_m:
+            continue
+        weights = line_weights(track.distance_m[usable])
+        slope = 100.0 * float(weights @ track.alt_m[usable])
+        variance = float(weights @ covariance(usable) @ weights)
+        sigma = float(np.hypot(100.0 * np.sqrt(max(variance, 0.0)), rule.floor_percent))
+        found.setdefault(segment, []).append((slope, sigma, usable))
+    return tuple(_joined(segment, found[segment], track.time_s) for segment in sorted(found))
+
+
+def _joined(segment: int, parts: list[tuple[float, float, Index]], time_s: Floats) -> SegmentSlope:
+    observations = np.array([len(epochs) for _, _, epochs in parts])
+    total = combine(np.array([p[0] for p in parts]), np.array([p[1] for p in parts]), observations)
+    return SegmentSlope(
+        segment=segment,
+        slope_percent=total.slope_percent,
+        slope_sigma_percent=total.slope_sigma_percent,
+        observations=total.observations,
+        passes=len(parts),
+        first_time_s=float(time_s[parts[0][2][0]]),
+        last_time_s=float(time_s[parts[-1][2][-1]]),
+    )
+
+
+@dataclass(frozen=True)
+class AltitudeErrors:
+    """A model of how altitude errors hang together along a drive, per epoch of a track (arrays of shape (n,)).
+
+    White error ``white_m``; Gauss-Markov error ``correlated_m`` with ``correlation_s``; and the height that a
+    grade error ``grade`` (Gauss-Markov in time, ``grade_correlation_s``) adds up to along the way.
+    """
+
+    time_s: Floats
+    speed_mps: Floats
+    white_m: Floats
+    correlated_m: Floats
+    correlation_s: float
+    grade: Floats
+    grade_correlation_s: float
+
+    def covariance(self, epochs: Index) -> Floats:
+        """Covariance of the altitude errors at ``epochs``, shape (k, k), m^2."""
+        time_s = self.time_s[epochs]
+        lag = np.abs(time_s[:, None] - time_s[None, :])
+        level = self.correlated_m[epochs]
+        out = level[:, None] * level[None, :] * np.exp(-lag / self.correlation_s)
+        out[np.diag_indices_from(out)] += self.white_m[epochs] ** 2
+        # Trapezoidal sums of the grade error: height error at epoch k = sum of the climbs before it.
+        rate = self.grade[epochs] * self.speed_mps[epochs]
+        rates = rate[:, None] * rate[None, :] * np.exp(-lag / self.grade_correlation_s)
+        sums = _trapezoid(time_s)
+        covariance: Floats = out + sums @ rates @ sums.T
+        return covariance
+
+
+def _trapezoid(time_s: Floats) -> Floats:
+    """Matrix (k, k) that turns rates at the epochs into their integral since the first epoch."""
+    count = len(time_s)
+    sums = np.zeros((count, count))
+    for k in range(1, count):
+        half = 0.5 * (time_s[k] - time_s[k - 1])
+        sums[k] = sums[k - 1]
+        sums[k, k - 1] += half
+        sums[k, k] += half
+    return sums

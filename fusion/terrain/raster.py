@@ -1,0 +1,184 @@
+"""One elevation raster: what it covers, and its posts."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rasterio
+from affine import Affine
+from pyproj import CRS, Transformer
+from pyproj.exceptions import ProjError
+from rasterio.enums import ColorInterp
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from rasterio.windows import Window
+
+from fusion.errors import TerrainError
+from fusion.types import Floats
+
+LOWEST_M, HIGHEST_M = -1000.0, 9000.0
+"""No road's ground lies beyond; fill values that a raster does not declare (-32768, -9999, 1e38) do."""
+
+_HGT_NAME = re.compile(r"[NS]\d\d[EW]\d\d\d", re.IGNORECASE)
+_METRES_PER_UNIT = {
+    "ft": 0.3048,
+    "foot": 0.3048,
+    "feet": 0.3048,
+    "us survey foot": 1200 / 3937,
+    "us-ft": 1200 / 3937,
+}
+_HINT = "Give a single-band elevation raster such as GeoTIFF, COG, VRT or HGT."
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """The header of a raster.
+
+    ``posts`` takes (column, row) of a post, the centre of a pixel, to the CRS's x and y (longitude and
+    latitude where it is geographic); ``crs`` is the horizontal CRS, ``datum`` what heights refer to.
+    Stored values times ``scale_m`` plus ``offset_m`` are metres.
+    """
+
+    path: Path
+    posts: Affine
+    rows: int
+    columns: int
+    crs: CRS
+    datum: str
+    scale_m: float
+    offset_m: float
+
+
+def open_raster(path: Path) -> tuple[Raster, Any]:
+    """Open a raster: its header and the rasterio dataset. Raises ``TerrainError`` when it is no elevation."""
+    path = Path(path)
+    _check_file(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # answered by a sentence of ours below
+            dataset = rasterio.open(path)
+    except (RasterioError, OSError, ValueError) as error:
+        raise TerrainError(
+            f"{path.name} cannot be read as a raster ({_reason(error, path)}). {_HINT}"
+        ) from error
+    try:
+        return _header(path, dataset), dataset
+    except BaseException:
+        dataset.close()
+        raise
+
+
+def read_posts(raster: Raster, dataset: Any, row: int, column: int, rows: int, columns: int) -> Floats:
+    """Heights in metres of a window inside the raster, NaN for voids; ``TerrainError`` if it is damaged."""
+    try:
+        stored = dataset.read(1, window=Window(column, row, columns, rows), masked=True)
+    except (RasterioError, OSError, ValueError) as error:
+        reason = _reason(error, raster.path)
+        raise TerrainError(
+            f"{raster.path.name} is damaged ({reason}). Download or export it again."
+        ) from error
+    heights = np.asarray(stored.filled(0), np.float64) * raster.scale_m + raster.offset_m
+    # Undeclared fill values are recognised as stored: scaled, they could pass for heights.
+    fill = np.ma.getmaskarray(stored) | (np.asarray(stored.data) == -32768)
+    with np.errstate(invalid="ignore"):
+        fill |= ~((heights >= LOWEST_M) & (heights <= HIGHEST_M))
+    heights[fill] = np.nan
+    return heights
+
+
+def _reason(error: Exception, path: Path) -> str:
+    """GDAL's words, without folders and without repeating the name of the file."""
+    cause = error.__cause__ or error
+    return str(cause).replace(str(path), path.name).removeprefix(f"{path.name}: ").rstrip(".")
+
+
+def apply(affine: Affine, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """An affine map of points, elementwise."""
+    a, b, c, d, e, f = affine[:6]
+    return a * x + b * y + c, d * x + e * y + f
+
+
+def shifted(affine: Affine, x: float, y: float) -> Affine:
+    """The affine map of points counted from (x, y)."""
+    a, b, c, d, e, f = affine[:6]
+    return Affine(a, b, a * x + b * y + c, d, e, d * x + e * y + f)
+
+
+def _check_file(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            empty = not file.read(1)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise TerrainError(f"The elevation raster {path} cannot be read: {reason}. {_HINT}") from error
+    if empty:
+        raise TerrainError(f"The elevation raster {path.name} is empty. {_HINT}")
+    if path.suffix.lower() == ".hgt" and not _HGT_NAME.match(path.name):
+        raise TerrainError(
+            f"{path.name}: an HGT tile says where it lies only by its name. Name it after its south-west "
+            "corner, such as N48E008.hgt."
+        )
+
+
+def _header(path: Path, dataset: Any) -> Raster:
+    if dataset.crs is None or dataset.transform.is_identity or dataset.transform.is_degenerate:
+        raise TerrainError(
+            f"{path.name} does not say where on Earth it lies. Give a raster with a coordinate reference "
+            "system and a geotransform."
+        )
+    kind = np.dtype(dataset.dtypes[0]).kind
+    colour = dataset.colorinterp[0]
+    if kind not in "iuf" or colour in (ColorInterp.palette, ColorInterp.red):
+        raise TerrainError(f"{path.name} is a picture, not an elevation raster. {_HINT}")
+    try:
+        crs = CRS.from_wkt(dataset.crs.to_wkt())
+        if not (crs.is_geographic or crs.is_projected):
+            raise ProjError(f"{crs.name} is neither geographic nor projected")
+        Transformer.from_crs(4326, _horizontal(crs), always_xy=True)
+    except (ProjError, RasterioError) as error:
+        raise TerrainError(
+            f"The coordinate reference system of {path.name} is not usable: {error}. "
+            "Give the raster in a common one, such as EPSG:4326."
+        ) from error
+    unit = str(dataset.units[0] or _vertical_unit(crs)).strip().lower()
+    metres = _METRES_PER_UNIT.get(unit, 1.0)
+    return Raster(
+        path=path,
+        # rasterio's transform is of pixel corners, even of AREA_OR_POINT=Point files (GDAL shifts them)
+        posts=shifted(dataset.transform, 0.5, 0.5),
+        rows=dataset.height,
+        columns=dataset.width,
+        crs=_horizontal(crs),
+        datum="EGM96" if dataset.driver == "SRTMHGT" else _datum(crs),
+        scale_m=float(dataset.scales[0]) * metres,
+        offset_m=float(dataset.offsets[0]) * metres,
+    )
+
+
+def _horizontal(crs: CRS) -> CRS:
+    if crs.is_compound:
+        return crs.sub_crs_list[0]
+    return crs.to_2d()
+
+
+def _vertical(crs: CRS) -> CRS | None:
+    return crs.sub_crs_list[1] if crs.is_compound else None
+
+
+def _vertical_unit(crs: CRS) -> str:
+    vertical = _vertical(crs)
+    return str(vertical.axis_info[0].unit_name) if vertical is not None and vertical.axis_info else ""
+
+
+def _datum(crs: CRS) -> str:
+    """The vertical reference that the CRS states, such as ``EGM2008`` or ``DHHN2016``, else ``unknown``."""
+    vertical = _vertical(crs)
+    if vertical is not None:
+        return str(vertical.name).removesuffix(" height")
+    if len(crs.axis_info) == 3:
+        return f"{crs.geodetic_crs.name if crs.geodetic_crs else crs.name} ellipsoid"
+    return "unknown"

@@ -1,0 +1,44 @@
+"""Triangulated heights on a grid of posts (Al Assaad 2020, 2.33-2.34)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fusion.compiled import compiled
+from fusion.types import Floats
+
+
+@compiled
+def _post(z: Floats, row: int, column: int, weight: float) -> float:
+    """A post's share of a height; one without weight is not looked at, so that a void there is no matter."""
+    if weight == 0.0:
+        return 0.0
+    if row < 0 or column < 0 or row >= z.shape[0] or column >= z.shape[1]:
+        return np.nan
+    return weight * float(z[row, column])
+
+
+@compiled
+def tin_heights(z: Floats, u: Floats, v: Floats) -> Floats:
+    """Heights at grid coordinates, shape (n,): u counts columns, v rows, both 0 at post ``z[0, 0]``.
+
+    Each cell A(i, j), B(i + 1, j), C(i, j + 1), D(i + 1, j + 1), with i along columns and j along rows, is
+    the triangles ABC and BCD. In grid coordinates (2.34) reads zA + (zB - zA) u + (zC - zA) v, which is the
+    spec's for any affine grid, rotated or with unequal postings. NaN beyond the posts and where a corner of
+    the triangle is NaN.
+    """
+    heights = np.empty(len(u))
+    for k in range(len(u)):
+        if not (
+            np.isfinite(u[k]) and np.isfinite(v[k]) and -1 < u[k] < z.shape[1] and -1 < v[k] < z.shape[0]
+        ):
+            heights[k] = np.nan
+            continue
+        i, j = int(np.floor(u[k])), int(np.floor(v[k]))
+        fu, fv = u[k] - i, v[k] - j
+        if fu + fv <= 1.0:
+            heights[k] = _post(z, j, i, 1 - fu - fv) + _post(z, j, i + 1, fu) + _post(z, j + 1, i, fv)
+        else:
+            corner = _post(z, j + 1, i + 1, fu + fv - 1)
+            heights[k] = corner + _post(z, j, i + 1, 1 - fv) + _post(z, j + 1, i, 1 - fu)
+    return heights

@@ -1,0 +1,260 @@
+"""Tiles: what is in them, what caches are told, which addresses exist."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+EXTENT = 4096
+
+
+def tile_of(lon: float, lat: float, z: int) -> tuple[int, int]:
+    """The slippy-map formula, independent of PostGIS."""
+    x = (lon + 180) / 360 * 2**z
+    y = (1 - math.asinh(math.tan(math.radians(lat))) / math.pi) / 2 * 2**z
+    return int(x), int(y)
+
+
+# --- a decoder of Mapbox vector tiles of its own, so that PostGIS is not checked against itself -------------
+
+
+def varint(data: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while True:
+        byte = data[at]
+        value |= (byte & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if byte < 0x80:
+            return value, at
+
+
+def fields(data: bytes) -> Iterator[tuple[int, Any]]:
+    """(field number, value) of a protobuf message: integers, or bytes of fixed and delimited fields."""
+    at = 0
+    while at < len(data):
+        key, at = varint(data, at)
+        match key & 7:
+            case 0:
+                value, at = varint(data, at)
+                yield key >> 3, value
+                continue
+            case 1:
+                size = 8
+            case 5:
+                size = 4
+            case _:
+                size, at = varint(data, at)
+        yield key >> 3, data[at : at + size]
+        at += size
+
+
+def packed(data: bytes) -> list[int]:
+    values, at = [], 0
+    while at < len(data):
+        value, at = varint(data, at)
+        values.append(value)
+    return values
+
+
+def zigzag(value: int) -> int:
+    return (value >> 1) ^ -(value & 1)
+
+
+def value_of(data: bytes) -> Any:
+    ((number, value),) = fields(data)
+    match number:
+        case 1:
+            return value.decode()
+        case 2:
+            return struct.unpack("<f", value)[0]
+        case 3:
+            return struct.unpack("<d", value)[0]
+        case 6:
+            return zigzag(value)
+        case 7:
+            return bool(value)
+        case _:
+            return value
+
+
+def layers(tile: bytes) -> dict[str, list[dict[str, Any]]]:
+    """Layer's name -> its features: id, properties, path in tile coordinates."""
+    out = {}
+    for number, layer in fields(tile):
+        assert number == 3
+        parts: dict[int, list[Any]] = {}
+        for field, value in fields(layer):
+            parts.setdefault(field, []).append(value)
+        keys = [key.decode() for key in parts.get(3, [])]
+        values = [value_of(value) for value in parts.get(4, [])]
+        assert parts[15] == [2], "version 2 of the specification"
+        assert parts[5] == [EXTENT]
+        out[parts[1][0].decode()] = [decoded(f, keys, values) for f in parts[2]]
+    return out
+
+
+def decoded(feature: bytes, keys: list[str], values: list[Any]) -> dict[str, Any]:
+    found = dict(fields(feature))
+    tags = packed(found[2])
+    commands, path, x, y = packed(found[4]), [], 0, 0
+    assert found[3] == 2, "a line"
+    at = 0
+    while at < len(commands):
+        count, at = commands[at] >> 3, at + 1
+        for _ in range(count):
+            x, y = x + zigzag(commands[at]), y + zigzag(commands[at + 1])
+            path.append((x, y))
+            at += 2
+    properties = {keys[k]: values[v] for k, v in zip(tags[::2], tags[1::2], strict=True)}
+    return {"id": found[1], "properties": properties, "path": path}
+
+
+# --- contents -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def items(reading: Any) -> dict[int, dict[str, Any]]:
+    found: dict[int, dict[str, Any]] = {}
+    address = "/collections/segments/items?limit=50"
+    while address:
+        page = reading.client.get(address).json()
+        found |= {f["id"]: f for f in page["features"]}
+        address = next((link["href"] for link in page["links"] if link["rel"] == "next"), "")
+    return found
+
+
+@pytest.mark.parametrize("z", [13, 15, 17])
+def test_vector_tiles_hold_the_items_in_place(reading: Any, items: dict[int, dict[str, Any]], z: int) -> None:
+    corner = tile_of(8.407, 49.007, z)
+    answer = reading.client.get(f"/tiles/{z}/{corner[0]}/{corner[1]}.mvt")
+    assert answer.status_code == 200
+    assert answer.headers["content-type"] == "application/vnd.mapbox-vector-tile"
+    features = layers(answer.content)["segments"]
+    assert features
+    for feature in features:
+        item = items[feature["id"]]["properties"]
+        known = {"slope_percent", "slope_sigma_percent"} if item["drives"] else set()
+        assert set(feature["properties"]) == {"drives", "highway", "oneway"} | known
+        for name, value in feature["properties"].items():
+            assert value == pytest.approx(item[name], abs=1e-4) if name in known else value == item[name]
+        if all(0 < x < EXTENT and 0 < y < EXTENT for x, y in feature["path"]):
+            lon, lat = items[feature["id"]]["geometry"]["coordinates"][0]
+            x, y = (EXTENT * (u - v) for u, v in zip(fractional_tile(lon, lat, z), corner, strict=True))
+            assert feature["path"][0] == (pytest.approx(x, abs=1), pytest.approx(y, abs=1))
+
+
+def fractional_tile(lon: float, lat: float, z: int) -> tuple[float, float]:
+    y = (1 - math.asinh(math.tan(math.radians(lat))) / math.pi) / 2
+    return (lon + 180) / 360 * 2**z, y * 2**z
+
+
+def test_both_kinds_of_tiles_hold_the_same_segments(reading: Any) -> None:
+    x, y = tile_of(8.407, 49.007, 13)
+    vector = layers(reading.client.get(f"/tiles/13/{x}/{y}.mvt").content)["segments"]
+    plain = reading.client.get(f"/tiles/13/{x}/{y}.geojson")
+    assert plain.headers["content-type"] == "application/geo+json"
+    inside = {f["id"] for f in vector if any(0 <= px <= EXTENT and 0 <= py <= EXTENT for px, py in f["path"])}
+    assert {f["id"] for f in plain.json()["features"]} == inside
+
+
+def test_geojson_features_of_tiles_are_the_items(reading: Any, items: dict[int, dict[str, Any]]) -> None:
+    x, y = tile_of(8.407, 49.007, 13)
+    for feature in reading.client.get(f"/tiles/13/{x}/{y}.geojson").json()["features"]:
+        assert feature == items[feature["id"]]
+
+
+def test_a_tile_of_nothing(reading: Any) -> None:
+    empty = reading.client.get("/tiles/14/0/0.mvt")
+    assert empty.status_code == 204
+    assert not empty.content
+    assert empty.headers["etag"]
+    assert reading.client.get("/tiles/14/0/0.geojson").json()["features"] == []
+    assert reading.client.get("/tiles/2/2/1.mvt").status_code == 204, "further out than tile_min_zoom"
+
+
+@pytest.mark.parametrize(
+    ("path", "field"),
+    [
+        ("/tiles/3/8/0.mvt", "x"),
+        ("/tiles/3/0/8.mvt", "y"),
+        ("/tiles/19/0/0.mvt", "z"),
+        ("/tiles/31/0/0.geojson", "z"),
+        ("/tiles/-1/0/0.mvt", "z"),
+        ("/tiles/3/0/-1.mvt", "y"),
+        ("/tiles/a/0/0.mvt", "z"),
+        ("/tiles/3/0.5/0.geojson", "x"),
+        ("/tiles/3/99999999999999999999999/0.mvt", "x"),
+    ],
+)
+def test_tiles_that_do_not_exist(reading: Any, path: str, field: str) -> None:
+    answer = reading.client.get(path)
+    assert answer.status_code == 404
+    assert answer.json()["errors"][0]["field"] == field
+
+
+# --- caching ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", ["mvt", "geojson"])
+def test_a_tile_is_304_until_the_data_change(
+    filled: Any, drive_maker: Callable[..., Any], suffix: str
+) -> None:
+    x, y = tile_of(8.407, 49.007, 13)
+    path = f"/tiles/13/{x}/{y}.{suffix}"
+    first = filled.client.get(path)
+    seen = {"If-None-Match": f'"other", {first.headers["etag"]}'}
+    unchanged = filled.client.get(path, headers=seen)
+    assert (unchanged.status_code, unchanged.content) == (304, b"")
+    assert unchanged.headers["etag"] == first.headers["etag"]
+    assert "no-cache" in unchanged.headers["cache-control"]
+
+    drive = drive_maker(filled.sessions, [0, 1])
+    changed = filled.client.get(path, headers=seen)
+    assert changed.status_code == 200
+    assert changed.headers["etag"] != first.headers["etag"]
+    assert changed.content != first.content
+
+    assert filled.client.delete(f"/v1/drives/{drive}").status_code == 204
+    after = filled.client.get(path, headers={"If-None-Match": changed.headers["etag"]})
+    assert after.status_code == 200
+    assert after.content == first.content, "the drive's influence has left the tile"
+
+
+def test_tilejson(reading: Any) -> None:
+    answer = reading.client.get("/tiles.json")
+    document = answer.json()
+    assert document["tilejson"] == "3.0.0"
+    assert document["tiles"] == [f"{reading.base}/tiles/{{z}}/{{x}}/{{y}}.mvt"]
+    assert document["minzoom"] <= document["maxzoom"]
+    west, south, east, north = document["bounds"]
+    lon, lat, zoom = document["center"]
+    assert west <= lon <= east
+    assert south <= lat <= north
+    assert document["minzoom"] <= zoom <= document["maxzoom"]
+    assert "openstreetmap.org/copyright" in document["attribution"]
+    (layer,) = document["vector_layers"]
+    x, y = tile_of(8.407, 49.007, 13)
+    found = layers(reading.client.get(f"/tiles/13/{x}/{y}.mvt").content)
+    assert list(found) == [layer["id"]]
+    assert {name for f in found[layer["id"]] for name in f["properties"]} == set(layer["fields"])
+
+
+def test_any_page_may_read_the_map_and_none_the_drives(reading: Any) -> None:
+    asking = {"Origin": "https://map.example"}
+    for path in ("/tiles.json", "/collections/segments/items", "/tiles/14/0/0.mvt", "/"):
+        assert reading.client.get(path, headers=asking).headers["access-control-allow-origin"] == "*", path
+    for path in ("/v1/drives", "/v1/segments/1/observations", "/v1/admin/stats"):
+        assert "access-control-allow-origin" not in reading.client.get(path, headers=asking).headers, path
+
+
+def test_large_answers_are_compressed_and_say_so(reading: Any) -> None:
+    x, y = tile_of(8.407, 49.007, 13)
+    answer = reading.client.get(f"/tiles/13/{x}/{y}.geojson", headers={"Accept-Encoding": "gzip"})
+    assert answer.headers["content-encoding"] == "gzip"
+    assert "accept-encoding" in answer.headers["vary"].lower()
+    plain = reading.client.get(f"/tiles/13/{x}/{y}.geojson", headers={"Accept-Encoding": "identity"})
+    assert plain.json() == answer.json()

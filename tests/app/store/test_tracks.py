@@ -1,0 +1,63 @@
+"""A track survives its way through the database bit for bit."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+from dataclasses import fields
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from app.db import Sessions
+from app.store import tracks
+from fusion.types import Ints, Track
+
+
+def make_track(values: np.ndarray, segment: np.ndarray, has_gnss: np.ndarray) -> Track:
+    columns = iter(values.T)
+    return Track(
+        **{
+            spec.name: segment
+            if spec.name == "segment"
+            else has_gnss
+            if spec.name == "has_gnss"
+            else next(columns)
+            for spec in fields(Track)
+        }
+    )
+
+
+@given(st.integers(0, 30).flatmap(lambda n: st.tuples(
+    hnp.arrays(float, (n, len(fields(Track)) - 2), elements=st.floats(allow_nan=True)),
+    hnp.arrays(np.int64, n, elements=st.integers(-1, 4)),
+    hnp.arrays(bool, n),
+)))  # fmt: skip
+def test_what_is_decoded_is_what_was_encoded(parts: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    values, segment, has_gnss = parts
+    track = make_track(values, segment, has_gnss)
+    ids = np.array([11, 22, 33, 44, 55])
+    stored = tracks.decode(tracks.encode(track, ids))
+    for spec in fields(Track):
+        back, sent = getattr(stored.track, spec.name), getattr(track, spec.name)
+        assert back.dtype == sent.dtype
+        if spec.name != "segment":
+            assert back.tobytes() == np.ascontiguousarray(sent).tobytes()
+    assert stored.segment_id.tolist() == [ids[s] if s >= 0 else -1 for s in segment]
+
+
+def test_a_later_track_replaces_the_former(
+    sessions: Sessions, segment_ids: Ints, add_drive: Callable[..., uuid.UUID]
+) -> None:
+    drive = add_drive(segment_ids, {0: (1.0, 1.0)})
+    columns = len(fields(Track)) - 2
+    with sessions.begin() as session:
+        assert tracks.read_track(session, drive) is None
+        for n in (5, 3):
+            track = make_track(np.ones((n, columns)), np.zeros(n, int), np.ones(n, bool))
+            tracks.save_track(session, drive, track, segment_ids)
+        stored = tracks.read_track(session, drive)
+    assert stored is not None
+    assert stored.segment_id.tolist() == [segment_ids[0]] * 3

@@ -1,0 +1,120 @@
+"""Fixtures for every test: a private PostGIS with one database per test, shared data, the synthetic town.
+
+The whole run uses one server that is made for it and one template database that is migrated once; a test that
+asks for ``database_url`` gets a fresh copy of the template, which takes tens of milliseconds.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import settings as hypothesis_settings
+
+from app import migrate
+from app.embedded import EmbeddedPostgres, PostgresMissingError
+from app.settings import ENV_PREFIX, get_settings
+from app.store import databases
+
+if TYPE_CHECKING:
+    from fusion.simulate import Town
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+TEMPLATE = "template_versant"
+
+# Compiled loops take seconds at their first call, and machines are shared: no test depends on time.
+hypothesis_settings.register_profile("untimed", deadline=None)
+hypothesis_settings.load_profile("untimed")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Every test that reaches the server, through whatever fixture, is marked ``db``."""
+    for item in items:
+        if "cluster" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.db)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def environment_of_nobody() -> Iterator[None]:
+    """Tests see no setting of the person who runs them, and no test reaches that person's data folder."""
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as home:
+        for name in [n for n in os.environ if n.startswith(ENV_PREFIX)]:
+            patch.delenv(name)
+        patch.setenv("XDG_DATA_HOME", home)
+        get_settings.cache_clear()
+        yield
+        get_settings.cache_clear()
+
+
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[EmbeddedPostgres]:
+    """The run's own PostGIS server. Without PostgreSQL the tests fail and say what to install."""
+    with tempfile.TemporaryDirectory(prefix="versant-test-") as folder:
+        server = EmbeddedPostgres(Path(folder), durable=False)
+        try:
+            server.start()
+        except PostgresMissingError as error:
+            pytest.fail(f"{error} `make setup` does it on Debian.", pytrace=False)
+        yield server
+        server.stop()
+
+
+@pytest.fixture(scope="session")
+def template_db(cluster: EmbeddedPostgres) -> str:
+    """Name of a migrated database that nobody is connected to."""
+    databases.ensure_database(cluster.url, TEMPLATE)
+    migrate.upgrade(cluster.url_of(TEMPLATE))
+    return TEMPLATE
+
+
+@pytest.fixture(scope="session")
+def new_database(cluster: EmbeddedPostgres) -> Callable[[str], str]:
+    """``new_database(template)`` makes a copy of a database and returns its name."""
+    numbers = itertools.count(1)
+
+    def create(template: str) -> str:
+        name = f"test_{next(numbers)}"
+        assert databases.ensure_database(cluster.url, name, template=template)
+        return name
+
+    return create
+
+
+@pytest.fixture
+def database_url(
+    cluster: EmbeddedPostgres, template_db: str, new_database: Callable[[str], str]
+) -> Iterator[str]:
+    """SQLAlchemy URL of a migrated, empty database of this test alone."""
+    name = new_database(template_db)
+    yield cluster.url_of(name)
+    databases.drop_database(cluster.url, name)
+
+
+@pytest.fixture
+def blank_database_url(cluster: EmbeddedPostgres, new_database: Callable[[str], str]) -> Iterator[str]:
+    """SQLAlchemy URL of a database without any table or extension, for tests of the migrations."""
+    name = new_database("template0")
+    yield cluster.url_of(name)
+    databases.drop_database(cluster.url, name)
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of the recorded data that lies beside the repository and is no part of it."""
+    folder = REPOSITORY.parent / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("the recorded data (../shared/data beside the repository) is not on this machine")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def town() -> Town:
+    """The synthetic town of seed 1, with its true slopes."""
+    from fusion.simulate import make_town  # noqa: PLC0415 - only the tests that use it pay for it
+
+    return make_town(seed=1)

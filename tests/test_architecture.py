@@ -1,0 +1,207 @@
+"""The rules of the layout, held by reading the sources: who imports whom, where SQL and settings stand."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+TOP_LEVEL = {
+    "pyproject.toml",
+    "README.md",
+    "Makefile",
+    "docker-compose.yml",
+    "app",
+    "fusion",
+    "migrations",
+    "tests",
+    "benchmarks",
+}
+LONGEST_FILE_LINES = 350
+
+SQL_BUILDERS = {"text", "select", "insert", "update", "delete", "func"}
+SQL_STATEMENT = re.compile(
+    r"\s*(SELECT\s|INSERT\s+INTO\s|UPDATE\s+\w+\s+SET\s|DELETE\s+FROM\s|WITH\s+\w+\s+AS\s|TRUNCATE\s|COPY\s+\w+\s|"
+    r"(CREATE|ALTER|DROP)\s+(TABLE|INDEX|VIEW|EXTENSION|DATABASE|FUNCTION|SCHEMA|TYPE)\s)"
+)
+
+
+def sources(folder: str) -> list[Path]:
+    """Every Python file of a package, relative to the repository."""
+    return [path.relative_to(REPOSITORY) for path in sorted((REPOSITORY / folder).rglob("*.py"))]
+
+
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse((REPOSITORY / path).read_text(), filename=str(path))
+
+
+def imported_modules(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """(line, absolute module) of every import, also of those by name through importlib."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.lineno, node.module
+        elif isinstance(node, ast.Call) and name_of(node.func) in {"import_module", "__import__"}:
+            yield from ((node.lineno, text) for argument in node.args if (text := text_of(argument)))
+
+
+def text_of(node: ast.AST) -> str:
+    """The value of a string literal, else an empty string."""
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+
+
+def name_of(node: ast.expr) -> str:
+    """``f`` of ``f`` and of ``a.b.f``."""
+    if isinstance(node, ast.Attribute):
+        return node.attr
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def name_of_attribute(node: ast.AST) -> str:
+    return node.attr if isinstance(node, ast.Attribute) else ""
+
+
+def service_imports(tree: ast.Module) -> Iterator[int]:
+    yield from (line for line, module in imported_modules(tree) if module.split(".")[0] == "app")
+
+
+def environment_reads(tree: ast.Module) -> Iterator[int]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute | ast.Name) and name_of(node) in {"environ", "environb", "getenv"}:
+            yield node.lineno
+        elif isinstance(node, ast.ImportFrom) and node.module == "os":
+            yield from (node.lineno for a in node.names if a.name in {"environ", "environb", "getenv"})
+
+
+def sql_statements(tree: ast.Module) -> Iterator[int]:
+    for node in ast.walk(tree):
+        if name_of_attribute(node) == "exec_driver_sql" or SQL_STATEMENT.match(text_of(node)):
+            yield getattr(node, "lineno", 0)
+
+
+def sql_builders(tree: ast.Module) -> Iterator[int]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "sqlalchemy":
+            yield from (node.lineno for alias in node.names if alias.name in SQL_BUILDERS)
+
+
+def settings_read_at_import(tree: ast.Module) -> Iterator[int]:
+    for statement in tree.body:
+        if isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            continue
+        for node in ast.walk(statement):
+            if isinstance(node, ast.Call) and name_of(node.func) in {
+                "Settings",
+                "get_settings",
+                "load_settings",
+            }:
+                yield node.lineno
+
+
+Rule = Callable[[ast.Module], Iterator[int]]
+
+
+def violations(rule: Rule, paths: list[Path]) -> list[str]:
+    return [f"{path}:{line}" for path in paths for line in rule(tree_of(path))]
+
+
+def outside_the_store() -> list[Path]:
+    inside = Path("app/store")
+    return [p for p in sources("app") + sources("fusion") if not p.is_relative_to(inside)]
+
+
+def test_the_library_never_imports_the_service() -> None:
+    assert violations(service_imports, sources("fusion")) == []
+
+
+def test_the_library_reads_no_environment() -> None:
+    assert violations(environment_reads, sources("fusion")) == []
+
+
+def test_sql_stands_in_the_store_only() -> None:
+    assert violations(sql_statements, outside_the_store()) == []
+    # The declaration of the tables may name SQL functions and conditions: defaults, partial indexes.
+    assert violations(sql_builders, [p for p in outside_the_store() if p != Path("app/models.py")]) == []
+
+
+def test_no_setting_is_read_at_import() -> None:
+    assert violations(settings_read_at_import, sources("app") + sources("migrations")) == []
+
+
+@pytest.mark.parametrize(
+    ("rule", "code"),
+    [
+        (service_imports, "import app"),
+        (service_imports, "def f():\n    from app.settings import Settings"),
+        (service_imports, "import importlib\nimportlib.import_module('app.store')"),
+        (environment_reads, "import os\nos.environ['X']"),
+        (environment_reads, "from os import getenv as g"),
+        (sql_builders, "from sqlalchemy import text"),
+        (sql_builders, "from sqlalchemy.sql import select"),
+        (sql_statements, "query = 'SELECT 1 FROM segments'"),
+        (sql_statements, "query = f'''\n  DELETE FROM {table}'''"),
+        (sql_statements, "connection.exec_driver_sql(query)"),
+        (settings_read_at_import, "from app.settings import get_settings\nPORT = get_settings().port"),
+    ],
+)
+def test_each_rule_sees_what_it_forbids(rule: Rule, code: str) -> None:
+    assert list(rule(ast.parse(code)))
+
+
+@pytest.mark.parametrize(
+    ("rule", "code"),
+    [
+        (service_imports, "import application\nfrom . import app_like"),
+        (sql_statements, "note = 'Select a method, or update the map'"),
+        (sql_builders, "from sqlalchemy import create_engine"),
+        (settings_read_at_import, "def f():\n    return get_settings()"),
+    ],
+)
+def test_no_rule_sees_what_it_allows(rule: Rule, code: str) -> None:
+    assert not list(rule(ast.parse(code)))
+
+
+def test_files_stay_small() -> None:
+    folders = ("app", "fusion", "migrations", "tests", "benchmarks")
+    lengths = {p: len((REPOSITORY / p).read_text().splitlines()) for f in folders for p in sources(f)}
+    assert {str(p): n for p, n in lengths.items() if n > LONGEST_FILE_LINES} == {}
+
+
+def repository_files() -> list[Path]:
+    """What is committed or would be: tracked files, and new ones that .gitignore does not name."""
+    command = [
+        "git",
+        "-c",
+        f"safe.directory={REPOSITORY}",
+        "ls-files",
+        "--cached",
+        "--others",
+        "--exclude-standard",
+    ]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        pytest.skip("this copy of the sources is no git repository, so stray files cannot be told apart")
+    return [Path(line) for line in done.stdout.splitlines()]
+
+
+def test_the_top_level_holds_only_what_belongs_there() -> None:
+    top = {path.parts[0] for path in repository_files()}
+    assert {name for name in top if not name.startswith(".")} <= TOP_LEVEL
+
+
+@pytest.mark.parametrize(("lock", "extras"), [("runtime.txt", []), ("dev.txt", ["dev"])])
+def test_the_lock_covers_every_dependency_and_names_no_address(lock: str, extras: list[str]) -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    wanted = project["dependencies"] + [d for e in extras for d in project["optional-dependencies"][e]]
+    text = (REPOSITORY / ".lock" / lock).read_text()
+    locked = set(re.findall(r"^([a-z0-9.-]+)(?:\[[a-z,-]+\])?==", text, flags=re.MULTILINE))
+    names = {re.split(r"[\[><=~! ]", requirement)[0] for requirement in wanted}
+    assert names - locked == set(), "run `make lock`"
+    assert "://" not in text
