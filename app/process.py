@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib.metadata
 import logging
 import threading
-import time
 import uuid
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -26,6 +25,7 @@ from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from app.db import Sessions
+from app.reporting import Discarded, Interrupted, Reporter, never
 from app.settings import Settings
 from app.store import dem, drives, locks, roads, slopes, tracks
 from app.store.blobs import BlobStore
@@ -38,10 +38,9 @@ from fusion.types import DriveLog, DriveResult, Ints, Track
 
 logger = logging.getLogger(__name__)
 
-PROGRESS_EVERY_S = 0.5
 MAX_ROAD_CHANGES = 5
+_LOOK_EVERY_S = 0.5
 
-_STAGES = {"reading": (0.0, 0.1), "roads": (0.1, 0.15), "estimating": (0.15, 0.95), "saving": (0.95, 1.0)}
 _WGS84 = Geod(ellps="WGS84")
 
 # The compiled loops use all cores by themselves, and numba's plainest threading layer must not be entered by
@@ -55,14 +54,6 @@ class Outcome(Enum):
     DONE = "done"
     FAILED = "failed"
     DISCARDED = "discarded"
-
-
-class Interrupted(Exception):  # noqa: N818  (no error: the worker was asked to stop)
-    """The worker stops; the drive is back in the queue."""
-
-
-class _Discarded(Exception):  # noqa: N818  (no error: the drive is somebody else's by now)
-    """The drive was deleted or asked for anew."""
 
 
 class ProcessingError(FusionError):
@@ -95,12 +86,8 @@ class _Surroundings:
     dem: DemSet | None
 
 
-def _never() -> bool:
-    return False
-
-
 def process_drive(
-    bench: Workbench, drive_id: uuid.UUID, generation: int, *, should_stop: Callable[[], bool] = _never
+    bench: Workbench, drive_id: uuid.UUID, generation: int, *, should_stop: Callable[[], bool] = never
 ) -> Outcome:
     """Run the drive to its end. Safe to call twice, also at the same time: estimates are replaced, not added.
 
@@ -116,7 +103,7 @@ def process_drive(
     reporter = Reporter(bench.sessions, drive, should_stop)
     try:
         _run(bench, drive, reporter)
-    except _Discarded:
+    except Discarded:
         return Outcome.DISCARDED
     except Interrupted:
         with bench.sessions.begin() as session:
@@ -153,51 +140,14 @@ def is_connection_loss(error: BaseException) -> bool:
     return isinstance(error, DBAPIError) and error.connection_invalidated
 
 
-class Reporter:
-    """Shows a run's progress on its drive, at most every ``PROGRESS_EVERY_S``, in transactions of its own."""
-
-    def __init__(self, sessions: Sessions, drive: DriveRow, should_stop: Callable[[], bool] = _never) -> None:
-        self._sessions = sessions
-        self._drive = drive
-        self._should_stop = should_stop
-        self._written_at = -np.inf
-        self._share = 0.0
-        self.stage = "reading"
-
-    def part(self, part: str) -> Callable[[str, float], None]:
-        """A ``Progress`` for one part of the run; it names its own stages and counts from 0 to 1."""
-        start, end = _STAGES[part]
-
-        def progress(stage: str, share: float) -> None:
-            self.show(stage, start + (end - start) * min(max(share, 0.0), 1.0))
-
-        return progress
-
-    def show(self, stage: str, share: float) -> None:
-        """Note stage and share (it never falls); raises when the run is to end."""
-        self.stage = stage
-        self._share = max(self._share, min(share, 1.0))
-        if self._should_stop():
-            raise Interrupted
-        now = time.monotonic()
-        if now - self._written_at < PROGRESS_EVERY_S:
-            return
-        self._written_at = now
-        with self._sessions.begin() as session:
-            drive = self._drive
-            mine = drives.set_progress(session, drive.id, drive.generation, stage, self._share)
-        if not mine:
-            raise _Discarded
-
-
 def _run(bench: Workbench, drive: DriveRow, reporter: Reporter) -> None:
-    reporter.show("reading", 0.0)
+    reporter.begin("reading")
     log = _read(bench, drive, reporter)
     for _ in range(MAX_ROAD_CHANGES):
-        reporter.show("roads", _STAGES["roads"][0])
+        reporter.begin("roads")
         around = _surroundings(bench, log)
         ids, result = _estimate(log, around, drive, reporter)
-        reporter.show("saving", _STAGES["saving"][0])
+        reporter.begin("saving")
         if _publish(bench, drive, log, around, ids, result):
             return
     raise ProcessingError(
@@ -235,10 +185,11 @@ def _estimate(
     log: DriveLog, around: _Surroundings, drive: DriveRow, reporter: Reporter
 ) -> tuple[Ints, DriveResult]:
     """The result, and the database's id of each segment of the network that it refers to."""
+    reporter.begin("estimating")
     progress = reporter.part("estimating")
     with ExitStack() as stack:
         terrain = None if around.dem is None else stack.enter_context(Dem.open(around.dem.paths))
-        while not _ESTIMATING.acquire(timeout=PROGRESS_EVERY_S):
+        while not _ESTIMATING.acquire(timeout=_LOOK_EVERY_S):
             progress("waiting for another drive", 0.0)
         stack.callback(_ESTIMATING.release)
         network, result = run_drive(
@@ -261,7 +212,7 @@ def _publish(
     with bench.sessions.begin() as session:
         locks.share_network(session)
         if not drives.lock_running(session, drive.id, drive.generation):
-            raise _Discarded
+            raise Discarded
         current = roads.current_road_version(session)
         if current is None or current.id != around.roads.version_id:
             return False

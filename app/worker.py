@@ -21,7 +21,8 @@ from procrastinate import exceptions, jobs
 from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
 from app.db import make_engine, session_factory
-from app.process import Interrupted, Workbench, give_up, is_connection_loss, process_drive
+from app.process import Workbench, give_up, is_connection_loss, process_drive
+from app.reporting import Interrupted
 from app.settings import Settings, libpq_url
 from app.store.queue import QUEUE, TASK
 

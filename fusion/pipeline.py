@@ -56,9 +56,10 @@ def run_drive(
             f"The log holds {len(log.fix)} position(s); at least {MIN_EPOCHS} are needed for a slope. "
             "Record for longer, or check that the receiver had a fix."
         )
-    network = RoadNetwork.project(roads.near(log.bounds_deg(), ROAD_MARGIN_M))
-    if not len(network):
+    near = roads.near(log.bounds_deg(), ROAD_MARGIN_M)
+    if not len(near):
         raise NoMatchError(_far_message(log))
+    network = RoadNetwork.project(near)
     result = estimator.estimate(log, network, dem, chosen, progress)
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))

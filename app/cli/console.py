@@ -17,7 +17,8 @@ from rich.table import Table
 
 from fusion.types import Progress as ProgressCall
 
-PLAIN_WIDTH = 200  # columns of a table that goes into a file or a pipe: never wrapped to an imagined terminal
+PLAIN_WIDTH = 10_000  # columns of a table that goes into a file or a pipe: one line per row
+SHORT_CELL = 40  # characters that a terminal always has room for
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,11 @@ class Console:
         table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
         for k, name in enumerate(columns):
             numeric = any(isinstance(row[k], int | float) for row in rows)
-            table.add_column(name, justify="right" if numeric else "left", no_wrap=True)
+            # Figures and file names stay whole; a sentence is folded rather than cut.
+            longest = max((len(figure(row[k])) for row in rows), default=0)
+            table.add_column(
+                name, justify="right" if numeric else "left", no_wrap=longest <= SHORT_CELL, overflow="fold"
+            )
         for row in rows:
             table.add_row(*(figure(value) for value in row))
         out = rich.console.Console(highlight=False, markup=False)

@@ -26,7 +26,7 @@ from fusion.pipeline import parse_options
 from fusion.simulate import Bundle, write_all
 from fusion.terrain.dem import Dem
 
-DRIVES, SEED = 6, 1
+DRIVES, SEED, DURATION_S = 6, 1, 600.0
 DRIVE_TIMEOUT_S = 600.0
 LEAST_DRIVEN_M = 10.0
 
@@ -87,20 +87,29 @@ def demo_service(console: Console, port: int = 0) -> Iterator[tuple[Service, Set
 
 
 def run_demo(
-    service: Service, settings: Settings, folder: Path, bars: Bars, *, drives: int = DRIVES, seed: int = SEED
+    service: Service,
+    settings: Settings,
+    folder: Path,
+    bars: Bars,
+    *,
+    drives: int = DRIVES,
+    seed: int = SEED,
+    duration_s: float = DURATION_S,
+    options: Mapping[str, Any] | None = None,
 ) -> DemoResult:
-    """Simulate into ``folder``, import, upload, wait, read back, and score.
+    """Simulate into ``folder``, import, upload, wait, read back, and compute the baselines.
 
+    ``options`` are those of the default method; without them the demonstration shows its defaults.
     Raises ``DemoError`` when a drive does not end as ``done``.
     """
     seconds: dict[str, float] = {}
     with _timed("simulate", seconds):
-        bundle = write_all(folder, drives, seed, progress=bars.work("simulating"))
+        bundle = write_all(folder, drives, seed, duration_s=duration_s, progress=bars.work("simulating"))
     with _timed("import", seconds):
         _import(settings, bundle, bars)
     with Client(service.address) as client:
         with _timed("fuse", seconds):
-            done = _upload(client, bundle.drives, bars)
+            done = _upload(client, bundle.drives, options or {}, bars)
         features = list(client.segments())
         longest = max(done, key=lambda drive: drive.document["distance_m"] or 0)
         profile = client.get(f"/v1/drives/{longest.id}/profile", accept="image/png").content
@@ -142,8 +151,13 @@ def _import(settings: Settings, bundle: Bundle, bars: Bars) -> None:
         engine.dispose()
 
 
-def _upload(client: Client, paths: Sequence[Path], bars: Bars) -> list[RemoteDrive]:
-    sent = [client.upload(p, sent=bars.count(f"sending {p.name}", p.stat().st_size)) for p in paths]
+def _upload(
+    client: Client, paths: Sequence[Path], options: Mapping[str, Any], bars: Bars
+) -> list[RemoteDrive]:
+    sent = [
+        client.upload(p, options=options, sent=bars.count(f"sending {p.name}", p.stat().st_size))
+        for p in paths
+    ]
     done = []
     for path, drive in zip(paths, sent, strict=True):
         show = bars.work(f"fusing {path.name}")

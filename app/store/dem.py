@@ -127,22 +127,13 @@ def slopes_of(session: Session, table: RoadTable, dem_dir: Path) -> Floats:
 
 def _renew_slopes(session: Session, dem: Dem, changed: Sequence[Path], progress: Progress) -> None:
     """Write the slopes of all segments that the changed rasters cover."""
-    table, ids = roads.all_roads(session)
-    covered = np.zeros(len(table), bool)
-    for path in changed:
-        west, south, east, north = _bounds_deg(path)
-        covered |= (
-            (np.minimum(table.lon0_deg, table.lon1_deg) <= east)
-            & (np.maximum(table.lon0_deg, table.lon1_deg) >= west)
-            & (np.minimum(table.lat0_deg, table.lat1_deg) <= north)
-            & (np.maximum(table.lat0_deg, table.lat1_deg) >= south)
-        )
-    ids, table = ids[covered], table.subset(covered)
-    for start in range(0, len(ids), _ROWS_PER_UPDATE):
-        progress("slopes", start / len(ids))
-        part = slice(start, start + _ROWS_PER_UPDATE)
-        slope = dem_slopes(dem, table.subset(np.arange(len(ids))[part]))
-        session.execute(_SET_SLOPES, {"ids": ids[part].tolist(), "slopes": slope.tolist()})
+    for done, path in enumerate(changed):
+        table, ids = roads.roads_within(session, _bounds_deg(path))
+        for start in range(0, len(ids), _ROWS_PER_UPDATE):
+            progress("slopes", (done + start / len(ids)) / len(changed))
+            part = np.arange(start, min(start + _ROWS_PER_UPDATE, len(ids)))
+            slope = dem_slopes(dem, table.subset(part))
+            session.execute(_SET_SLOPES, {"ids": ids[part].tolist(), "slopes": slope.tolist()})
     progress("slopes", 1.0)
 
 

@@ -1,4 +1,4 @@
-"""The locks that order writers. Both are held until the transaction ends.
+"""The lock that orders writers, shared or exclusive. It is held until the transaction ends.
 
 The network lock keeps a road import (exclusive) apart from transactions that write estimates (shared), so
 that an estimate never lands on a segment that is just being replaced. Several estimates may be written at a

@@ -165,15 +165,21 @@ def roads_near(session: Session, bounds_deg: Bounds, margin_m: float = 250.0) ->
     lat_margin = margin_m / _METRES_PER_DEGREE
     farthest = min(max(abs(south), abs(north)) + lat_margin, 89.9)
     lon_margin = lat_margin / float(np.cos(np.radians(farthest)))
-    box = {
-        "west": west - lon_margin,
-        "south": south - lat_margin,
-        "east": east + lon_margin,
-        "north": north + lat_margin,
-    }
-    wider, ids = _table(list(session.execute(_IN_BOX, box)))
+    wider, ids = roads_within(
+        session, (west - lon_margin, south - lat_margin, east + lon_margin, north + lat_margin)
+    )
     near = wider.near(bounds_deg, margin_m)
     return near, ids[rows_of(wider, near)]
+
+
+def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]:
+    """At least the segments whose bounding box meets ``bounds_deg``, and their ids, shape (n,).
+
+    The index compares boxes in single precision, rounded outwards, so a few more may come along.
+    """
+    west, south, east, north = bounds_deg
+    box = {"west": west, "south": south, "east": east, "north": north}
+    return _table(list(session.execute(_IN_BOX, box)))
 
 
 def all_roads(session: Session) -> tuple[RoadTable, Ints]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from dataclasses import fields
 from typing import Any
 
 from sqlalchemy import Row, text
@@ -10,9 +11,10 @@ from sqlalchemy.orm import Session
 
 from app.store.rows import Bounds, DriveSegmentRow, ObservationRow, SegmentRow
 
-_PROPERTIES = 16  # columns of SEGMENT_COLUMNS before the ends
+_PROPERTIES = tuple(spec.name for spec in fields(SegmentRow) if spec.name != "coordinates")
 
-# What a SegmentRow is made of; the tables are called s (segments) and a (segment_slopes, may be missing).
+# What a SegmentRow is made of, in its order, then its ends; the tables are called s (segments) and a
+# (segment_slopes, may be missing).
 SEGMENT_COLUMNS = """
     s.id, s.osm_way_id, s.from_node, s.to_node, s.length_m, s.highway, s.name, s.oneway, s.bridge, s.tunnel,
     a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives,
@@ -90,8 +92,7 @@ def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegme
 def segment_row(row: Row[Any]) -> SegmentRow:
     """The row that ``SEGMENT_COLUMNS`` selected; further columns are ignored."""
     ends = ((row.lon0, row.lat0), (row.lon1, row.lat1))
-    properties: tuple[Any, ...] = tuple(row)[:_PROPERTIES]
-    return SegmentRow(*properties, coordinates=ends)
+    return SegmentRow(**dict(zip(_PROPERTIES, row, strict=False)), coordinates=ends)
 
 
 # The drives behind a segment, each with how its estimate was made.

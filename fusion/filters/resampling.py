@@ -6,12 +6,14 @@ A scheme maps normalised weights to ``n`` ancestor indices, ascending, so that p
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
+from numba import prange
 from numpy.typing import NDArray
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, compiled_parallel
 from fusion.filters.random import fill_uniforms, seed_stream
 from fusion.registry import Registry
 
@@ -28,40 +30,50 @@ class Resampler(Protocol):
 RESAMPLERS: Registry[Resampler] = Registry("resampling scheme")
 
 
-@compiled
+_BLOCK = 4096
+
+
+@compiled_parallel
 def _ancestors(weights: Floats, sorted_uniforms: Floats) -> Ints:
     """Invert the cumulative weights at ascending points of [0, 1); rounding in the sum can't lead past the end."""
-    n = weights.shape[0]
-    total = 0.0
-    last = 0
-    for i in range(n):
-        total += weights[i]
-        if weights[i] > 0.0:
-            last = i
-    out = np.empty(sorted_uniforms.shape[0], np.int64)
-    cumulative = weights[0]
-    i = 0
-    for k in range(sorted_uniforms.shape[0]):
-        target = sorted_uniforms[k] * total
-        while i < last and cumulative <= target:
-            i += 1
-            cumulative += weights[i]
-        out[k] = i
+    n = len(weights)
+    cumulative = np.cumsum(weights)
+    last = n - 1
+    while last > 0 and weights[last] <= 0.0:
+        last -= 1
+    out = np.empty(len(sorted_uniforms), np.int64)
+    for b in prange((len(out) + _BLOCK - 1) // _BLOCK):
+        begin = b * _BLOCK
+        i = min(np.searchsorted(cumulative, sorted_uniforms[begin] * cumulative[n - 1], side="right"), last)
+        for k in range(begin, min(len(out), begin + _BLOCK)):
+            target = sorted_uniforms[k] * cumulative[n - 1]
+            while i < last and cumulative[i] <= target:
+                i += 1
+            out[k] = i
     return out
 
 
-@compiled
+@compiled_parallel
 def _sorted_uniforms(seed: int, step: int, n: int) -> Floats:
-    """``n`` sorted uniforms in O(n): normalised partial sums of exponentials."""
-    state = np.empty(4, np.uint64)
-    seed_stream(seed, step, -1, state)
+    """``n`` sorted uniforms in O(n): partial sums of n + 1 exponential gaps, over the sum of all."""
     gaps = np.empty(n + 1)
-    fill_uniforms(state, gaps)
-    total = 0.0
-    for k in range(n + 1):
-        total -= np.log1p(-gaps[k])
-        gaps[k] = total
-    gaps /= total
+    blocks = n // _BLOCK + 1
+    sums = np.zeros(blocks)
+    for b in prange(blocks):
+        state = np.empty(4, np.uint64)
+        seed_stream(seed, step, -1 - b, state)
+        part = gaps[b * _BLOCK : min(n + 1, (b + 1) * _BLOCK)]
+        fill_uniforms(state, part)
+        total = 0.0
+        for k in range(len(part)):
+            total -= math.log(1.0 - part[k])
+            part[k] = total
+        sums[b] = total
+    before = np.cumsum(sums)
+    for b in prange(blocks):
+        offset = before[b] - sums[b]
+        for k in range(b * _BLOCK, min(n + 1, (b + 1) * _BLOCK)):
+            gaps[k] = (gaps[k] + offset) / before[blocks - 1]
     return gaps[:n]
 
 

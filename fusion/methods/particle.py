@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+import numba
 import numpy as np
 
 from fusion.errors import MissingSensorError
@@ -29,6 +32,8 @@ from fusion.types import DriveLog, DriveResult, Floats, Progress, Track
 
 # numba's portable threading layer aborts the process when two threads enter parallel loops at once.
 _PARALLEL = threading.Lock()
+
+_PARTICLES_PER_THREAD = 10_000
 
 _OUTLIER_SIGMAS = 6.0
 _OUTLIERS_BEFORE_RESTART = 3
@@ -63,14 +68,25 @@ class ParticleMethod:
                 "measure slopes from. Record altitudes, or import a DEM of the area."
             )
         mount = estimate_mount(epochs) if options.level_pitch else MountPitch(0.0, np.inf, "off")
-        with _PARALLEL:
-            run = _Run(epochs, network, dem, options, mount)
+        run = _Run(epochs, network, dem, options, mount)
+        with _PARALLEL, _threads_for(options.particles):
             run.filter(progress)
         track = run.rows.build(network.projection)
         slopes = segment_slopes(
             track, _errors(run, track).covariance, LineRule(min_epochs=options.min_epochs)
         )
         return DriveResult(track, slopes, run.report())
+
+
+@contextmanager
+def _threads_for(particles: int) -> Iterator[None]:
+    """As many threads as the cloud feeds: a small one is filtered faster than threads meet at a barrier."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(max(1, min(before, particles // _PARTICLES_PER_THREAD)))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
 
 
 def _errors(run: _Run, track: Track) -> AltitudeErrors:

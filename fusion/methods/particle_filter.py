@@ -62,7 +62,7 @@ class ParticleCloud:
         blocks = -(-n // k.BLOCK)
         self._cloud, self._spare = np.zeros((k.STATES, n)), np.zeros((k.STATES, n))
         self._logw, self._angles, self._weights = np.zeros(n), np.zeros((2, n)), np.zeros(n)
-        self._sums_a, self._sums_b = np.zeros((blocks, 11)), np.zeros((blocks, k.B_COLUMNS))
+        self._sums_a, self._sums_b = np.zeros((blocks, k.A_COLUMNS)), np.zeros((blocks, k.B_COLUMNS))
         self._ref = np.zeros(4)  # x, y, heading, z: where second moments are taken
         o = self.options
         horizontal = [o.sigma_acc_mps2, o.sigma_vel_mps, o.sigma_pos_m]
@@ -86,7 +86,7 @@ class ParticleCloud:
             self._q_per_s * max(dt, 0.0), measured.z, measured.inv_var, self.options.proposal == "optimal",
             measured.pitch_rad, measured.inv_var_pitch, self._ref,
         )  # fmt: skip
-        total = k.merge_sums(self._sums_a, -1, np.empty(11))
+        total = k.merge_sums(self._sums_a, -1, np.empty(k.A_COLUMNS))
         w = total[k.A_W]
         first = total[[k.A_X, k.A_Y, k.A_T]] / w
         xx, yy, tt, xy, xt, yt = total[[k.A_XX, k.A_YY, k.A_TT, k.A_XY, k.A_XT, k.A_YT]] / w
@@ -111,8 +111,8 @@ class ParticleCloud:
         ground = 0.0 if ground_m is None else ground_m
         inv_ground = 0.0 if ground_m is None else inv_var_ground
         k.weigh_and_estimate(
-            self._cloud, self._logw, self._angles, self._sums_b, self._ref, np.array(road or (0.0, 0.0, 0.0)), inv,
-            ground, o.antenna_height_m, inv_ground,
+            self._cloud, self._logw, self._angles, self._weights, self._sums_b, self._ref,
+            np.array(road or (0.0, 0.0, 0.0)), inv, ground, o.antenna_height_m, inv_ground,
         )  # fmt: skip
         return self._estimate(k.merge_sums(self._sums_b, k.B_WW, np.empty(k.B_COLUMNS)))
 
@@ -124,7 +124,7 @@ class ParticleCloud:
         state[[k.X, k.Y, k.Z]] += self._ref[[0, 1, 3]]
         pitch = total[k.B_PITCH] / w
         n_eff = w * w / total[k.B_WW]
-        heading = _wrapped(self._ref[2] + math.atan2(total[k.B_SIN], total[k.B_COS]))
+        heading = math.atan2(total[k.B_SIN], total[k.B_COS])
         resampled = n_eff < self.options.n_eff_threshold * self.options.particles
         if resampled:
             self._draw_again(total[k.B_LOGMAX], w)
@@ -142,7 +142,7 @@ class ParticleCloud:
         )
 
     def _draw_again(self, top: float, total: float) -> None:
-        k.normalised_weights(self._logw, top, total, self._weights)
+        k.normalise_blocks(self._weights, self._sums_b, top, total)
         ancestors = self._resample(self._weights, self.options.seed, self._step)
         k.gather(self._cloud, ancestors, self._spare)
         self._cloud, self._spare = self._spare, self._cloud

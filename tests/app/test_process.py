@@ -16,9 +16,10 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
-from app import ingest, process
+from app import ingest, process, reporting
 from app.db import Sessions, make_engine, session_factory
-from app.process import Interrupted, Outcome, Workbench, process_drive
+from app.process import Outcome, Workbench, process_drive
+from app.reporting import Interrupted
 from app.store import drives, slopes, tracks
 from app.store.blobs import BlobStore
 from app.store.rows import DriveRow
@@ -430,7 +431,7 @@ def test_progress_grows_and_is_written_at_intervals(
     process_drive(bench, send(0, "particle", {"particles": 300}).id, 1)
     throttled = list(seen)
     seen.clear()
-    monkeypatch.setattr(process, "PROGRESS_EVERY_S", 0.0)
+    monkeypatch.setattr(reporting, "PROGRESS_EVERY_S", 0.0)
     process_drive(bench, send(1, "particle", {"particles": 300}).id, 1)
     assert len(seen) > 20
     assert len(throttled) < len(seen)

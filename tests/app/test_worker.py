@@ -202,6 +202,15 @@ def test_a_drive_that_is_cut_off_again_and_again_is_given_up(
     assert counts(sessions) == (0, 0, 0, 0, 0)
 
 
+def test_the_job_of_a_removed_drive_ends_quietly(settings: Settings, sessions: Sessions, send: Send) -> None:
+    gone, stays = send(0), send(1)
+    assert ingest.remove_drive(sessions, BlobStore(settings.blob_store_url), gone.id)
+    run_worker(settings, wait=False)
+    assert now(sessions, stays.id).status == "done"
+    with sessions() as session:
+        assert session.execute(text("SELECT count(*) FROM procrastinate_jobs")).scalar_one() == 0
+
+
 @pytest.mark.slow
 def test_a_killed_workers_drive_is_taken_up_again(
     settings: Settings, sessions: Sessions, send: Send, worker_process: Workers

@@ -114,6 +114,28 @@ def test_many_drives_at_once_end_in_the_right_aggregates(
     assert aggregates(sessions) == from_scratch(segment_ids, [wanted[k] for k in stored])
 
 
+def test_a_writer_waits_for_the_one_before_it_and_sees_its_estimates(
+    sessions: Sessions, segment_ids: Ints, add_drive: AddDrive
+) -> None:
+    kept: Estimates = {0: (2.0, 1.0), 1: (4.0, 1.0)}
+    late: Estimates = {1: (6.0, 0.5), 0: (1.0, 0.5)}
+    add_drive(segment_ids, kept)
+    goes = add_drive(segment_ids, {0: (9.0, 1.0)})
+    stored = threading.Event()
+
+    def store_late() -> None:
+        add_drive(segment_ids, late)
+        stored.set()
+
+    with sessions.begin() as session:
+        drives.delete_drive(session, goes)
+        thread = threading.Thread(target=store_late)
+        thread.start()
+        assert not stored.wait(0.5)
+    thread.join(timeout=30)
+    assert aggregates(sessions) == from_scratch(segment_ids, [kept, late])
+
+
 def test_items_reach_every_segment_once(sessions: Sessions, segment_ids: Ints) -> None:
     seen: list[int] = []
     with sessions() as session:

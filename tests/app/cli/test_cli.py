@@ -1,0 +1,160 @@
+"""What every command has in common: status, one line of complaint, flags, help."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from app.cli import COMMANDS, app
+from app.cli.console import Console, figure, sentence, write_json
+from app.cli.options import parse_assignments, parse_box
+from fusion.errors import FusionError
+
+runner = CliRunner()
+
+
+def test_commands_are_those_of_the_design() -> None:
+    designed = "demo up api worker migrate import-roads import-dem upload fuse track simulate export methods"
+    assert list(COMMANDS) == designed.split()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name: str) -> None:
+    result = runner.invoke(app, [name, "--help"], env={"COLUMNS": "200"})
+    assert result.exit_code == 0
+    assert name in result.stdout
+    assert "Usage" in result.stdout
+
+
+def test_version() -> None:
+    result = runner.invoke(app, ["--version"])
+    assert result.exit_code == 0
+    assert result.stdout.startswith("versant ")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nonsense"],
+        ["fuse"],
+        ["fuse", "a.csv"],
+        ["fuse", "a.csv", "--roads", "r.osm", "--method", "nonsense"],
+        ["fuse", "a.csv", "--roads", "r.osm", "--option", "particles"],
+        ["fuse", "a.csv", "--roads", "r.osm", "--option", "particles=-1"],
+        ["fuse", "a.csv", "--roads", "r.osm", "-o", "out.xyz"],
+        ["track", "a.csv", "-o", "out.xyz"],
+        ["track", "a.csv", "-o", "out.csv", "--gnss", "nonsense"],
+        ["export", "-o", "out.xyz"],
+        ["export", "-o", "out.csv", "--bbox", "8,49,7,50"],
+        ["simulate", "-o", "x", "--receiver", "nonsense"],
+        ["up", "--port", "99999"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_usage_is_status_2(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = runner.invoke(app, arguments)
+    assert result.exit_code == 2
+    assert "Traceback" not in result.stderr
+    assert not result.stdout
+    assert not list(tmp_path.iterdir())
+
+
+def test_failure_is_status_1_and_one_line(tmp_path: Path) -> None:
+    missing = tmp_path / "none.osm"
+    result = runner.invoke(app, ["fuse", "a.csv", "--roads", str(missing)])
+    assert result.exit_code == 1
+    assert not result.stdout
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("versant: ")
+    assert "none.osm" in line
+
+
+def test_debug_shows_where(tmp_path: Path) -> None:
+    arguments = ["fuse", "a.csv", "--roads", str(tmp_path / "none.osm"), "--debug"]
+    result = runner.invoke(app, arguments)
+    assert isinstance(result.exception, FusionError)
+
+
+def test_settings_at_fault_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VERSANT_PORT", "many")
+    result = runner.invoke(app, ["migrate"])
+    assert result.exit_code == 1
+    assert "VERSANT_PORT" in result.stderr
+
+
+def test_database_that_is_not_there_is_said_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("VERSANT_DATABASE_URL", f"postgresql://nobody@/none?host={tmp_path}")
+    result = runner.invoke(app, ["export", "-o", str(tmp_path / "out.csv")])
+    assert result.exit_code == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("versant: The database cannot be used")
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_global_flags_may_stand_anywhere_but_after_a_double_dash(tmp_path: Path) -> None:
+    quiet = runner.invoke(app, ["simulate", "--quiet", "-o", str(tmp_path), "--drives", "0"])
+    assert quiet.exit_code == 0
+    literal = runner.invoke(app, ["fuse", "--roads", str(tmp_path / "town.osm"), "--", "--quiet"])
+    assert literal.exit_code == 1
+    assert "--quiet" in literal.stderr
+
+
+def test_modules_hold_the_commands_they_are_said_to() -> None:
+    for name, module in COMMANDS.items():
+        group = importlib.import_module(module).app
+        assert name in [command.name for command in group.registered_commands]
+
+
+def test_sentence_needs_no_traceback() -> None:
+    assert sentence(FusionError("Line 3 is\nempty.")) == "Line 3 is empty."
+    assert sentence(FileNotFoundError(2, "No such file", "x.csv")) == "x.csv: No such file."
+    assert "--debug" in sentence(ZeroDivisionError("division by zero"))
+
+
+def test_tables_show_the_unknown_as_a_dash(capsys: pytest.CaptureFixture[str]) -> None:
+    Console().table(["a", "b"], [["x", 1.234], ["y", float("nan")], ["z", None]])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split() for line in lines] == [["a", "b"], ["x", "1.23"], ["y", "–"], ["z", "–"]]
+    assert figure(True) == "yes"
+
+
+def test_long_cells_are_not_cut_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    Console().table(["file", "reason"], [["a.csv", "word " * 60]])
+    assert capsys.readouterr().out.count("word") == 60
+
+
+def test_json_has_no_nan(tmp_path: Path) -> None:
+    write_json(tmp_path / "x.json", {"a": float("nan"), "b": [float("inf"), 1.5], 3: (Path("p"),)})
+    assert json.loads((tmp_path / "x.json").read_text()) == {"a": None, "b": [None, 1.5], "3": ["p"]}
+
+
+def test_assignments() -> None:
+    given = ["particles=200", "level_pitch=false", "dem_window=tin", "x=a=b", "text="]
+    assert parse_assignments(given) == {
+        "particles": 200,
+        "level_pitch": False,
+        "dem_window": "tin",
+        "x": "a=b",
+        "text": "",
+    }
+    for wrong in ("particles", "=3"):
+        with pytest.raises(typer.BadParameter):
+            parse_assignments([wrong])
+
+
+def test_boxes() -> None:
+    assert parse_box(None) is None
+    assert parse_box("8.46,48.95, 8.5,48.99") == (8.46, 48.95, 8.5, 48.99)
+    for wrong in ("1,2,3", "a,b,c,d", "3,0,2,1", "0,-91,1,1", "nan,0,1,1"):
+        with pytest.raises(typer.BadParameter):
+            parse_box(wrong)

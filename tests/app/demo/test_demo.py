@@ -1,0 +1,108 @@
+"""The demonstration: its scores on numbers known by hand, and a small one from end to end."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from app.cli.console import Console
+from app.demo import DemoError, demo_service, run_demo
+from app.demo.files import figures, write_files
+from app.demo.score import Estimate, Truth, by_kind, examples, score
+
+ROADS = {
+    (1, 1, 2): Truth(2.0, "primary", bridge=False, tunnel=False),
+    (1, 2, 3): Truth(-4.0, "primary", bridge=True, tunnel=False),
+    (2, 3, 4): Truth(0.5, "residential", bridge=False, tunnel=False),
+    (2, 4, 5): Truth(8.0, "residential", bridge=False, tunnel=True),
+}
+MEASURED = {
+    (1, 1, 2): Estimate(3.0, 0.6),
+    (1, 2, 3): Estimate(-4.0, 0.1),
+    (2, 3, 4): Estimate(-1.5, 0.5),
+    (9, 9, 9): Estimate(50.0, 0.1),
+}
+
+
+def test_score_by_hand() -> None:
+    got = score(ROADS, MEASURED)
+    assert (got.segments, got.estimated, got.coverage) == (4, 3, 0.75)
+    assert got.rmse_percent == pytest.approx(math.sqrt((1 + 0 + 4) / 3))
+    assert got.p90_percent == pytest.approx(1.8)  # between 1 and 2, at 0.9 of the way from first to last
+    assert got.within_95 == pytest.approx(2 / 3)
+    assert got.wrong_sign == 0.0  # the one that is wrong is not steep
+
+
+def test_score_of_nothing_is_unknown_and_not_perfect() -> None:
+    nothing = score(ROADS, {})
+    assert nothing.coverage == 0
+    assert math.isnan(nothing.rmse_percent)
+    assert math.isnan(nothing.within_95)
+
+
+def test_baseline_without_sigma_has_no_share() -> None:
+    assert math.isnan(score(ROADS, {(1, 1, 2): Estimate(2.0, float("nan"))}).within_95)
+
+
+def test_kinds_cover_every_segment() -> None:
+    kinds = by_kind(ROADS, MEASURED)
+    assert list(kinds) == ["primary", "residential", "bridges", "tunnels"]
+    assert kinds["primary"].segments + kinds["residential"].segments == len(ROADS)
+    assert kinds["tunnels"].estimated == 0
+
+
+@pytest.mark.parametrize("count", range(7))
+def test_examples_are_distinct_and_not_more_than_asked(count: int) -> None:
+    shown = examples(ROADS, count)
+    assert len(set(shown)) == len(shown) <= max(count, 0)
+    assert set(shown) <= set(ROADS)
+
+
+@pytest.mark.slow
+@pytest.mark.db
+def test_small_demo_from_end_to_end(tmp_path: Path) -> None:
+    console = Console(quiet=True)
+    with demo_service(console) as (service, settings), console.progress() as bars:
+        result = run_demo(
+            service,
+            settings,
+            tmp_path / "input",
+            bars,
+            drives=2,
+            duration_s=90.0,
+            options={"particles": 2000},
+        )
+    files = write_files(result, tmp_path)
+    assert all(path.stat().st_size > 0 for path in files.values())
+    collection = json.loads((tmp_path / "slopes.geojson").read_text())
+    assert len(collection["features"]) == len(result.bundle.town.roads)
+    for name in ("slopes.png", "profile.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    with (tmp_path / "errors.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(result.truth)
+    for row in rows:
+        if row["slope_percent"]:
+            error = float(row["slope_percent"]) - float(row["true_slope_percent"])
+            assert float(row["error_percent"]) == pytest.approx(error, abs=2e-4)
+        else:
+            assert row["error_percent"] == ""
+    scores = figures(result)["scores"]
+    assert set(scores) == {"service", "raw", "dem"}
+    assert scores["service"]["estimated"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.db
+def test_a_drive_that_fails_ends_the_demo_in_words(tmp_path: Path) -> None:
+    console = Console(quiet=True)
+    with (
+        demo_service(console) as (service, settings),
+        console.progress() as bars,
+        pytest.raises(DemoError, match="ended as failed"),
+    ):
+        run_demo(service, settings, tmp_path, bars, drives=1, duration_s=2.0, options={"particles": 2000})

@@ -1,0 +1,71 @@
+"""``versant up`` as a tree of processes: it stops altogether, and it survives what happens to its parts."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from app.client import Client
+from fusion.simulate import Bundle
+from tests.end_to_end.conftest import PROC, STOP_S, Up, await_true, versant
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not (PROC / "self/environ").exists(), reason="counts processes by /proc"),
+]
+
+
+def test_ctrl_c_leaves_nothing_running_and_the_drive_is_taken_up_again(idle: Up, simulated: Bundle) -> None:
+    idle.start()
+    assert "Only this machine can reach it" in idle.said()
+    for command, file in (("import-roads", simulated.osm), ("import-dem", simulated.dem)):
+        assert versant(command, "--data-dir", idle.data_dir, file).returncode == 0
+    with Client(idle.address) as client:
+        # Large enough to be still at work when the interrupt comes.
+        drive = client.upload(simulated.drives[0], options={"particles": 100_000})
+        await_true(lambda: client.drive(drive.id).status == "running", 30, "the drive never began")
+    assert idle.interrupt() == 0, idle.said()
+    assert idle.processes() == []
+    assert "Traceback" not in idle.said()
+
+    idle.start()
+    with Client(idle.address) as client:
+        assert client.wait(drive.id, timeout_s=50).status == "done"
+    assert idle.interrupt() == 0
+
+
+def test_a_killed_worker_is_replaced(idle: Up) -> None:
+    idle.start()
+    (worker,) = idle.processes("app.cli", "worker")
+    os.kill(worker, signal.SIGKILL)
+    await_true(lambda: any(pid != worker for pid in idle.processes("app.cli", "worker")), 30, "no new worker")
+    assert "the worker ended with status -9" in idle.said()
+
+
+def test_children_end_with_a_killed_parent_and_the_next_start_works(idle: Up) -> None:
+    idle.start()
+    idle.process.kill()
+    idle.process.wait()
+    await_true(
+        lambda: not idle.processes("app.cli", "worker") and not idle.processes("app.cli", "api"),
+        STOP_S,
+        "API or worker outlived their parent",
+    )
+    idle.start()
+    assert idle.interrupt() == 0
+    assert idle.processes() == []
+
+
+def test_a_taken_port_is_said_in_one_line(idle: Up) -> None:
+    idle.start()
+    port = idle.address.rsplit(":", 1)[1]
+    second = versant("up", "--data-dir", idle.data_dir, "--port", port)
+    assert second.returncode == 1
+    complaint = [line for line in second.stderr.splitlines() if line.startswith("versant:")]
+    assert len(complaint) == 1
+    assert "--port" in complaint[0]
+    assert "Traceback" not in second.stderr
+    with Client(idle.address) as client:
+        assert client.get("/readyz").is_success

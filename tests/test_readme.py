@@ -1,0 +1,220 @@
+"""README says what the code does: its tables are made from the code, and names in its text exist.
+
+``python tests/test_readme.py --write`` renews the tables.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from app.cli import COMMANDS
+from app.cli import app as cli
+from app.main import create_app
+from app.outputs import OUTPUTS
+from app.outputs.features import PROPERTIES
+from app.settings import ENV_PREFIX, Settings
+from fusion.formats import FORMATS
+from fusion.gnss import POSITIONINGS
+from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.terrain.windows import WINDOWS
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+README = REPOSITORY / "README.md"
+TABLE = re.compile(r"<!-- table: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    cells = [[str(cell).replace("|", "\\|").replace("\n", " ") for cell in line] for line in lines]
+    return "".join(f"| {' | '.join(line)} |\n" for line in cells)
+
+
+def code(text: object) -> str:
+    """Inline code."""
+    return f"`{text}`"
+
+
+def plain(value: Any) -> str:
+    """A default value, as one would write it."""
+    if isinstance(value, bool):
+        return code(str(value).lower())
+    return code(f"{value:.4g}" if isinstance(value, float) else value)
+
+
+def commands() -> str:
+    group: Any = typer.main.get_command(cli)
+    rows = [(code(f"versant {name}"), group.commands[name].help.split("\n\n")[0]) for name in COMMANDS]
+    return table(("command", "does"), rows)
+
+
+def operations() -> list[tuple[str, str, str]]:
+    """(verb, path, summary) of every route."""
+    application = create_app(Settings(database_url="postgresql://nobody@localhost/none"))
+    return [
+        (verb.upper(), path, operation["summary"])
+        for path, item in application.openapi()["paths"].items()
+        for verb, operation in item.items()
+    ]
+
+
+def routes() -> str:
+    return table(("", "route", "what"), [(verb, code(path), what) for verb, path, what in operations()])
+
+
+def settings() -> str:
+    rows = []
+    for name, field in Settings.model_fields.items():
+        # A default that depends on the machine is told in words.
+        shown = "" if field.default_factory or field.default is None else plain(field.default)
+        rows.append((code(ENV_PREFIX + name.upper()), shown, field.description))
+    return table(("variable", "default", "meaning"), rows)
+
+
+def formats() -> str:
+    rows = [
+        (code(name), item.description, " ".join(map(code, item.suffixes))) for name, item in FORMATS.items()
+    ]
+    return table(("format", "what", "usual suffixes"), rows)
+
+
+def methods() -> str:
+    rows = [
+        (
+            code(name) + (" (default)" if name == DEFAULT_METHOD else ""),
+            item.description,
+            ", ".join(item.needs),
+            item.source,
+        )
+        for name, item in METHODS.items()
+    ]
+    return table(("method", "what", "needs", "source"), rows)
+
+
+def options() -> str:
+    parts = []
+    for name, method in METHODS.items():
+        rows = [
+            (code(option), plain(field.get_default(call_default_factory=True)), field.description)
+            for option, field in method.options_model.model_fields.items()
+        ]
+        parts.append(f"<details><summary>Options of {code(name)}</summary>\n\n")
+        parts.append(table(("option", "default", "meaning"), rows) + "\n</details>\n\n")
+    return "".join(parts).rstrip("\n") + "\n"
+
+
+def windows() -> str:
+    return table(("window", "what"), [(code(name), item.description) for name, item in WINDOWS.items()])
+
+
+def positionings() -> str:
+    rows = [(code(name), item.description, item.source) for name, item in POSITIONINGS.items()]
+    return table(("name", "what", "source"), rows)
+
+
+def outputs() -> str:
+    return table(("suffix", "what"), [(code(item.suffix), item.description) for _, item in OUTPUTS.items()])
+
+
+MAKERS: dict[str, Callable[[], str]] = {
+    maker.__name__: maker
+    for maker in (commands, routes, settings, formats, methods, options, windows, positionings, outputs)
+}
+
+
+def test_every_table_is_there_once() -> None:
+    assert sorted(name for name, _ in TABLE.findall(README.read_text())) == sorted(MAKERS)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_table_says_what_the_code_does(name: str) -> None:
+    written = dict(TABLE.findall(README.read_text()))[name]
+    assert written == MAKERS[name](), "run: python tests/test_readme.py --write"
+
+
+def prose() -> str:
+    """README without its generated tables."""
+    return TABLE.sub("", README.read_text())
+
+
+def test_commands_in_the_text_exist_with_their_options() -> None:
+    group: Any = typer.main.get_command(cli)
+    found = re.findall(r"versant ([a-z][a-z-]*)((?: [^`#\n]*)?)", prose())
+    assert found
+    for name, rest in found:
+        if name not in COMMANDS:
+            assert not rest.strip().startswith("-"), name
+            assert name in {"command"}, f"versant {name}"
+            continue
+        known = {flag for parameter in group.commands[name].params for flag in parameter.opts}
+        for word in shlex.split(rest.replace("&", "")):
+            if word.startswith("-"):
+                assert word in known | {"--help"}, f"versant {name} {word}"
+
+
+def test_variables_in_the_text_exist() -> None:
+    known = {ENV_PREFIX + name.upper() for name in Settings.model_fields}
+    named = set(re.findall(r"VERSANT_[A-Z_]+", prose()))
+    assert named
+    assert named <= known
+
+
+def test_routes_in_the_text_exist() -> None:
+    patterns = [re.sub(r"\{\w+\}", r"[^/]+", path) for _, path, _ in operations()] + ["/openapi.json"]
+    named = re.findall(r"(?<![\w.])(/(?:v1|tiles|collections|problems|openapi)[^\s`'?),;]*)", prose())
+    assert named
+    for path in named:
+        assert any(re.fullmatch(pattern, path) for pattern in patterns), path
+
+
+def test_properties_are_all_named_in_order() -> None:
+    (sentence,) = re.findall(r"Properties in every output: (.*?)\. Files", prose(), re.DOTALL)
+    assert tuple(re.findall(r"`(\w+)`", sentence)) == PROPERTIES
+
+
+def test_make_targets_in_the_text_exist() -> None:
+    makefile = (REPOSITORY / "Makefile").read_text()
+    named = re.findall(r"(?:`|^)make ([a-z]+)", prose(), re.MULTILINE)
+    assert {"demo", "test"} <= set(named)
+    for target in named:
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+
+
+def test_files_in_the_text_exist() -> None:
+    named = re.findall(r"`((?:fusion|app|tests|benchmarks|migrations)/[\w/.]+)`", prose())
+    named += re.findall(r"\]\((\.docs/[^)]+)\)", prose())
+    assert named
+    for name in named:
+        if "NAME" not in name:
+            assert (REPOSITORY / name).exists(), name
+
+
+def test_folders_of_the_layout_exist() -> None:
+    (block,) = re.findall(r"```\n(fusion/ .*?)```", prose(), re.DOTALL)
+    parent = ""
+    for line in block.splitlines():
+        for name in re.findall(r"(?:^|\s)([a-z_]+/|[a-z_]+\.py)(?=\s|,|;|$)", line):
+            top = not line.startswith(" ")
+            parent = name if top and name in {"fusion/", "app/"} else parent
+            place = REPOSITORY / (name if top or name == "end_to_end/" else parent + name)
+            if name == "end_to_end/":
+                place = REPOSITORY / "tests" / name
+            assert place.exists(), place
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] != ["--write"]:
+        sys.exit(__doc__)
+    README.write_text(
+        TABLE.sub(
+            lambda found: f"<!-- table: {found[1]} -->\n{MAKERS[found[1]]()}<!-- end -->", README.read_text()
+        )
+    )
