@@ -29,12 +29,13 @@ from pathlib import Path
 import numpy as np
 
 from fusion.formats import read_log
-from fusion.methods import particle
-from fusion.methods import particle_kernels as k
+from fusion.methods import particle_layout as k
 from fusion.methods.epochs import Epochs, build_epochs
 from fusion.methods.levelling import estimate_mount
+from fusion.methods.particle import threads_for
 from fusion.methods.particle_filter import Estimate, Measurement, ParticleCloud, PredictedMap
 from fusion.methods.particle_options import ParticleOptions
+from fusion.methods.particle_run import DriveFilter
 from fusion.roads.network import RoadNetwork
 from fusion.simulate import make_town
 from fusion.terrain.dem import Dem
@@ -142,16 +143,19 @@ def prepare(duration_s: float) -> tuple[Epochs, RoadNetwork, Dem]:
     return build_epochs(log, network.projection), network, Dem.open([folder / "dem.tif"])
 
 
-def seconds_per_epoch(cloud: type[ParticleCloud], particles: int, scene: tuple[Epochs, RoadNetwork, Dem]) -> float:
+def seconds_per_epoch(
+    cloud: type[ParticleCloud], particles: int, scene: tuple[Epochs, RoadNetwork, Dem]
+) -> float:
     """Run the method's own loop over the scene with the given cloud."""
     epochs, network, dem = scene
     if cloud is NumpyCloud:
         epochs = epochs.take(np.arange(len(epochs)) < NUMPY_EPOCHS)
     options = ParticleOptions(particles=particles)
-    run = particle._Run(epochs, network, dem, options, estimate_mount(epochs))
-    run._cloud = cloud(options)
+    run = DriveFilter(epochs, network, dem, options, estimate_mount(epochs))
+    run.cloud = cloud(options)
     begin = time.perf_counter()
-    run.filter(no_progress)
+    with threads_for(particles):
+        run.filter(no_progress)
     return (time.perf_counter() - begin) / len(epochs)
 
 
@@ -168,7 +172,9 @@ def memory_of(particles: int, duration_s: float) -> float:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--particles", type=int, nargs="+", default=[1000, 10_000, 100_000])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--duration", type=float, default=549.0, help="length of the drive, s")
@@ -192,7 +198,9 @@ def main() -> None:
         ]
         ours, theirs = (1000 * statistics.median(column) for column in zip(*rounds, strict=True))
         memory = memory_of(particles, args.duration)
-        rows.append({"particles": particles, "ms": ours, "numpy_ms": theirs, "ratio": theirs / ours, "mib": memory})
+        rows.append(
+            {"particles": particles, "ms": ours, "numpy_ms": theirs, "ratio": theirs / ours, "mib": memory}
+        )
         print(f"{particles:10d} {ours:9.3f} {theirs:9.3f} {theirs / ours:6.1f} {memory:6.1f}")
     if args.json:
         args.json.write_text(json.dumps(rows, indent=1))

@@ -8,6 +8,7 @@ draw. Normals come from a 256-layer ziggurat (Marsaglia and Tsang 2000), a few n
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,12 +48,11 @@ _HEIGHTS = np.exp(-0.5 * _EDGES**2)
 
 
 @compiled
-def _mix(value: np.uint64) -> np.uint64:
+def _mix(value: Any) -> Any:
     """SplitMix64's finaliser: spreads a counter over 64 bits."""
     value = (value ^ (value >> _U64(30))) * _MIX_1
     value = (value ^ (value >> _U64(27))) * _MIX_2
-    mixed: np.uint64 = value ^ (value >> _U64(31))
-    return mixed
+    return value ^ (value >> _U64(31))
 
 
 @compiled

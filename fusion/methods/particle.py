@@ -7,36 +7,28 @@ segment gives its slope (3.4.3).
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 
 import numba
 import numpy as np
 
 from fusion.errors import MissingSensorError
-from fusion.methods import particle_kernels as k
-from fusion.methods.epochs import Epochs, build_epochs
+from fusion.methods.epochs import build_epochs
 from fusion.methods.levelling import MountPitch, estimate_mount
-from fusion.methods.particle_filter import Estimate, Measurement, ParticleCloud, PredictedMap
 from fusion.methods.particle_options import ParticleOptions
-from fusion.methods.track import TrackBuilder
-from fusion.roads.matching import PointMatch, nearest_mahalanobis
+from fusion.methods.particle_run import DriveFilter
 from fusion.roads.network import RoadNetwork
 from fusion.slopes import AltitudeErrors, LineRule, segment_slopes
 from fusion.terrain.dem import Dem
-from fusion.terrain.windows import WINDOWS, HeightModel
-from fusion.types import DriveLog, DriveResult, Floats, Progress, Track
+from fusion.types import DriveLog, DriveResult, Progress, Track
 
 # numba's portable threading layer aborts the process when two threads enter parallel loops at once.
 _PARALLEL = threading.Lock()
 
 _PARTICLES_PER_THREAD = 10_000
 
-_OUTLIER_SIGMAS = 6.0
-_OUTLIERS_BEFORE_RESTART = 3
 _GRADE_CORRELATION_S = 6.0
 _HEIGHT_CORRELATION_S = 60.0
 
@@ -68,8 +60,8 @@ class ParticleMethod:
                 "measure slopes from. Record altitudes, or import a DEM of the area."
             )
         mount = estimate_mount(epochs) if options.level_pitch else MountPitch(0.0, np.inf, "off")
-        run = _Run(epochs, network, dem, options, mount)
-        with _PARALLEL, _threads_for(options.particles):
+        run = DriveFilter(epochs, network, dem, options, mount)
+        with _PARALLEL, threads_for(options.particles):
             run.filter(progress)
         track = run.rows.build(network.projection)
         slopes = segment_slopes(
@@ -79,7 +71,7 @@ class ParticleMethod:
 
 
 @contextmanager
-def _threads_for(particles: int) -> Iterator[None]:
+def threads_for(particles: int) -> Iterator[None]:
     """As many threads as the cloud feeds: a small one is filtered faster than threads meet at a barrier."""
     before = numba.get_num_threads()
     numba.set_num_threads(max(1, min(before, particles // _PARTICLES_PER_THREAD)))
@@ -89,7 +81,7 @@ def _threads_for(particles: int) -> Iterator[None]:
         numba.set_num_threads(before)
 
 
-def _errors(run: _Run, track: Track) -> AltitudeErrors:
+def _errors(run: DriveFilter, track: Track) -> AltitudeErrors:
     """How the filter's altitude errors hang together: the cloud's spread in height and in pitch, and the mount."""
     grade = np.nan_to_num(track.pitch_sigma_rad)
     if run.mount.known:
@@ -104,230 +96,3 @@ def _errors(run: _Run, track: Track) -> AltitudeErrors:
         grade=grade,
         grade_correlation_s=_GRADE_CORRELATION_S,
     )
-
-
-@dataclass
-class _Run:
-    """One drive going through the filter."""
-
-    epochs: Epochs
-    network: RoadNetwork
-    dem: Dem | None
-    options: ParticleOptions
-    mount: MountPitch
-    rows: TrackBuilder = field(init=False)
-    counts: dict[str, int] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.rows = TrackBuilder(len(self.epochs))
-        self.counts = dict.fromkeys(
-            ("filtered", "matched", "resampled", "restarts", "gnss_outliers", "dem"), 0
-        )
-        self.n_eff_sum = 0.0
-        self.dem_offset_m = _datum_offset(self.epochs, self.network, self.dem)
-        self._window = WINDOWS[self.options.dem_window]
-        self._grounds: dict[int, HeightModel | None] = {}
-        self._cloud = ParticleCloud(self.options)
-        self._last: Estimate | None = None
-        self._rejected = 0
-
-    def filter(self, progress: Progress) -> None:
-        """Process every epoch in order."""
-        for e in range(len(self.epochs)):
-            progress("filter", e / len(self.epochs))
-            if self.epochs.restart[e]:
-                self._last = None
-            if self._last is None and not self._start(e):
-                continue
-            self._step(e)
-
-    def _start(self, e: int) -> bool:
-        """Draw the cloud around the epoch's fix; without one the filter waits."""
-        ep = self.epochs
-        altitude = ep.alt_m[e] if np.isfinite(ep.alt_m[e]) else self._ground_below(e)
-        if not (ep.has_gnss[e] and np.isfinite(altitude)):
-            return False
-        h, v = self._gnss_sigmas(e)
-        mean, sigma = np.zeros(k.STATES), np.zeros(k.STATES)
-        mean[[k.X, k.Y, k.Z]] = ep.x_m[e], ep.y_m[e], altitude
-        sigma[[k.X, k.Y, k.Z]] = h, h, v
-        velocity, spread = _initial_velocity(ep, e)
-        mean[[k.VX, k.VY, k.VZ]], sigma[[k.VX, k.VY, k.VZ]] = velocity, spread
-        sigma[[k.AX, k.AY, k.AZ]] = 0.5, 0.5, 0.1
-        self._cloud.restart(mean, sigma)
-        self._rejected = 0
-        self.counts["restarts"] += 1
-        return True
-
-    def _step(self, e: int) -> None:
-        ep, last = self.epochs, self._last
-        dt = None if last is None else float(ep.time_s[e] - ep.time_s[e - 1])
-        if last is not None and dt is not None:
-            self._refer(last, dt)
-        predicted = self._cloud.weigh_sensors(dt, self._measured(e, dt or 1.0))
-        speed = ep.speed_mps[e] if last is None else math.hypot(last.state[k.VX], last.state[k.VY])
-        moving = bool(speed >= self.options.min_speed_mps)
-        match = self._match(predicted, moving)
-        ground = self._ground(match, predicted) if match is not None else None
-        road = None if match is None else (match.x_m, match.y_m, match.heading_rad)
-        weight = self._dem_inv_var(float(np.nan_to_num(speed)), dt or 1.0)
-        estimate = self._cloud.weigh_surroundings(road, moving, ground, weight)
-        self._record(e, estimate, match, ground)
-        self._last = None if self._rejected >= _OUTLIERS_BEFORE_RESTART else estimate
-
-    def _refer(self, last: Estimate, dt: float) -> None:
-        s = last.state
-        self._cloud.refer_to(
-            s[k.X] + s[k.VX] * dt, s[k.Y] + s[k.VY] * dt, s[k.Z] + s[k.VZ] * dt, last.heading_rad
-        )
-
-    def _measured(self, e: int, dt: float) -> Measurement:
-        ep, o = self.epochs, self.options
-        z, inv_var = np.zeros(k.STATES), np.zeros(k.STATES)
-
-        def use(row: int, value: float, sigma: float) -> None:
-            if math.isfinite(value):
-                z[row], inv_var[row] = value, sigma**-2
-
-        h, v = self._gnss_sigmas(e)
-        if self._plausible(e, h):
-            use(k.X, ep.x_m[e], h)
-            use(k.Y, ep.y_m[e], h)
-            use(k.Z, ep.alt_m[e], v * math.sqrt(1 + 2 * o.gnss_correlation_s / dt))
-            if o.doppler:
-                sigma = ep.s_acc_mps[e] if np.isfinite(ep.s_acc_mps[e]) else o.doppler_sigma_mps
-                for row, column in ((k.VX, ep.vel_e_mps), (k.VY, ep.vel_n_mps), (k.VZ, ep.vel_u_mps)):
-                    use(row, column[e], max(sigma, 0.02))
-        for row, column in ((k.AX, ep.acc_e_mps2), (k.AY, ep.acc_n_mps2), (k.AZ, ep.acc_u_mps2)):
-            use(row, column[e], o.acc_sigma_mps2)
-        pitch, inv_pitch = self._pitch(e)
-        return Measurement(z, inv_var, pitch, inv_pitch)
-
-    def _pitch(self, e: int) -> tuple[float, float]:
-        ep, o = self.epochs, self.options
-        if not (np.isfinite(ep.pitch_rad[e]) and ep.speed_mps[e] >= o.min_speed_mps):
-            return 0.0, 0.0
-        sensor = float(np.nan_to_num(ep.pitch_acc_rad[e]))
-        return float(ep.pitch_rad[e] - self.mount.angle_rad), 1 / (sensor**2 + o.pitch_sigma_rad**2)
-
-    def _gnss_sigmas(self, e: int) -> tuple[float, float]:
-        """Per-axis horizontal and vertical sigma, m: the receiver's own where logged."""
-        h, v = self.epochs.h_acc_m[e], self.epochs.v_acc_m[e]
-        h = h if np.isfinite(h) and h > 0 else self.options.gnss_h_sigma_m
-        v = v if np.isfinite(v) and v > 0 else self.options.gnss_v_sigma_m
-        return float(h) / math.sqrt(2), float(v)
-
-    def _plausible(self, e: int, h_sigma_m: float) -> bool:
-        """Whether the fix can be where the vehicle is predicted to be; three misses in a row restart the filter."""
-        if not self.epochs.has_gnss[e]:
-            return False
-        if self._last is None:
-            return True
-        s, dt = self._last.state, self.epochs.time_s[e] - self.epochs.time_s[e - 1]
-        miss = math.hypot(
-            self.epochs.x_m[e] - s[k.X] - s[k.VX] * dt, self.epochs.y_m[e] - s[k.Y] - s[k.VY] * dt
-        )
-        allowed = _OUTLIER_SIGMAS * math.hypot(h_sigma_m, self._last.h_sigma_m) + 3.0 * dt * dt
-        if miss <= allowed:
-            self._rejected = 0
-            return True
-        self._rejected += 1
-        self.counts["gnss_outliers"] += 1
-        return False
-
-    def _match(self, predicted: PredictedMap, moving: bool) -> PointMatch | None:
-        """Map match of (2.27)-(2.31); while standing the heading says nothing."""
-        o = self.options
-        noise = np.diag([o.map_sigma_m**2, o.map_sigma_m**2, o.map_sigma_rad**2])
-        return nearest_mahalanobis(
-            self.network,
-            predicted.x_m,
-            predicted.y_m,
-            predicted.heading_rad if moving else math.nan,
-            predicted.covariance + noise,
-            gate=o.match_gate,
-        )
-
-    def _ground(self, match: PointMatch, predicted: PredictedMap) -> float | None:
-        """Terrain height at the predicted position by the matched segment's window (3.12); none on structures."""
-        table = self.network.table
-        if self.dem is None or table.bridge[match.segment] or table.tunnel[match.segment]:
-            return None
-        if match.segment not in self._grounds:
-            self._grounds[match.segment] = self._window.model(self.dem, self.network, match.segment)
-        model = self._grounds[match.segment]
-        if model is None:
-            return None
-        height = float(model.height(np.array([predicted.x_m]), np.array([predicted.y_m]))[0])
-        return height + self.dem_offset_m if math.isfinite(height) else None
-
-    def _ground_below(self, e: int) -> float:
-        if self.dem is None or not self.epochs.has_gnss[e]:
-            return math.nan
-        lon, lat = self.network.projection.to_lonlat(self.epochs.x_m[e : e + 1], self.epochs.y_m[e : e + 1])
-        return float(self.dem.heights(lon, lat)[0])
-
-    def _dem_inv_var(self, speed_mps: float, dt: float) -> float:
-        """Terrain errors hang together, so an epoch brings only the information of the way it covers."""
-        o = self.options
-        way = max(speed_mps * dt, 0.1)
-        return 1 / (o.dem_sigma_m**2 * (1 + 2 * o.dem_correlation_m / way))
-
-    def _record(self, e: int, estimate: Estimate, match: PointMatch | None, ground: float | None) -> None:
-        self._last = estimate
-        self.counts["filtered"] += 1
-        self.counts["matched"] += match is not None
-        self.counts["resampled"] += estimate.resampled
-        self.counts["dem"] += ground is not None
-        self.n_eff_sum += estimate.n_eff
-        distance = math.nan
-        if match is not None:
-            segment = np.array([match.segment])
-            x, y = estimate.state[[k.X]], estimate.state[[k.Y]]
-            distance = float(self.network.project_points(x, y, segment)[2][0])
-        lift = self.options.antenna_height_m / math.cos(estimate.pitch_rad)
-        self.rows.put(e, self.epochs, estimate, match, distance, lift)
-
-    def report(self) -> dict[str, object]:
-        """What the filter says about itself, JSON-serialisable."""
-        filtered = max(self.counts["filtered"], 1)
-        return {
-            "particles": self.options.particles,
-            "epochs_filtered": self.counts["filtered"],
-            "matched_share": self.counts["matched"] / filtered,
-            "resampled_share": self.counts["resampled"] / filtered,
-            "dem_share": self.counts["dem"] / filtered,
-            "mean_n_eff": self.n_eff_sum / filtered,
-            "filter_starts": self.counts["restarts"],
-            "gnss_outliers": self.counts["gnss_outliers"],
-            "mount_pitch_deg": math.degrees(self.mount.angle_rad) if self.mount.known else None,
-            "mount_pitch_sigma_deg": math.degrees(self.mount.sigma) if self.mount.known else None,
-            "mount_pitch_source": self.mount.source,
-            "dem_offset_m": self.dem_offset_m,
-        }
-
-
-def _initial_velocity(ep: Epochs, e: int) -> tuple[Floats, float]:
-    """Velocity (3,) at epoch ``e`` and its sigma: Doppler, else from the next fix, else standing with a wide spread."""
-    doppler = np.array([ep.vel_e_mps[e], ep.vel_n_mps[e], np.nan_to_num(ep.vel_u_mps[e])])
-    if np.isfinite(doppler).all():
-        return doppler, 0.5
-    if e + 1 < len(ep) and ep.has_gnss[e + 1] and not ep.restart[e + 1]:
-        dt = ep.time_s[e + 1] - ep.time_s[e]
-        return np.array([ep.x_m[e + 1] - ep.x_m[e], ep.y_m[e + 1] - ep.y_m[e], 0.0]) / dt, 2.0
-    return np.zeros(3), 8.0
-
-
-def _datum_offset(epochs: Epochs, network: RoadNetwork, dem: Dem | None) -> float:
-    """What to add to the terrain so that it meets the log's heights: median over the drive, 0 below 10 m.
-
-    Ellipsoidal heights lie tens of metres from a DEM above the geoid; a constant does no harm to slopes, but
-    two sources that disagree by it would pull at the filter.
-    """
-    if dem is None:
-        return 0.0
-    lon, lat = network.projection.to_lonlat(epochs.x_m, epochs.y_m)
-    difference = epochs.alt_m - dem.heights(lon, lat)
-    known = np.isfinite(difference)
-    offset = float(np.median(difference[known])) if known.any() else 0.0
-    return offset if abs(offset) > 10.0 else 0.0

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fusion.filters.resampling import RESAMPLERS
-from fusion.methods import particle_kernels as k
+from fusion.methods import particle_layout as k
+from fusion.methods.particle_estimate import gather, merge_sums, normalise_blocks, weigh_and_estimate
+from fusion.methods.particle_kernels import draw_cloud, predict_and_weigh
 from fusion.methods.particle_options import ParticleOptions
 from fusion.types import Floats
 
@@ -73,7 +75,7 @@ class ParticleCloud:
     def restart(self, mean: Floats, sigma: Floats) -> None:
         """Draw a new cloud around ``mean`` (9,) with standard deviations ``sigma`` (9,)."""
         self._step += 1
-        k.draw_cloud(self._cloud, self._logw, self.options.seed, self._step, mean, sigma)
+        draw_cloud(self._cloud, self._logw, self.options.seed, self._step, mean, sigma)
         self._ref[:] = mean[k.X], mean[k.Y], math.atan2(mean[k.VY], mean[k.VX]), mean[k.Z]
 
     def weigh_sensors(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
@@ -81,12 +83,12 @@ class ParticleCloud:
         self._step += 1
         dt = -1.0 if dt_s is None else dt_s
         half = 0.5 * dt * dt if self.options.discretisation == "exact" else 0.0
-        k.predict_and_weigh(
+        predict_and_weigh(
             self._cloud, self._logw, self._angles, self._sums_a, self.options.seed, self._step, dt, half,
             self._q_per_s * max(dt, 0.0), measured.z, measured.inv_var, self.options.proposal == "optimal",
             measured.pitch_rad, measured.inv_var_pitch, self._ref,
         )  # fmt: skip
-        total = k.merge_sums(self._sums_a, -1, np.empty(k.A_COLUMNS))
+        total = merge_sums(self._sums_a, -1, np.empty(k.A_COLUMNS))
         w = total[k.A_W]
         first = total[[k.A_X, k.A_Y, k.A_T]] / w
         xx, yy, tt, xy, xt, yt = total[[k.A_XX, k.A_YY, k.A_TT, k.A_XY, k.A_XT, k.A_YT]] / w
@@ -110,11 +112,11 @@ class ParticleCloud:
             inv[2] = o.map_sigma_rad**-2 if use_heading else 0.0
         ground = 0.0 if ground_m is None else ground_m
         inv_ground = 0.0 if ground_m is None else inv_var_ground
-        k.weigh_and_estimate(
+        weigh_and_estimate(
             self._cloud, self._logw, self._angles, self._weights, self._sums_b, self._ref,
             np.array(road or (0.0, 0.0, 0.0)), inv, ground, o.antenna_height_m, inv_ground,
         )  # fmt: skip
-        return self._estimate(k.merge_sums(self._sums_b, k.B_WW, np.empty(k.B_COLUMNS)))
+        return self._estimate(merge_sums(self._sums_b, k.B_WW, np.empty(k.B_COLUMNS)))
 
     def _estimate(self, total: Floats) -> Estimate:
         w = total[k.B_W]
@@ -142,9 +144,9 @@ class ParticleCloud:
         )
 
     def _draw_again(self, top: float, total: float) -> None:
-        k.normalise_blocks(self._weights, self._sums_b, top, total)
+        normalise_blocks(self._weights, self._sums_b, top, total)
         ancestors = self._resample(self._weights, self.options.seed, self._step)
-        k.gather(self._cloud, ancestors, self._spare)
+        gather(self._cloud, ancestors, self._spare)
         self._cloud, self._spare = self._spare, self._cloud
         self._logw[:] = 0.0
 

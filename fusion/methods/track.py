@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from fusion.frames import LocalProjection
-from fusion.methods import particle_kernels as k
+from fusion.methods import particle_layout as k
 from fusion.methods.epochs import Epochs
 from fusion.methods.particle_filter import Estimate
 from fusion.types import Track

@@ -76,7 +76,9 @@ def test_the_report_is_json_and_says_what_was_done(
     assert again["epochs"] > 200
 
 
-def test_the_same_input_gives_the_same_numbers(method: str, make_log: MakeLog, town: Town, town_dem: Dem) -> None:
+def test_the_same_input_gives_the_same_numbers(
+    method: str, make_log: MakeLog, town: Town, town_dem: Dem
+) -> None:
     log = make_log(1, duration_s=240)
     assert run(method, log, town, town_dem).slopes == run(method, log, town, town_dem).slopes
 
@@ -96,7 +98,9 @@ def test_positions_and_elevations_alone_are_enough(
 
 def test_without_any_height_a_method_says_what_is_missing(method: str, make_log: MakeLog, town: Town) -> None:
     fix = make_log(1, duration_s=240).fix
-    flat = dataclasses.replace(fix, alt_msl_m=np.full(len(fix), np.nan), height_ell_m=np.full(len(fix), np.nan))
+    flat = dataclasses.replace(
+        fix, alt_msl_m=np.full(len(fix), np.nan), height_ell_m=np.full(len(fix), np.nan)
+    )
     with pytest.raises(MissingSensorError, match=r"(altitude|DEM)"):
         run(method, DriveLog(source_format="gpx", fix=flat), town, None)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fusion.errors import BadOptionsError
-from fusion.methods import particle_kernels as k
+from fusion.methods import particle_layout as k
 from fusion.methods.particle_filter import Measurement, ParticleCloud
 from fusion.methods.particle_options import ParticleOptions
 from fusion.pipeline import parse_options, run_drive
@@ -46,7 +46,10 @@ def kalman(options: ParticleOptions, mean: np.ndarray, var: np.ndarray, z: np.nd
 def test_the_linear_case_is_the_kalman_filter(proposal: str, discretisation: str, resampling: str) -> None:
     """With linear sensors only, the cloud's mean and spread must be the exact posterior's, to sampling error."""
     options = ParticleOptions(
-        particles=200_000, proposal=proposal, discretisation=discretisation, resampling=resampling  # type: ignore[arg-type]
+        particles=200_000,
+        proposal=proposal,
+        discretisation=discretisation,
+        resampling=resampling,  # type: ignore[arg-type]
     )
     rng = np.random.default_rng(6)
     mean = np.array([0.0, 8.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.3, 100.0])
@@ -98,7 +101,9 @@ def test_pitch_map_and_terrain_pull_towards_themselves() -> None:
     assert estimate.state[k.Z] == pytest.approx(100 + (ground - 100) * 9 / 10, abs=0.1)
 
 
-def test_the_result_does_not_depend_on_the_number_of_threads(make_log: MakeLog, town: Town, town_dem: Dem) -> None:
+def test_the_result_does_not_depend_on_the_number_of_threads(
+    make_log: MakeLog, town: Town, town_dem: Dem
+) -> None:
     log = make_log(1, duration_s=60)
     before = numba.get_num_threads()
     results = []
@@ -113,10 +118,13 @@ def test_the_result_does_not_depend_on_the_number_of_threads(make_log: MakeLog, 
     assert np.array_equal(first.track.alt_m, last.track.alt_m)
 
 
-def test_another_seed_changes_the_result_within_its_sigma(make_log: MakeLog, town: Town, town_dem: Dem) -> None:
+def test_another_seed_changes_the_result_within_its_sigma(
+    make_log: MakeLog, town: Town, town_dem: Dem
+) -> None:
     log = make_log(1, duration_s=240)
     one, two = (
-        run_drive(log, town.roads, town_dem, options={"particles": 20_000, "seed": seed})[1].slopes for seed in (1, 2)
+        run_drive(log, town.roads, town_dem, options={"particles": 20_000, "seed": seed})[1].slopes
+        for seed in (1, 2)
     )
     assert one != two
     by_segment = {s.segment: s for s in two}
@@ -138,7 +146,9 @@ def test_a_mount_that_is_askew_is_levelled_and_reported(make_log: MakeLog, town:
     assert plain.slopes != off.slopes
 
 
-def test_slopes_of_the_simulated_town_beat_both_baselines(make_log: MakeLog, town: Town, town_dem: Dem) -> None:
+def test_slopes_of_the_simulated_town_beat_both_baselines(
+    make_log: MakeLog, town: Town, town_dem: Dem
+) -> None:
     """Pooled over drives of two receiver classes; the margin is wide, the benchmark holds the figures."""
     errors: dict[str, list[float]] = {"particle": [], "raw": [], "dem": []}
     for seed, receiver in ((1, "m8"), (2, "m8"), (3, "phone")):
