@@ -66,7 +66,7 @@ def seed_stream(seed: int, step: int, block: int, state: Stream) -> None:
 
 
 @compiled
-def next_uint64(state: Stream) -> np.uint64:
+def next_uint64(state: Stream) -> Any:
     """Advance xoshiro256++ by one and return 64 random bits."""
     total = state[0] + state[3]
     result = ((total << _U64(23)) | (total >> _U64(41))) + state[0]

@@ -17,7 +17,7 @@ from fusion.types import DriveLog, DriveResult, Floats, Progress, SegmentSlope
 class DemOptions(Options):
     """Options of the DEM baseline."""
 
-    period_s: float = Field(1.0, gt=0, le=10, description="Shortest time between two epochs, s.")
+    period_s: float = Field(0.5, gt=0, le=10, description="Shortest time between two epochs, s.")
     height_sigma_m: float = Field(
         3.5, gt=0, description="Error of a terrain height against its neighbourhood, m."
     )

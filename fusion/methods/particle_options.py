@@ -18,7 +18,12 @@ class ParticleOptions(Options):
     seed: int = Field(
         0, ge=0, le=2**31 - 1, description="Seed of the random draws; the same seed gives the same result."
     )
-    period_s: float = Field(1.0, gt=0, le=10, description="Shortest time between two epochs, s (thesis: 1).")
+    period_s: float = Field(
+        0.5,
+        gt=0,
+        le=10,
+        description="Shortest time between two epochs, s; samples between them are averaged (thesis: 1).",
+    )
     discretisation: Literal["thesis", "exact"] = Field(
         "thesis", description="Position row as printed (2.1), or with the a dt^2/2 of constant acceleration."
     )
@@ -79,7 +84,17 @@ class ParticleOptions(Options):
     )
     acc_sigma_mps2: float = Field(0.3, gt=0, description="Accuracy of acceleration, m/s2.")
     pitch_sigma_rad: float = Field(
-        0.012, gt=0, description="Body motion on the suspension, added to the sensor's accuracy, rad."
+        0.0095, gt=0, description="Body motion on the suspension, added to the sensor's accuracy, rad."
+    )
+    pitch_correlation_s: float = Field(
+        0.3,
+        ge=0,
+        description="Body motion hangs together this long, s: an epoch counts for dt / (dt + 2 tau).",
+    )
+    start_altitude_sigma_m: float = Field(
+        0.5,
+        gt=0,
+        description="Spread of altitude in a new cloud, m: the receiver's own datum is kept, slopes need no other.",
     )
     map_sigma_m: float = Field(
         4.0, gt=0, description="Accuracy of the map's position, lane offset included, m."

@@ -64,10 +64,10 @@ class DriveFilter:
         altitude = ep.alt_m[e] if np.isfinite(ep.alt_m[e]) else self._ground_below(e)
         if not (ep.has_gnss[e] and np.isfinite(altitude)):
             return False
-        h, v = self._gnss_sigmas(e)
+        h, _ = self._gnss_sigmas(e)
         mean, sigma = np.zeros(k.STATES), np.zeros(k.STATES)
         mean[[k.X, k.Y, k.Z]] = ep.x_m[e], ep.y_m[e], altitude
-        sigma[[k.X, k.Y, k.Z]] = h, h, v
+        sigma[[k.X, k.Y, k.Z]] = h, h, self.options.start_altitude_sigma_m
         velocity, spread = _initial_velocity(ep, e)
         mean[[k.VX, k.VY, k.VZ]], sigma[[k.VX, k.VY, k.VZ]] = velocity, spread
         sigma[[k.AX, k.AY, k.AZ]] = 0.5, 0.5, 0.1
@@ -117,15 +117,16 @@ class DriveFilter:
                     use(row, column[e], max(sigma, 0.02))
         for row, column in ((k.AX, ep.acc_e_mps2), (k.AY, ep.acc_n_mps2), (k.AZ, ep.acc_u_mps2)):
             use(row, column[e], o.acc_sigma_mps2)
-        pitch, inv_pitch = self._pitch(e)
+        pitch, inv_pitch = self._pitch(e, dt)
         return Measurement(z, inv_var, pitch, inv_pitch)
 
-    def _pitch(self, e: int) -> tuple[float, float]:
+    def _pitch(self, e: int, dt: float) -> tuple[float, float]:
         ep, o = self.epochs, self.options
         if not (np.isfinite(ep.pitch_rad[e]) and ep.speed_mps[e] >= o.min_speed_mps):
             return 0.0, 0.0
         sensor = float(np.nan_to_num(ep.pitch_acc_rad[e]))
-        return float(ep.pitch_rad[e] - self.mount.angle_rad), 1 / (sensor**2 + o.pitch_sigma_rad**2)
+        body = o.pitch_sigma_rad**2 * (1 + 2 * o.pitch_correlation_s / dt)
+        return float(ep.pitch_rad[e] - self.mount.angle_rad), 1 / (sensor**2 + body)
 
     def _gnss_sigmas(self, e: int) -> tuple[float, float]:
         """Per-axis horizontal and vertical sigma, m: the receiver's own where logged."""

@@ -21,7 +21,7 @@ _CORRELATION_S = 60.0
 class RawOptions(Options):
     """Options of the raw baseline."""
 
-    period_s: float = Field(1.0, gt=0, le=10, description="Shortest time between two epochs, s.")
+    period_s: float = Field(0.5, gt=0, le=10, description="Shortest time between two epochs, s.")
     min_epochs: int = Field(4, ge=2, le=100, description="Altitudes that a slope needs.")
 
 
