@@ -140,9 +140,6 @@ class Settings(BaseSettings):
     max_log_bytes: int = Field(
         2 * _GIB, ge=1, description="Largest log after decompression, bytes; a larger one fails as malformed."
     )
-    road_margin_m: float = Field(
-        250.0, gt=0, le=10_000, description="Metres around a log within which roads are considered."
-    )
 
     # Both
     db_pool_size: int = Field(

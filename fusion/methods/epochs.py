@@ -60,15 +60,16 @@ class Epochs:
 
 
 def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1.0) -> Epochs:
-    """Lay ``log`` on epochs at least 0.95 ``period_s`` apart; samples around each epoch are averaged."""
+    """Lay ``log`` on epochs at least 0.95 ``period_s`` apart; samples are averaged over the epochs' usual spacing."""
     time_s = _epoch_times(log, period_s)
     fix = _nearest(log.fix, time_s, 0.45 * period_s)
     x_m, y_m = projection.to_xy(fix["lon_deg"], fix["lat_deg"])
     altitude = fix["alt_msl_m"] if log.fix.has("alt_msl_m") else fix["height_ell_m"]
-    velocity = _window_mean(log.velocity, time_s, period_s)
-    attitude = _window_mean(log.attitude, time_s, period_s)
-    force = _window_mean(log.force, time_s, period_s)
-    odometer = _window_mean(log.odometry, time_s, period_s)["speed_mps"]
+    window_s = max(period_s, float(np.median(np.diff(time_s)))) if len(time_s) > 1 else period_s
+    velocity = _window_mean(log.velocity, time_s, window_s)
+    attitude = _window_mean(log.attitude, time_s, window_s)
+    force = _window_mean(log.force, time_s, window_s)
+    odometer = _window_mean(log.odometry, time_s, window_s)["speed_mps"]
     restart = _restarts(time_s, log.gaps_s)
     speed = _ground_speed(time_s, velocity, odometer, x_m, y_m, restart)
     acceleration = _acceleration(force, attitude)
@@ -129,11 +130,11 @@ def _nearest(table: SensorTable, time_s: Floats, within_s: float) -> dict[str, F
     return {name: np.where(near, getattr(table, name)[index], np.nan) for name in table.columns()}
 
 
-def _window_mean(table: SensorTable, time_s: Floats, period_s: float) -> dict[str, Floats]:
-    """The mean of the samples within half a period of each time; yaw is averaged on the circle."""
+def _window_mean(table: SensorTable, time_s: Floats, window_s: float) -> dict[str, Floats]:
+    """The mean of the samples within half a window of each time; yaw is averaged on the circle."""
     out: dict[str, Floats] = {}
-    low = np.searchsorted(table.time_s, time_s - period_s / 2, side="left")
-    high = np.searchsorted(table.time_s, time_s + period_s / 2, side="left")
+    low = np.searchsorted(table.time_s, time_s - window_s / 2, side="left")
+    high = np.searchsorted(table.time_s, time_s + window_s / 2, side="left")
     for name in table.columns():
         column = getattr(table, name)
         if name == "yaw_rad":
