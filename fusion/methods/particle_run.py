@@ -81,16 +81,23 @@ class DriveFilter:
         dt = None if last is None else float(ep.time_s[e] - ep.time_s[e - 1])
         if last is not None and dt is not None:
             self._refer(last, dt)
-        predicted = self.cloud.weigh_sensors(dt, self._measured(e, dt or 1.0))
-        speed = ep.speed_mps[e] if last is None else math.hypot(last.state[k.VX], last.state[k.VY])
-        moving = bool(speed >= self.options.min_speed_mps)
+        speed = self._speed(e)
+        predicted = self.cloud.weigh_sensors(dt, self._measured(e, dt or 1.0, speed))
+        moving = speed >= self.options.min_speed_mps
         match = self._match(predicted, moving)
         ground = self._ground(match, predicted) if match is not None else None
         road = None if match is None else (match.x_m, match.y_m, match.heading_rad)
-        weight = self._dem_inv_var(float(np.nan_to_num(speed)), dt or 1.0)
+        weight = self._dem_inv_var(speed, dt or 1.0)
         estimate = self.cloud.weigh_surroundings(road, moving, ground, weight)
         self._record(e, estimate, match, ground)
         self._last = None if self._rejected >= _OUTLIERS_BEFORE_RESTART else estimate
+
+    def _speed(self, e: int) -> float:
+        """Ground speed as logged; in an outage without a speed signal the filter's own."""
+        logged = float(self.epochs.speed_mps[e])
+        if math.isfinite(logged):
+            return logged
+        return 0.0 if self._last is None else math.hypot(self._last.state[k.VX], self._last.state[k.VY])
 
     def _refer(self, last: Estimate, dt: float) -> None:
         s = last.state
@@ -98,7 +105,7 @@ class DriveFilter:
             s[k.X] + s[k.VX] * dt, s[k.Y] + s[k.VY] * dt, s[k.Z] + s[k.VZ] * dt, last.heading_rad
         )
 
-    def _measured(self, e: int, dt: float) -> Measurement:
+    def _measured(self, e: int, dt: float, speed_mps: float) -> Measurement:
         ep, o = self.epochs, self.options
         z, inv_var = np.zeros(k.STATES), np.zeros(k.STATES)
 
@@ -117,12 +124,12 @@ class DriveFilter:
                     use(row, column[e], max(sigma, 0.02))
         for row, column in ((k.AX, ep.acc_e_mps2), (k.AY, ep.acc_n_mps2), (k.AZ, ep.acc_u_mps2)):
             use(row, column[e], o.acc_sigma_mps2)
-        pitch, inv_pitch = self._pitch(e, dt)
+        pitch, inv_pitch = self._pitch(e, dt) if speed_mps >= o.min_speed_mps else (0.0, 0.0)
         return Measurement(z, inv_var, pitch, inv_pitch)
 
     def _pitch(self, e: int, dt: float) -> tuple[float, float]:
         ep, o = self.epochs, self.options
-        if not (np.isfinite(ep.pitch_rad[e]) and ep.speed_mps[e] >= o.min_speed_mps):
+        if not np.isfinite(ep.pitch_rad[e]):
             return 0.0, 0.0
         sensor = float(np.nan_to_num(ep.pitch_acc_rad[e]))
         body = o.pitch_sigma_rad**2 * (1 + 2 * o.pitch_correlation_s / dt)
