@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Iterator, Mapping
 from importlib import metadata
 from typing import Annotated, Any
@@ -117,4 +118,6 @@ def root(
 
 def main() -> None:
     """The console script."""
+    # Threads of the compiled loops that wait must sleep, not spin: API, database and worker share the cores.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     app(prog_name="versant")

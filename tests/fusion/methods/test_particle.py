@@ -151,6 +151,7 @@ def test_slopes_of_the_simulated_town_beat_both_baselines(
 ) -> None:
     """Pooled over drives of two receiver classes; the margin is wide, the benchmark holds the figures."""
     errors: dict[str, list[float]] = {"particle": [], "raw": [], "dem": []}
+    inside: list[bool] = []
     for seed, receiver in ((1, "m8"), (2, "m8"), (3, "phone")):
         log = make_log(seed, duration_s=300, receiver=receiver)
         for method, found in errors.items():
@@ -158,7 +159,13 @@ def test_slopes_of_the_simulated_town_beat_both_baselines(
             network, result = run_drive(log, town.roads, town_dem, method=method, options=options)
             truth = dict(zip(map(tuple, _keys(town.roads)), town.true_slope_percent, strict=True))
             keys = _keys(network.table)
+            if method == "particle":
+                inside += [
+                    abs(s.slope_percent - truth[tuple(keys[s.segment])]) <= 1.96 * s.slope_sigma_percent
+                    for s in result.slopes
+                ]
             found += [s.slope_percent - truth[tuple(keys[s.segment])] for s in result.slopes]
+    assert np.mean(inside) > 0.85
     rms = {method: float(np.sqrt(np.mean(np.square(e)))) for method, e in errors.items()}
     assert rms["particle"] < rms["raw"]
     assert rms["particle"] < rms["dem"]

@@ -1,25 +1,20 @@
-"""One drive through the library and into the database, undisturbed and disturbed."""
+"""One drive through the library and into the database, undisturbed."""
 
 from __future__ import annotations
 
-import threading
-import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psycopg
 import pytest
-from sqlalchemy import text
-from sqlalchemy.exc import OperationalError
+from processing_support import drive_now, state
 
-from app import ingest, process, reporting
-from app.db import Sessions, make_engine, session_factory
+from app import ingest, process
+from app.db import Sessions
 from app.process import Outcome, Workbench, process_drive
-from app.reporting import Interrupted
 from app.store import drives, slopes, tracks
 from app.store.blobs import BlobStore
 from app.store.rows import DriveRow
@@ -28,80 +23,10 @@ from fusion.formats import read_log
 from fusion.methods import METHODS
 from fusion.pipeline import run_drive
 from fusion.roads import read_roads
-from fusion.simulate import Town
 from fusion.terrain import Dem
-from fusion.types import Progress, Track
+from fusion.types import Track
 
 Send = Callable[..., DriveRow]
-
-
-@pytest.fixture
-def sessions(database_url: str) -> Iterator[Sessions]:
-    engine = make_engine(database_url)
-    yield session_factory(engine)
-    engine.dispose()
-
-
-@pytest.fixture(scope="module")
-def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the town's roads, its elevation and three logs, the first and last along one route."""
-    folder = tmp_path_factory.mktemp("town")
-    town.write_osm(folder / "town.osm")
-    town.write_dem(folder / "town.tif")
-    for number, (seed, receiver) in enumerate([(0, "m8"), (1, "m8"), (0, "f9p")]):
-        town.drive(seed, duration_s=150, receiver=receiver).write_csv(folder / f"{number}.csv")
-    return folder
-
-
-@pytest.fixture
-def bench(sessions: Sessions, files: Path, tmp_path: Path) -> Workbench:
-    """A workbench whose database knows the town."""
-    ingest.import_roads(sessions, files / "town.osm", tmp_path / "dem")
-    ingest.import_dem(sessions, [files / "town.tif"], tmp_path / "dem")
-    return Workbench(sessions, BlobStore(str(tmp_path / "blobs")), tmp_path / "dem")
-
-
-@pytest.fixture
-def send(bench: Workbench, files: Path) -> Send:
-    """``send(seed or bytes, method, options)``: upload a log; returns the queued drive."""
-
-    def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> DriveRow:
-        content = log if isinstance(log, bytes) else (files / f"{log}.csv").read_bytes()
-        drive, _ = ingest.accept_upload(
-            bench.sessions, bench.blobs, [content], filename="log", method=method, options=options
-        )
-        return drive
-
-    return upload
-
-
-def drive_now(bench: Workbench, drive_id: uuid.UUID) -> DriveRow:
-    with bench.sessions() as session:
-        found = drives.get_drive(session, drive_id)
-    assert found is not None
-    return found
-
-
-def state(bench: Workbench) -> list[tuple[Any, ...]]:
-    """Everything published that does not depend on when it was made."""
-    with bench.sessions() as session:
-        estimates = session.execute(
-            text(
-                """
-                SELECT d.sha256, s.osm_way_id, s.from_node, s.to_node, e.slope_percent, e.slope_sigma_percent,
-                       e.observations, e.passes, a.slope_percent, a.drives, a.observations
-                FROM drive_segments e JOIN drives d ON d.id = e.drive_id JOIN segments s ON s.id = e.segment_id
-                JOIN segment_slopes a ON a.segment_id = s.id ORDER BY 1, 2, 3, 4
-                """
-            )
-        ).all()
-        orphans = session.execute(
-            text(
-                "SELECT count(*) FROM segment_slopes WHERE segment_id NOT IN (SELECT segment_id FROM drive_segments)"
-            )
-        ).scalar_one()
-    assert orphans == 0
-    return [tuple(row) for row in estimates]
 
 
 @pytest.mark.parametrize(("method", "options"), [("raw", {}), ("dem", {}), ("particle", {"particles": 300})])
@@ -309,152 +234,3 @@ def test_a_fault_of_ours_is_logged_and_told_plainly(
     assert failed.failure_reason is not None
     assert "secret" not in failed.failure_reason
     assert str(drive.id) in caplog.text
-
-
-class Disturbed:
-    """``run_drive`` with something happening in the middle, the first time only."""
-
-    def __init__(self, disturb: Callable[[], object]) -> None:
-        self.disturb = disturb
-        self.runs = 0
-
-    def __call__(self, *args: Any, progress: Progress, **kwargs: Any) -> Any:
-        self.runs += 1
-        if self.runs == 1:
-            progress("filter", 0.4)
-            self.disturb()
-        return run_drive(*args, progress=progress, **kwargs)
-
-
-def test_a_drive_deleted_while_it_runs_is_discarded(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    drive = send(0)
-    remove = Disturbed(lambda: ingest.remove_drive(bench.sessions, bench.blobs, drive.id))
-    monkeypatch.setattr(process, "run_drive", remove)
-    assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
-    assert remove.runs == 1
-    assert state(bench) == []
-    with bench.sessions() as session:
-        for table in ("drives", "drive_tracks", "provenances", "segment_slopes"):
-            assert session.execute(text(f"SELECT count(*) FROM {table}")).scalar_one() == 0
-
-
-def test_a_drive_asked_for_anew_while_it_runs_is_discarded(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    drive = send(0)
-    again = Disturbed(lambda: ingest.reprocess(bench.sessions, drive.id, "dem"))
-    monkeypatch.setattr(process, "run_drive", again)
-    assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
-    assert drive_now(bench, drive.id).status == "queued"
-    assert process_drive(bench, drive.id, 2) is Outcome.DONE
-    assert drive_now(bench, drive.id).method == "dem"
-
-
-def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
-    bench: Workbench, send: Send, files: Path, town: Town, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    drive = send(0)
-    process_drive(bench, drive.id, 1)
-    (driven,) = {row[1] for row in state(bench)[:1]}
-    # The same map with one driven way taken out: its segments' ids are gone when the result is written.
-    whole = (files / "town.osm").read_text()
-    begin = whole.index(f'<way id="{driven}"')
-    end = whole.index("</way>", begin) + len("</way>")
-    (tmp_path / "less.osm").write_text(whole[:begin] + whole[end:])
-    ingest.reprocess(bench.sessions, drive.id)
-    reimport = Disturbed(lambda: ingest.import_roads(bench.sessions, tmp_path / "less.osm", bench.dem_dir))
-    monkeypatch.setattr(process, "run_drive", reimport)
-    assert process_drive(bench, drive.id, 2) is Outcome.DONE
-    assert reimport.runs == 2
-    disturbed = state(bench)
-    assert driven not in {row[1] for row in disturbed}
-    ingest.reprocess(bench.sessions, drive.id)
-    process_drive(bench, drive.id, 3)
-    assert state(bench) == disturbed
-
-
-def test_a_worker_that_stops_puts_its_drive_back(bench: Workbench, send: Send) -> None:
-    drive = send(0)
-    with pytest.raises(Interrupted):
-        process_drive(bench, drive.id, 1, should_stop=lambda: True)
-    assert drive_now(bench, drive.id).status == "queued"
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE
-
-
-def test_a_lost_connection_is_no_failure_of_the_drive(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch, database_url: str
-) -> None:
-    def cut() -> None:
-        with bench.sessions() as session:
-            session.execute(
-                text("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() "
-                     "AND datname = current_database()")
-            )  # fmt: skip
-
-    drive = send(0)
-    genuine = slopes.save_result
-
-    def save(session: Any, *args: Any) -> int:
-        cut()
-        return genuine(session, *args)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(slopes, "save_result", save)
-        with pytest.raises(OperationalError) as caught:
-            process_drive(bench, drive.id, 1)
-    assert process.is_connection_loss(caught.value)
-    assert drive_now(bench, drive.id).status == "running"
-    assert state(bench) == []
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE
-
-
-def test_a_mistake_in_sql_is_no_connection_loss(sessions: Sessions) -> None:
-    with pytest.raises(Exception, match="nonsense") as caught, sessions() as session:
-        session.execute(text("SELECT nonsense"))
-    assert not process.is_connection_loss(caught.value)
-    assert not process.is_connection_loss(psycopg.DataError())
-
-
-def test_progress_grows_and_is_written_at_intervals(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: list[tuple[str, float]] = []
-    genuine = drives.set_progress
-
-    def note(session: Any, drive_id: uuid.UUID, generation: int, stage: str, progress: float) -> bool:
-        seen.append((stage, progress))
-        return genuine(session, drive_id, generation, stage, progress)
-
-    monkeypatch.setattr(drives, "set_progress", note)
-    process_drive(bench, send(0, "particle", {"particles": 300}).id, 1)
-    throttled = list(seen)
-    seen.clear()
-    monkeypatch.setattr(reporting, "PROGRESS_EVERY_S", 0.0)
-    process_drive(bench, send(1, "particle", {"particles": 300}).id, 1)
-    assert len(seen) > 20
-    assert len(throttled) < len(seen)
-    shares = [share for _, share in seen]
-    assert shares == sorted(shares)
-    assert 0 <= shares[0] <= shares[-1] <= 1
-    assert len({stage for stage, _ in seen}) >= 3
-
-
-def test_two_drives_of_the_same_roads_at_once(bench: Workbench, send: Send, files: Path) -> None:
-    made = [send(seed, "raw") for seed in range(3)]
-    start = threading.Barrier(3)
-
-    def run(drive: DriveRow) -> Outcome:
-        start.wait()
-        return process_drive(bench, drive.id, 1)
-
-    with ThreadPoolExecutor(3) as pool:
-        assert set(pool.map(run, made)) == {Outcome.DONE}
-    at_once = state(bench)
-    for drive in made:
-        ingest.remove_drive(bench.sessions, bench.blobs, drive.id)
-    assert state(bench) == []
-    for seed in (2, 0, 1):
-        process_drive(bench, send(seed, "raw").id, 1)
-    assert state(bench) == at_once

@@ -1,0 +1,58 @@
+"""A database that knows the simulated town, and logs of drives through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app import ingest
+from app.db import Sessions, make_engine, session_factory
+from app.process import Workbench
+from app.store.blobs import BlobStore
+from app.store.rows import DriveRow
+from fusion.simulate import Town
+
+Send = Callable[..., DriveRow]
+
+
+@pytest.fixture
+def sessions(database_url: str) -> Iterator[Sessions]:
+    engine = make_engine(database_url)
+    yield session_factory(engine)
+    engine.dispose()
+
+
+@pytest.fixture(scope="module")
+def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the town's roads, its elevation and three logs, the first and last along one route."""
+    folder = tmp_path_factory.mktemp("town")
+    town.write_osm(folder / "town.osm")
+    town.write_dem(folder / "town.tif")
+    for number, (seed, receiver) in enumerate([(0, "m8"), (1, "m8"), (0, "f9p")]):
+        town.drive(seed, duration_s=150, receiver=receiver).write_csv(folder / f"{number}.csv")
+    return folder
+
+
+@pytest.fixture
+def bench(sessions: Sessions, files: Path, tmp_path: Path) -> Workbench:
+    """A workbench whose database knows the town."""
+    ingest.import_roads(sessions, files / "town.osm", tmp_path / "dem")
+    ingest.import_dem(sessions, [files / "town.tif"], tmp_path / "dem")
+    return Workbench(sessions, BlobStore(str(tmp_path / "blobs")), tmp_path / "dem")
+
+
+@pytest.fixture
+def send(bench: Workbench, files: Path) -> Send:
+    """``send(seed or bytes, method, options)``: upload a log; returns the queued drive."""
+
+    def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> DriveRow:
+        content = log if isinstance(log, bytes) else (files / f"{log}.csv").read_bytes()
+        drive, _ = ingest.accept_upload(
+            bench.sessions, bench.blobs, [content], filename="log", method=method, options=options
+        )
+        return drive
+
+    return upload

@@ -1,0 +1,44 @@
+"""What tests of drive processing look at in the database."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+from typing import Any
+
+from sqlalchemy import text
+
+from app.process import Workbench
+from app.store import drives
+from app.store.rows import DriveRow
+
+Send = Callable[..., DriveRow]
+
+
+def drive_now(bench: Workbench, drive_id: uuid.UUID) -> DriveRow:
+    with bench.sessions() as session:
+        found = drives.get_drive(session, drive_id)
+    assert found is not None
+    return found
+
+
+def state(bench: Workbench) -> list[tuple[Any, ...]]:
+    """Everything published that does not depend on when it was made."""
+    with bench.sessions() as session:
+        estimates = session.execute(
+            text(
+                """
+                SELECT d.sha256, s.osm_way_id, s.from_node, s.to_node, e.slope_percent, e.slope_sigma_percent,
+                       e.observations, e.passes, a.slope_percent, a.drives, a.observations
+                FROM drive_segments e JOIN drives d ON d.id = e.drive_id JOIN segments s ON s.id = e.segment_id
+                JOIN segment_slopes a ON a.segment_id = s.id ORDER BY 1, 2, 3, 4
+                """
+            )
+        ).all()
+        orphans = session.execute(
+            text(
+                "SELECT count(*) FROM segment_slopes WHERE segment_id NOT IN (SELECT segment_id FROM drive_segments)"
+            )
+        ).scalar_one()
+    assert orphans == 0
+    return [tuple(row) for row in estimates]
