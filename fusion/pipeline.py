@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from fusion.errors import BadOptionsError, EmptyLogError, NoMatchError
+from fusion.errors import BadOptionsError, EmptyLogError, MethodError, NoMatchError
+from fusion.frames import LocalProjection
 from fusion.methods import DEFAULT_METHOD, METHODS
 from fusion.methods.base import Options
 from fusion.roads.network import RoadNetwork, RoadTable
@@ -56,15 +57,28 @@ def run_drive(
             f"The log holds {len(log.fix)} position(s); at least {MIN_EPOCHS} are needed for a slope. "
             "Record for longer, or check that the receiver had a fix."
         )
+    west, _, east, _ = log.bounds_deg()
+    if east - west > 180:
+        raise MethodError(
+            f"The log reaches from {west:.3f} to {east:.3f} degrees east: it crosses the 180th meridian, which is not "
+            "supported yet. Split it there into two logs."
+        )
     near = roads.near(log.bounds_deg(), ROAD_MARGIN_M)
     if not len(near):
         raise NoMatchError(_far_message(log))
-    network = RoadNetwork.project(near)
+    network = RoadNetwork.project(near, _plane(log))
     result = estimator.estimate(log, network, dem, chosen, progress)
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))
     progress("filter", 1.0)
     return network, DriveResult(result.track, result.slopes, _report(log, result, method, chosen, dem))
+
+
+def _plane(log: DriveLog) -> LocalProjection:
+    """Metres around the middle of the drive; the median, so that a wild fix can't drag the plane away."""
+    return LocalProjection.around(
+        np.median(log.fix.lon_deg, keepdims=True), np.median(log.fix.lat_deg, keepdims=True)
+    )
 
 
 def _far_message(log: DriveLog) -> str:
@@ -74,6 +88,20 @@ def _far_message(log: DriveLog) -> str:
         "degrees east, and no position in it comes near a known road. Import the roads of that area, or check the "
         "log's coordinates (latitude and longitude swapped?)."
     )
+
+
+def _warnings(result: DriveResult) -> list[str]:
+    """Why nothing came out, where nothing did."""
+    if result.slopes:
+        return []
+    track = result.track
+    matched = np.mean(track.segment >= 0)
+    spacing = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
+    return [
+        f"No segment got a slope: {matched:.0%} of the epochs lie on roads, {spacing:.1f} s apart. A slope needs "
+        "several epochs with a height on one segment, at more than walking pace: record at 1 Hz or more, and check that the "
+        "log or the DEM has heights there and that the roads are those that were driven, in their direction."
+    ]
 
 
 def _report(
@@ -96,6 +124,6 @@ def _report(
         "missing": list(log.missing),
         "skipped": dict(log.skipped),
         "repaired": dict(log.repaired),
-        "warnings": list(log.warnings),
+        "warnings": [*log.warnings, *_warnings(result)],
         **{name: value for name, value in result.report.items() if name != "matched_share"},
     }

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.combine import combine
-from fusion.types import Floats, Ints, SegmentSlope, Track
+from fusion.types import Floats, SegmentSlope, Track
 
 Index = NDArray[np.intp]
 AltitudeCovariance = Callable[[Index], Floats]
@@ -22,20 +22,30 @@ class LineRule:
 
     ``min_epochs``: altitudes on the segment at least (thesis 3.4.3: 3, its experiment 4). ``min_span_m``: distance
     between the first and the last of them at least. ``max_break_s``: epochs further apart belong to two passes.
+    ``min_speed_mps``: epochs slower than this are left out, for a standing vehicle's estimates wander.
+    ``max_slope_percent``: a steeper line is no road and is dropped.
     ``floor_percent``: what a line can't know about a segment (its curvature, where within it the epochs lie).
     """
 
     min_epochs: int = 4
     min_span_m: float = 5.0
     max_break_s: float = 5.0
+    min_speed_mps: float = 1.0
+    max_slope_percent: float = 50.0
     floor_percent: float = 0.2
 
 
-def passes(segment: Ints, time_s: Floats, max_break_s: float) -> Iterator[tuple[int, Index]]:
-    """Yield (segment, epochs) for each uninterrupted stay on a segment; -1 is no segment."""
+def passes(track: Track, max_break_s: float) -> Iterator[tuple[int, Index]]:
+    """Yield (segment, epochs) for each uninterrupted stay on a segment.
+
+    A stay ends where the estimate begins anew, and after a break of ``max_break_s``, or of 2.5 times the usual time
+    between epochs where a log is sparser than that.
+    """
+    segment, step = track.segment, np.diff(track.time_s)
     if not len(segment):
         return
-    cuts = np.flatnonzero((np.diff(segment) != 0) | (np.diff(time_s) > max_break_s)) + 1
+    longest = max(max_break_s, 2.5 * float(np.median(step))) if len(step) else max_break_s
+    cuts = np.flatnonzero((np.diff(segment) != 0) | (step > longest) | track.starts[1:]) + 1
     for part in np.split(np.arange(len(segment)), cuts):
         if segment[part[0]] >= 0:
             yield int(segment[part[0]]), part
@@ -54,12 +64,15 @@ def segment_slopes(track: Track, covariance: AltitudeCovariance, rule: LineRule)
     ``distance_m`` grows from from_node to to_node, so the sign is right whichever way the vehicle went.
     """
     found: dict[int, list[tuple[float, float, Index]]] = {}
-    for segment, epochs in passes(track.segment, track.time_s, rule.max_break_s):
-        usable = epochs[np.isfinite(track.alt_m[epochs]) & np.isfinite(track.distance_m[epochs])]
+    for segment, epochs in passes(track, rule.max_break_s):
+        known = np.isfinite(track.alt_m[epochs]) & np.isfinite(track.distance_m[epochs])
+        usable = epochs[known & ~(track.speed_mps[epochs] < rule.min_speed_mps)]
         if len(usable) < rule.min_epochs or np.ptp(track.distance_m[usable]) < rule.min_span_m:
             continue
         weights = line_weights(track.distance_m[usable])
         slope = 100.0 * float(weights @ track.alt_m[usable])
+        if abs(slope) > rule.max_slope_percent:
+            continue
         variance = float(weights @ covariance(usable) @ weights)
         sigma = float(np.hypot(100.0 * np.sqrt(max(variance, 0.0)), rule.floor_percent))
         found.setdefault(segment, []).append((slope, sigma, usable))

@@ -159,6 +159,22 @@ class Pressure(SensorTable):
     pressure_pa: Floats
 
 
+def _reachable(time_s: Floats, lon_deg: Floats, lat_deg: Floats) -> NDArray[np.bool_]:
+    """False for a fix that no road vehicle can reach from the one before nor leave to the one after.
+
+    One such fix would stretch a log's extent over half a continent. Where everything is wild, all are kept.
+    """
+    turn = np.remainder(np.diff(lon_deg) + 180.0, 360.0) - 180.0
+    metres = 111_320.0 * np.hypot(np.diff(lat_deg), turn * np.cos(np.radians(lat_deg[1:])))
+    wild = metres > MAX_SPEED_MPS * np.diff(time_s) + 1000.0
+    before, after = np.concatenate([[True], wild]), np.concatenate([wild, [True]])
+    keep = ~(before & after) if len(lon_deg) > 2 else np.ones(len(lon_deg), bool)
+    return keep if keep.any() else np.ones(len(lon_deg), bool)
+
+
+MAX_SPEED_MPS = 150.0
+
+
 @dataclass(frozen=True)
 class DriveLog:
     """One drive as its sensors recorded it: a table per sensor, never resampled to a common clock.
@@ -202,13 +218,11 @@ class DriveLog:
         return tuple(out)
 
     def bounds_deg(self) -> tuple[float, float, float, float]:
-        """(west, south, east, north) of the positions, degrees."""
-        return (
-            float(self.fix.lon_deg.min()),
-            float(self.fix.lat_deg.min()),
-            float(self.fix.lon_deg.max()),
-            float(self.fix.lat_deg.max()),
-        )
+        """(west, south, east, north) of the positions, degrees; wild fixes (see ``_reachable``) left out."""
+        lon, lat = self.fix.lon_deg, self.fix.lat_deg
+        keep = _reachable(self.fix.time_s, lon, lat)
+        lon, lat = lon[keep], lat[keep]
+        return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
 
 
 @dataclass(frozen=True)
@@ -218,7 +232,8 @@ class Track:
     ``segment`` is an index into the road network's segments, -1 where unmatched; ``distance_m`` is measured
     from the segment's from_node to the projection of the estimate. ``alt_m`` is the height of the road
     surface (not of the antenna) where the method knows the difference. ``heading_rad`` is clockwise from north,
-    0 to 2 pi. Sigmas are one standard deviation.
+    0 to 2 pi. ``starts`` marks rows where the estimate begins anew: nothing may be drawn or fitted across to the row
+    before. Sigmas are one standard deviation.
     """
 
     time_s: Floats
@@ -234,6 +249,7 @@ class Track:
     segment: Ints
     distance_m: Floats
     has_gnss: NDArray[np.bool_]
+    starts: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.time_s)

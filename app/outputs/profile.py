@@ -56,7 +56,7 @@ def build_profile(track: Track, segment_id: Ints, slopes: Mapping[int, tuple[flo
         slope_sigma_percent=estimates[:, 1],
         segment_id=segment,
         forward=forward,
-        gap=np.diff(track.time_s[known], prepend=-np.inf) > GAP_S,
+        gap=(np.diff(track.time_s[known], prepend=-np.inf) > GAP_S) | track.starts[known],
     )
 
 

@@ -265,6 +265,7 @@ def _assemble(table: _Table, notes: Notes) -> DriveLog:
     rows = len(next(iter(table.columns.values())))
     unknown = np.full(rows, np.nan)
     col = {name: table.columns.get(name, unknown) for name in COLUMNS}
+    _forget_placeholders(col, notes)
     time_s = np.where(np.isfinite(col["time_s"]), col["time_s"], col["time"])
     lat, lon = col["lat_deg"], col["lon_deg"]
     claims = np.isfinite(lat) | np.isfinite(lon)
@@ -295,6 +296,26 @@ def _assemble(table: _Table, notes: Notes) -> DriveLog:
         tables[name] = kind.assemble(time_s, None, **{n: used[n] for n in kind.columns() if n in used})
     return build_log("csv", "Versant CSV", notes, tables)
 
+
+def _forget_placeholders(col: dict[str, Floats], notes: Notes) -> None:
+    """Make numbers that stand for "unknown" unknown: phones write accuracies of 0 or -1, receivers 2^32 mm, and an
+    attitude of exactly 0, 0, 0 until they are aligned. In place."""
+    for name in ("h_acc_m", "v_acc_m", "s_acc_mps", "pitch_acc_deg"):
+        senseless = (col[name] <= 0) | (col[name] > _WORST_ACCURACY)
+        if senseless.any():
+            col[name] = np.where(senseless, np.nan, col[name])
+            notes.repaired[f"{name}: not above 0 or absurdly large, taken as unknown"] += int(senseless.sum())
+    angles = np.array([col[name] for name in ("roll_deg", "pitch_deg", "yaw_deg")])
+    asleep = np.isfinite(angles[1]) & np.all((angles == 0) | np.isnan(angles), axis=0)
+    # A pitch column alone may well read 0 on a level road; only with roll or yaw beside it does 0 mean nothing.
+    asleep &= np.isfinite(angles[[0, 2]]).any(axis=0)
+    if asleep.any():
+        for name in ("roll_deg", "pitch_deg", "yaw_deg"):
+            col[name] = np.where(asleep, np.nan, col[name])
+        notes.repaired["attitude of exactly 0, taken as unknown"] += int(asleep.sum())
+
+
+_WORST_ACCURACY = 10_000.0
 
 _OTHERS: dict[str, type[SensorTable]] = {
     "force": SpecificForce,

@@ -7,13 +7,20 @@ sensors, so that a filter can bridge it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fusion.frames import GRAVITY_MPS2, LocalProjection, acceleration_enu
 from fusion.types import DriveLog, Floats, SensorTable
+
+PITCH_FROM_FORCE_SIGMA_RAD = 0.03
+"""Accuracy of a pitch that comes from the accelerometer and the change of speed: 2 % by the notes on slopes, more with
+the noise of a differentiated speed."""
+
+UNKNOWN_ALTITUDE_SIGMA_M = 5.0
+"""Accuracy of altitudes about which neither the log nor its scatter says anything."""
 
 MAX_BRIDGED_S = 120.0
 """A hole in the whole recording longer than this starts the filter anew."""
@@ -24,8 +31,8 @@ class Epochs:
     """One row per epoch, ``n`` rows; NaN where not measured. Metres in the local plane, ENU, SI units.
 
     ``acc_*`` is the kinematic acceleration (gravity taken off), ``pitch_rad`` the sensor's pitch as logged
-    (mount offset included), ``speed_mps`` the best ground speed, ``restart`` marks epochs to which nothing
-    may be carried over from the one before.
+    (mount offset included), ``rate_*`` the rate of change of the fixes themselves, ``speed_mps`` the best ground
+    speed, ``restart`` marks epochs to which nothing may be carried over from the one before.
     """
 
     time_s: Floats
@@ -38,6 +45,9 @@ class Epochs:
     vel_n_mps: Floats
     vel_u_mps: Floats
     s_acc_mps: Floats
+    rate_e_mps: Floats
+    rate_n_mps: Floats
+    rate_u_mps: Floats
     acc_e_mps2: Floats
     acc_n_mps2: Floats
     acc_u_mps2: Floats
@@ -58,24 +68,34 @@ class Epochs:
         """The epochs selected by a mask."""
         return Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
 
+    def with_fix(self) -> Epochs:
+        """The epochs that have a position; a restart between two of them is not lost."""
+        keep = self.has_gnss
+        stretch = np.cumsum(self.restart)[keep]
+        found = self.take(keep)
+        return replace(found, restart=np.diff(stretch, prepend=-1) > 0)
+
 
 def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1.0) -> Epochs:
     """Lay ``log`` on epochs at least 0.95 ``period_s`` apart; samples are averaged over the epochs' usual spacing."""
     time_s = _epoch_times(log, period_s)
     fix = _nearest(log.fix, time_s, 0.45 * period_s)
     x_m, y_m = projection.to_xy(fix["lon_deg"], fix["lat_deg"])
-    altitude = fix["alt_msl_m"] if log.fix.has("alt_msl_m") else fix["height_ell_m"]
+    altitude = _altitude(fix)
     window_s = max(period_s, float(np.median(np.diff(time_s)))) if len(time_s) > 1 else period_s
     velocity = _window_mean(log.velocity, time_s, window_s)
     attitude = _window_mean(log.attitude, time_s, window_s)
     force = _window_mean(log.force, time_s, window_s)
     odometer = _window_mean(log.odometry, time_s, window_s)["speed_mps"]
     restart = _restarts(time_s, log.gaps_s)
-    speed = _ground_speed(time_s, velocity, odometer, x_m, y_m, restart)
+    speed = _ground_speed(
+        velocity, odometer, np.hypot(_rate(x_m, time_s, restart), _rate(y_m, time_s, restart))
+    )
     acceleration = _acceleration(force, attitude)
-    pitch = attitude["pitch_rad"]
+    pitch, pitch_acc = attitude["pitch_rad"], attitude["pitch_acc_rad"]
     if not np.isfinite(pitch).any():
         pitch = _pitch_from_force(time_s, force["acc_x_mps2"], speed)
+        pitch_acc = np.full(len(time_s), PITCH_FROM_FORCE_SIGMA_RAD)
     return Epochs(
         time_s=time_s,
         x_m=x_m,
@@ -87,14 +107,27 @@ def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1
         vel_n_mps=velocity["vel_n_mps"],
         vel_u_mps=-velocity["vel_d_mps"],
         s_acc_mps=velocity["s_acc_mps"],
+        rate_e_mps=_rate(x_m, time_s, restart),
+        rate_n_mps=_rate(y_m, time_s, restart),
+        rate_u_mps=_rate(altitude, time_s, restart),
         acc_e_mps2=acceleration[:, 0],
         acc_n_mps2=acceleration[:, 1],
         acc_u_mps2=acceleration[:, 2],
         pitch_rad=pitch,
-        pitch_acc_rad=attitude["pitch_acc_rad"],
+        pitch_acc_rad=pitch_acc,
         speed_mps=speed,
         restart=restart,
     )
+
+
+def white_altitude_sigma(epochs: Epochs) -> float:
+    """White noise of the altitudes, m: from second differences, in which slow errors and even slopes cancel."""
+    second = np.diff(epochs.alt_m, 2)
+    regular = np.abs(np.diff(epochs.time_s, 2)) < 0.1
+    usable = second[np.isfinite(second) & regular]
+    if len(usable) < 5:
+        return UNKNOWN_ALTITUDE_SIGMA_M
+    return float(max(1.4826 * np.median(np.abs(usable)) / np.sqrt(6), 0.01))
 
 
 def _epoch_times(log: DriveLog, period_s: float) -> Floats:
@@ -169,24 +202,27 @@ def _restarts(time_s: Floats, gaps_s: Floats) -> NDArray[np.bool_]:
     return restart
 
 
-def _ground_speed(
-    time_s: Floats,
-    velocity: dict[str, Floats],
-    odometer_mps: Floats,
-    x_m: Floats,
-    y_m: Floats,
-    restart: NDArray[np.bool_],
-) -> Floats:
-    """Doppler speed, else the vehicle's own, else differences of the positions."""
-    doppler = np.hypot(velocity["vel_n_mps"], velocity["vel_e_mps"])
-    speed = np.where(np.isfinite(doppler), doppler, odometer_mps)
-    step = np.hypot(np.diff(x_m), np.diff(y_m)) / np.diff(time_s)
+def _altitude(fix: dict[str, Floats]) -> Floats:
+    """Heights on one datum, the one that more fixes have: a mixture would jump by the geoid's tens of metres."""
+    level, ellipsoid = fix["alt_msl_m"], fix["height_ell_m"]
+    return level if np.isfinite(level).sum() >= np.isfinite(ellipsoid).sum() else ellipsoid
+
+
+def _rate(values: Floats, time_s: Floats, restart: NDArray[np.bool_]) -> Floats:
+    """Rate of change at each epoch: mean of the steps before and after it, NaN where there is neither."""
+    step = np.diff(values) / np.diff(time_s)
     step[restart[1:]] = np.nan
     around = np.full((2, len(time_s)), np.nan)
     around[0, 1:], around[1, :-1] = step, step
     count = np.isfinite(around).sum(axis=0)
-    by_position = np.where(count > 0, np.nansum(around, axis=0) / np.maximum(count, 1), np.nan)
-    return np.where(np.isfinite(speed), speed, by_position)
+    return np.where(count > 0, np.nansum(around, axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _ground_speed(velocity: dict[str, Floats], odometer_mps: Floats, by_position_mps: Floats) -> Floats:
+    """Doppler speed, else the vehicle's own, else that of the positions."""
+    doppler = np.hypot(velocity["vel_n_mps"], velocity["vel_e_mps"])
+    speed = np.where(np.isfinite(doppler), doppler, odometer_mps)
+    return np.where(np.isfinite(speed), speed, by_position_mps)
 
 
 def _acceleration(force: dict[str, Floats], attitude: dict[str, Floats]) -> Floats:

@@ -19,7 +19,7 @@ _HEADING_SIGMA_RAD = 0.3
 def match_fixes(log: DriveLog, network: RoadNetwork, period_s: float) -> tuple[Epochs, Track]:
     """Epochs with a position, and a track through the raw fixes: heights as logged, nearest segments."""
     epochs = build_epochs(log, network.projection, period_s)
-    epochs = epochs.take(epochs.has_gnss)
+    epochs = epochs.with_fix()
     heading = _heading(epochs)
     sigma = np.hypot(np.nan_to_num(epochs.h_acc_m, nan=_DEFAULT_H_ACC_M) / np.sqrt(2), _MAP_SIGMA_M)
     covariance = np.zeros((len(epochs), 3, 3))
@@ -42,6 +42,7 @@ def match_fixes(log: DriveLog, network: RoadNetwork, period_s: float) -> tuple[E
         segment=match.segment,
         distance_m=match.distance_m,
         has_gnss=np.ones(len(epochs), bool),
+        starts=epochs.restart,
     )
 
 

@@ -71,6 +71,11 @@ class ParticleMethod:
         with _PARALLEL, threads_for(options.particles):
             run.filter(progress)
         track = run.rows.build(network.projection)
+        if not len(track):
+            raise MissingSensorError(
+                "No epoch of the log has both a position and a height: it has no altitude (alt_msl_m or height_ell_m), "
+                "and the DEM knows none along it. Record altitudes, or import a DEM that covers the drive."
+            )
         rule = LineRule(min_epochs=options.min_epochs, floor_percent=_FLOOR_PERCENT)
         slopes = segment_slopes(track, _errors(run, track).covariance, rule)
         return DriveResult(track, slopes, run.report())

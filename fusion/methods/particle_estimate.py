@@ -25,6 +25,7 @@ from fusion.methods.particle_layout import (
     B_YY,
     B_ZZ,
     BLOCK,
+    STEEPEST_RAD,
     VX,
     VY,
     VZ,
@@ -33,6 +34,8 @@ from fusion.methods.particle_layout import (
     Z,
 )
 from fusion.types import Floats, Ints
+
+_STEEPEST_TAN2 = math.tan(STEEPEST_RAD) ** 2
 
 
 @compiled_vector
@@ -54,7 +57,7 @@ def _weigh_road(
         dt = angles[0, i] - turn
         dt -= 2.0 * math.pi * math.floor((dt + math.pi) / (2.0 * math.pi))
         across2 = part[VX, i] * part[VX, i] + part[VY, i] * part[VY, i] + 1e-12
-        lift = antenna_m * math.sqrt(1.0 + part[VZ, i] * part[VZ, i] / across2)
+        lift = antenna_m * math.sqrt(1.0 + min(part[VZ, i] * part[VZ, i] / across2, _STEEPEST_TAN2))
         dz = ground_m - part[Z, i] + lift
         logw[i] -= 0.5 * (
             dx * dx * inv_var_road[0]

@@ -2,6 +2,9 @@
 
 BLOCK = 2048
 
+STEEPEST_RAD = 0.35
+"""No road is steeper; while a vehicle stands, vz / v may say anything."""
+
 # Rows of the cloud, equations (2.1)-(2.6).
 AX, VX, X, AY, VY, Y, AZ, VZ, Z = range(9)
 STATES = 9

@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from fusion.errors import UnknownNameError
+from fusion.filters.resampling import RESAMPLERS
 from fusion.methods.base import Options
+from fusion.registry import Registry
+from fusion.terrain.windows import WINDOWS
+
+
+def _registered(registry: Registry[Any]) -> AfterValidator:
+    """A name that ``registry`` holds; the refusal lists those."""
+
+    def check(name: str) -> str:
+        try:
+            registry[name]
+        except UnknownNameError as error:
+            raise ValueError(str(error)) from None
+        return name
+
+    return AfterValidator(check)
 
 
 class ParticleOptions(Options):
@@ -31,14 +48,16 @@ class ParticleOptions(Options):
         "optimal",
         description="Importance density: the optimal one for the linear sensors, or the dynamics alone (thesis).",
     )
-    resampling: str = Field("multinomial", description="Resampling scheme (thesis: multinomial).")
+    resampling: Annotated[str, _registered(RESAMPLERS)] = Field(
+        "multinomial", description="Resampling scheme (thesis: multinomial)."
+    )
     n_eff_threshold: float = Field(
         2 / 3,
         gt=0,
         le=1,
         description="Resample when N_eff falls below this share of the particles (thesis: 2/3).",
     )
-    dem_window: str = Field(
+    dem_window: Annotated[str, _registered(WINDOWS)] = Field(
         "adjacent", description="Selection of terrain points (thesis, chapter 3: adjacent)."
     )
     match_gate: float = Field(
@@ -48,7 +67,9 @@ class ParticleOptions(Options):
         1.55, ge=0, le=10, description="Antenna above the road, m (thesis: 1.55)."
     )
     level_pitch: bool = Field(True, description="Take the pitch sensor's mount off before filtering.")
-    doppler: bool = Field(True, description="Use the receiver's Doppler velocity, which the thesis does not.")
+    doppler: bool = Field(
+        True, description="Use velocity, Doppler or else the fixes' own rate of change; the thesis uses none."
+    )
     min_epochs: int = Field(
         3, ge=2, le=100, description="Altitudes that a slope needs (thesis: 3; its experiment 4)."
     )
@@ -81,6 +102,11 @@ class ParticleOptions(Options):
     )
     doppler_sigma_mps: float = Field(
         0.2, gt=0, description="Velocity accuracy of a log that states none, m/s."
+    )
+    rate_sigma_mps: float = Field(
+        0.5,
+        gt=0,
+        description="Best accuracy of a velocity taken from the fixes' rate of change, m/s; scatter widens it.",
     )
     acc_sigma_mps2: float = Field(0.3, gt=0, description="Accuracy of acceleration, m/s2.")
     pitch_sigma_rad: float = Field(

@@ -10,14 +10,15 @@ import numpy as np
 from fusion.methods import particle_layout as k
 from fusion.methods.epochs import Epochs
 from fusion.methods.levelling import MountPitch
-from fusion.methods.particle_filter import Estimate, Measurement, ParticleCloud, PredictedMap
+from fusion.methods.particle_filter import Estimate, ParticleCloud, PredictedMap
 from fusion.methods.particle_options import ParticleOptions
+from fusion.methods.particle_sensors import Sensors
 from fusion.methods.track import TrackBuilder
 from fusion.roads.matching import PointMatch, nearest_mahalanobis
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import WINDOWS, HeightModel
-from fusion.types import Floats, Progress
+from fusion.types import Progress
 
 _OUTLIER_SIGMAS = 6.0
 _OUTLIERS_BEFORE_RESTART = 3
@@ -41,7 +42,8 @@ class DriveFilter:
             ("filtered", "matched", "resampled", "restarts", "gnss_outliers", "dem"), 0
         )
         self.n_eff_sum = 0.0
-        self.dem_offset_m = _datum_offset(self.epochs, self.network, self.dem)
+        self.sensors = Sensors(self.epochs, self.options, self.mount)
+        self.dem_offset_m = _datum_offset(self.epochs, self.network, self.dem, self.options.antenna_height_m)
         self._window = WINDOWS[self.options.dem_window]
         self._grounds: dict[int, HeightModel | None] = {}
         self.cloud = ParticleCloud(self.options)
@@ -60,18 +62,13 @@ class DriveFilter:
 
     def _start(self, e: int) -> bool:
         """Draw the cloud around the epoch's fix; without one the filter waits."""
-        ep = self.epochs
-        altitude = ep.alt_m[e] if np.isfinite(ep.alt_m[e]) else self._ground_below(e)
-        if not (ep.has_gnss[e] and np.isfinite(altitude)):
+        altitude = float(self.epochs.alt_m[e])
+        if not math.isfinite(altitude):
+            altitude = self._ground_below(e) + self.options.antenna_height_m
+        if not (self.epochs.has_gnss[e] and math.isfinite(altitude)):
             return False
-        h, _ = self._gnss_sigmas(e)
-        mean, sigma = np.zeros(k.STATES), np.zeros(k.STATES)
-        mean[[k.X, k.Y, k.Z]] = ep.x_m[e], ep.y_m[e], altitude
-        sigma[[k.X, k.Y, k.Z]] = h, h, self.options.start_altitude_sigma_m
-        velocity, spread = _initial_velocity(ep, e)
-        mean[[k.VX, k.VY, k.VZ]], sigma[[k.VX, k.VY, k.VZ]] = velocity, spread
-        sigma[[k.AX, k.AY, k.AZ]] = 0.5, 0.5, 0.1
-        self.cloud.restart(mean, sigma)
+        self.cloud.restart(*self.sensors.start(e, altitude))
+        self.rows.mark_start(e)
         self._rejected = 0
         self.counts["restarts"] += 1
         return True
@@ -82,8 +79,9 @@ class DriveFilter:
         if last is not None and dt is not None:
             self._refer(last, dt)
         speed = self._speed(e)
-        predicted = self.cloud.weigh_sensors(dt, self._measured(e, dt or 1.0, speed))
         moving = speed >= self.options.min_speed_mps
+        measured = self.sensors.at(e, dt or 1.0, use_fix=self._plausible(e), moving=moving)
+        predicted = self.cloud.weigh_sensors(dt, measured)
         match = self._match(predicted, moving)
         ground = self._ground(match, predicted) if match is not None else None
         road = None if match is None else (match.x_m, match.y_m, match.heading_rad)
@@ -105,55 +103,19 @@ class DriveFilter:
             s[k.X] + s[k.VX] * dt, s[k.Y] + s[k.VY] * dt, s[k.Z] + s[k.VZ] * dt, last.heading_rad
         )
 
-    def _measured(self, e: int, dt: float, speed_mps: float) -> Measurement:
-        ep, o = self.epochs, self.options
-        z, inv_var = np.zeros(k.STATES), np.zeros(k.STATES)
-
-        def use(row: int, value: float, sigma: float) -> None:
-            if math.isfinite(value):
-                z[row], inv_var[row] = value, sigma**-2
-
-        h, v = self._gnss_sigmas(e)
-        if self._plausible(e, h):
-            use(k.X, ep.x_m[e], h)
-            use(k.Y, ep.y_m[e], h)
-            use(k.Z, ep.alt_m[e], v * math.sqrt(1 + 2 * o.gnss_correlation_s / dt))
-            if o.doppler:
-                sigma = ep.s_acc_mps[e] if np.isfinite(ep.s_acc_mps[e]) else o.doppler_sigma_mps
-                for row, column in ((k.VX, ep.vel_e_mps), (k.VY, ep.vel_n_mps), (k.VZ, ep.vel_u_mps)):
-                    use(row, column[e], max(sigma, 0.02))
-        for row, column in ((k.AX, ep.acc_e_mps2), (k.AY, ep.acc_n_mps2), (k.AZ, ep.acc_u_mps2)):
-            use(row, column[e], o.acc_sigma_mps2)
-        pitch, inv_pitch = self._pitch(e, dt) if speed_mps >= o.min_speed_mps else (0.0, 0.0)
-        return Measurement(z, inv_var, pitch, inv_pitch)
-
-    def _pitch(self, e: int, dt: float) -> tuple[float, float]:
-        ep, o = self.epochs, self.options
-        if not np.isfinite(ep.pitch_rad[e]):
-            return 0.0, 0.0
-        sensor = float(np.nan_to_num(ep.pitch_acc_rad[e]))
-        body = o.pitch_sigma_rad**2 * (1 + 2 * o.pitch_correlation_s / dt)
-        return float(ep.pitch_rad[e] - self.mount.angle_rad), 1 / (sensor**2 + body)
-
-    def _gnss_sigmas(self, e: int) -> tuple[float, float]:
-        """Per-axis horizontal and vertical sigma, m: the receiver's own where logged."""
-        h, v = self.epochs.h_acc_m[e], self.epochs.v_acc_m[e]
-        h = h if np.isfinite(h) and h > 0 else self.options.gnss_h_sigma_m
-        v = v if np.isfinite(v) and v > 0 else self.options.gnss_v_sigma_m
-        return float(h) / math.sqrt(2), float(v)
-
-    def _plausible(self, e: int, h_sigma_m: float) -> bool:
+    def _plausible(self, e: int) -> bool:
         """Whether the fix can be where the vehicle is predicted to be; three misses in a row restart the filter."""
-        if not self.epochs.has_gnss[e]:
-            return False
-        if self._last is None:
-            return True
-        s, dt = self._last.state, self.epochs.time_s[e] - self.epochs.time_s[e - 1]
-        miss = math.hypot(
-            self.epochs.x_m[e] - s[k.X] - s[k.VX] * dt, self.epochs.y_m[e] - s[k.Y] - s[k.VY] * dt
-        )
-        allowed = _OUTLIER_SIGMAS * math.hypot(h_sigma_m, self._last.h_sigma_m) + 3.0 * dt * dt
-        if miss <= allowed:
+        ep, last = self.epochs, self._last
+        if last is None or not ep.has_gnss[e]:
+            return False  # a new cloud holds its fix already
+        s, dt = last.state, ep.time_s[e] - ep.time_s[e - 1]
+        h, v = self.sensors.gnss_sigmas(e)
+        miss = math.hypot(ep.x_m[e] - s[k.X] - s[k.VX] * dt, ep.y_m[e] - s[k.Y] - s[k.VY] * dt)
+        fits = miss <= _OUTLIER_SIGMAS * math.hypot(h, last.h_sigma_m) + 3.0 * dt * dt
+        height_miss = abs(ep.alt_m[e] - s[k.Z] - s[k.VZ] * dt)
+        if math.isfinite(height_miss):
+            fits &= height_miss <= _OUTLIER_SIGMAS * math.hypot(v, last.z_sigma_m) + dt * dt
+        if fits:
             self._rejected = 0
             return True
         self._rejected += 1
@@ -210,7 +172,8 @@ class DriveFilter:
             segment = np.array([match.segment])
             x, y = estimate.state[[k.X]], estimate.state[[k.Y]]
             distance = float(self.network.project_points(x, y, segment)[2][0])
-        lift = self.options.antenna_height_m / math.cos(estimate.pitch_rad)
+        # While standing, vz / v is no pitch: roads are not steeper than this.
+        lift = self.options.antenna_height_m / math.cos(min(abs(estimate.pitch_rad), k.STEEPEST_RAD))
         self.rows.put(e, self.epochs, estimate, match, distance, lift)
 
     def report(self) -> dict[str, object]:
@@ -232,18 +195,7 @@ class DriveFilter:
         }
 
 
-def _initial_velocity(ep: Epochs, e: int) -> tuple[Floats, float]:
-    """Velocity (3,) at epoch ``e`` and its sigma: Doppler, else from the next fix, else standing with a wide spread."""
-    doppler = np.array([ep.vel_e_mps[e], ep.vel_n_mps[e], np.nan_to_num(ep.vel_u_mps[e])])
-    if np.isfinite(doppler).all():
-        return doppler, 0.5
-    if e + 1 < len(ep) and ep.has_gnss[e + 1] and not ep.restart[e + 1]:
-        dt = ep.time_s[e + 1] - ep.time_s[e]
-        return np.array([ep.x_m[e + 1] - ep.x_m[e], ep.y_m[e + 1] - ep.y_m[e], 0.0]) / dt, 2.0
-    return np.zeros(3), 8.0
-
-
-def _datum_offset(epochs: Epochs, network: RoadNetwork, dem: Dem | None) -> float:
+def _datum_offset(epochs: Epochs, network: RoadNetwork, dem: Dem | None, antenna_m: float) -> float:
     """What to add to the terrain so that it meets the log's heights: median over the drive, 0 below 10 m.
 
     Ellipsoidal heights lie tens of metres from a DEM above the geoid; a constant does no harm to slopes, but
@@ -252,7 +204,7 @@ def _datum_offset(epochs: Epochs, network: RoadNetwork, dem: Dem | None) -> floa
     if dem is None:
         return 0.0
     lon, lat = network.projection.to_lonlat(epochs.x_m, epochs.y_m)
-    difference = epochs.alt_m - dem.heights(lon, lat)
+    difference = epochs.alt_m - antenna_m - dem.heights(lon, lat)
     known = np.isfinite(difference)
     offset = float(np.median(difference[known])) if known.any() else 0.0
     return offset if abs(offset) > 10.0 else 0.0

@@ -7,14 +7,13 @@ from pydantic import Field
 
 from fusion.errors import MissingSensorError
 from fusion.methods.base import Options
-from fusion.methods.epochs import Epochs
+from fusion.methods.epochs import UNKNOWN_ALTITUDE_SIGMA_M, Epochs, white_altitude_sigma
 from fusion.methods.matched_fixes import match_fixes
 from fusion.roads.network import RoadNetwork
 from fusion.slopes import AltitudeErrors, LineRule, segment_slopes
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, DriveResult, Floats, Progress, Track
 
-_DEFAULT_V_ACC_M = 5.0
 _CORRELATION_S = 60.0
 
 
@@ -48,22 +47,12 @@ class RawMethod:
         slopes = segment_slopes(
             track, _errors(epochs, track).covariance, LineRule(min_epochs=options.min_epochs)
         )
-        return DriveResult(track, slopes, {"white_altitude_sigma_m": _white_sigma(epochs)})
-
-
-def _white_sigma(epochs: Epochs) -> float:
-    """White noise of the altitudes from their second differences, which slow errors and even slopes cancel in."""
-    second = np.diff(epochs.alt_m, 2)
-    regular = np.diff(epochs.time_s, 2)
-    usable = second[np.isfinite(second) & (np.abs(regular) < 0.1)]
-    if len(usable) < 5:
-        return _DEFAULT_V_ACC_M
-    return float(max(1.4826 * np.median(np.abs(usable)) / np.sqrt(6), 0.01))
+        return DriveResult(track, slopes, {"white_altitude_sigma_m": white_altitude_sigma(epochs)})
 
 
 def _errors(epochs: Epochs, track: Track) -> AltitudeErrors:
-    white = _white_sigma(epochs)
-    stated: Floats = np.nan_to_num(epochs.v_acc_m, nan=_DEFAULT_V_ACC_M)
+    white = white_altitude_sigma(epochs)
+    stated: Floats = np.nan_to_num(epochs.v_acc_m, nan=UNKNOWN_ALTITUDE_SIGMA_M)
     nothing = np.zeros(len(epochs))
     return AltitudeErrors(
         time_s=track.time_s,

@@ -35,6 +35,7 @@ class TrackBuilder:
         }  # fmt: skip
         self._segment = np.full(rows, -1, np.int64)
         self._has_gnss = np.zeros(rows, bool)
+        self._starts = np.zeros(rows, bool)
 
     def put(
         self,
@@ -65,11 +66,20 @@ class TrackBuilder:
         self._segment[row] = -1 if match is None else match.segment
         self._has_gnss[row] = epochs.has_gnss[row]
 
+    def mark_start(self, row: int) -> None:
+        """Say that the estimate begins anew at this row."""
+        self._starts[row] = True
+
     def build(self, projection: LocalProjection) -> Track:
         """The track in degrees."""
         rows = np.isfinite(self._columns["time_s"])
         columns = {name: column[rows] for name, column in self._columns.items()}
         lon, lat = projection.to_lonlat(columns.pop("x"), columns.pop("y"))
         return Track(
-            lat_deg=lat, lon_deg=lon, segment=self._segment[rows], has_gnss=self._has_gnss[rows], **columns
+            lat_deg=lat,
+            lon_deg=lon,
+            segment=self._segment[rows],
+            has_gnss=self._has_gnss[rows],
+            starts=self._starts[rows],
+            **columns,
         )

@@ -28,6 +28,7 @@ def make_track(
         segment=np.array(segment, np.int64),
         distance_m=np.array(distance, float),
         has_gnss=np.ones(n, bool),
+        starts=np.zeros(n, bool),
     )
 
 
@@ -76,9 +77,32 @@ def test_two_passes_are_kept_apart_and_combined() -> None:
 
 
 def test_a_long_break_parts_a_stay_in_two() -> None:
-    segment = np.array([3, 3, 3, 3])
-    assert [len(e) for _, e in passes(segment, np.array([0.0, 1.0, 100.0, 101.0]), 5.0)] == [2, 2]
-    assert list(passes(np.array([], np.int64), np.array([]), 5.0)) == []
+    track = make_track([3] * 5, [0.0] * 5, [0.0] * 5, [0.0, 1.0, 2.0, 100.0, 101.0])
+    assert [len(e) for _, e in passes(track, 5.0)] == [3, 2]
+    assert list(passes(make_track([], [], []), 5.0)) == []
+
+
+def test_a_sparse_log_is_not_cut_at_every_epoch() -> None:
+    track = make_track([3] * 5, [0.0] * 5, [0.0] * 5, [0.0, 10.0, 20.0, 90.0, 100.0])
+    assert [len(e) for _, e in passes(track, 5.0)] == [3, 2]
+
+
+def test_no_line_is_drawn_across_a_new_start() -> None:
+    """The estimate jumps by 20 m where the filter began anew: each side is a pass of its own."""
+    track = make_track([1] * 8, [0, 10, 20, 30, 40, 50, 60, 70], [0, 1, 2, 3, 24, 25, 26, 27])
+    track.starts[4] = True
+    (found,) = segment_slopes(track, white(0.5), LineRule())
+    assert found.passes == 2
+    assert found.slope_percent == pytest.approx(10.0)
+
+
+def test_standing_epochs_and_impossible_slopes_are_left_out() -> None:
+    standing = make_track([1] * 8, [0, 10, 20, 30, 30, 30, 30, 30], [0, 1, 2, 3, 9, 9, 9, 9])
+    standing.speed_mps[4:] = 0.2
+    (found,) = segment_slopes(standing, white(0.5), LineRule())
+    assert found.observations == 4
+    assert found.slope_percent == pytest.approx(10.0)
+    assert segment_slopes(make_track([1] * 4, [0, 2, 4, 6], [0, 9, 18, 27]), white(0.5), LineRule()) == ()
 
 
 def test_line_weights_are_those_of_an_independent_least_squares() -> None:

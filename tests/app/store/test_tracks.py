@@ -23,7 +23,7 @@ def make_track(values: np.ndarray, segment: np.ndarray, has_gnss: np.ndarray) ->
             spec.name: segment
             if spec.name == "segment"
             else has_gnss
-            if spec.name == "has_gnss"
+            if spec.name in ("has_gnss", "starts")
             else next(columns)
             for spec in fields(Track)
         }
@@ -31,7 +31,7 @@ def make_track(values: np.ndarray, segment: np.ndarray, has_gnss: np.ndarray) ->
 
 
 @given(st.integers(0, 30).flatmap(lambda n: st.tuples(
-    hnp.arrays(float, (n, len(fields(Track)) - 2), elements=st.floats(allow_nan=True)),
+    hnp.arrays(float, (n, len(fields(Track)) - 3), elements=st.floats(allow_nan=True)),
     hnp.arrays(np.int64, n, elements=st.integers(-1, 4)),
     hnp.arrays(bool, n),
 )))  # fmt: skip
@@ -52,7 +52,7 @@ def test_a_later_track_replaces_the_former(
     sessions: Sessions, segment_ids: Ints, add_drive: Callable[..., uuid.UUID]
 ) -> None:
     drive = add_drive(segment_ids, {0: (1.0, 1.0)})
-    columns = len(fields(Track)) - 2
+    columns = len(fields(Track)) - 3
     with sessions.begin() as session:
         assert tracks.read_track(session, drive) is None
         for n in (5, 3):
