@@ -92,7 +92,7 @@ def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1
         velocity, odometer, np.hypot(_rate(x_m, time_s, restart), _rate(y_m, time_s, restart))
     )
     acceleration = _acceleration(force, attitude)
-    pitch, pitch_acc = attitude["pitch_rad"], attitude["pitch_acc_rad"]
+    pitch, pitch_acc = _pitch_forwards(attitude, velocity), attitude["pitch_acc_rad"]
     if not np.isfinite(pitch).any():
         pitch = _pitch_from_force(time_s, force["acc_x_mps2"], speed)
         pitch_acc = np.full(len(time_s), PITCH_FROM_FORCE_SIGMA_RAD)
@@ -233,6 +233,14 @@ def _acceleration(force: dict[str, Floats], attitude: dict[str, Floats]) -> Floa
     body = np.column_stack([force["acc_x_mps2"], force["acc_y_mps2"], force["acc_z_mps2"]])
     roll = np.nan_to_num(attitude["roll_rad"])  # logs with pitch and yaw only: level across is the best guess
     return acceleration_enu(body, roll, attitude["pitch_rad"], attitude["yaw_rad"])
+
+
+def _pitch_forwards(attitude: dict[str, Floats], velocity: dict[str, Floats]) -> Floats:
+    """The sensor's pitch, NaN while the vehicle goes backwards: nose up is downhill then."""
+    course = np.arctan2(velocity["vel_e_mps"], velocity["vel_n_mps"])
+    moving = np.hypot(velocity["vel_e_mps"], velocity["vel_n_mps"]) > 1.0
+    backwards = moving & (np.cos(attitude["yaw_rad"] - course) < 0)
+    return np.where(backwards, np.nan, attitude["pitch_rad"])
 
 
 def _pitch_from_force(time_s: Floats, forward_mps2: Floats, speed_mps: Floats) -> Floats:

@@ -44,7 +44,7 @@ def fast_atan(value: float) -> float:
 
 @compiled_vector
 def fast_atan2(y: float, x: float) -> float:
-    """atan2(y, x) in [-pi, pi], to 2e-8 rad; 0 at the origin."""
+    """atan2(y, x) in [-pi, pi], to 2e-8 rad; 0 within 1e-200 of the origin."""
     ax = abs(x)
     ay = abs(y)
     angle = _atan_unit(min(ax, ay) / max(ax, ay, 1e-300))

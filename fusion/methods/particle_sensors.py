@@ -28,10 +28,16 @@ class Sensors:
 
     @cached_property
     def _rate_sigma_mps(self) -> float:
-        """Noise of the fixes' rate of change over two steps, half as much again because neighbours share fixes."""
+        """Noise of the fixes' rate of change, which is taken over two steps."""
         step_s = float(np.median(np.diff(self.epochs.time_s))) if len(self.epochs) > 1 else 1.0
-        scatter = 1.5 * white_altitude_sigma(self.epochs) / (math.sqrt(2) * step_s)
+        scatter = white_altitude_sigma(self.epochs) / (math.sqrt(2) * step_s)
         return max(self.options.rate_sigma_mps, scatter)
+
+    @property
+    def measure_grade(self) -> bool:
+        """Whether anything in the log says how steep the road is, other than the differences of its heights."""
+        ep = self.epochs
+        return bool(np.isfinite(ep.pitch_rad).any() or np.isfinite(ep.vel_u_mps).any())
 
     def gnss_sigmas(self, e: int) -> tuple[float, float]:
         """Per-axis horizontal and vertical sigma of the fix at epoch ``e``, m."""

@@ -84,6 +84,20 @@ def test_doppler_speed_goes_before_the_vehicles_and_that_before_positions() -> N
     assert np.isnan(epochs.vel_u_mps).all()
 
 
+def test_pitch_does_not_count_in_reverse_gear() -> None:
+    time = np.arange(20.0)
+    yaw = np.where(time < 10, np.pi / 2, -np.pi / 2)  # the vehicle goes east all the time
+    log = DriveLog(
+        "csv",
+        fix=fixes(time),
+        velocity=GnssVelocity.assemble(time, vel_n_mps=np.zeros(20), vel_e_mps=np.full(20, 10.0)),
+        attitude=Attitude.assemble(time, pitch_rad=np.full(20, 0.05), yaw_rad=yaw),
+    )
+    epochs = build_epochs(log, PLANE)
+    assert np.allclose(epochs.pitch_rad[:10], 0.05)
+    assert np.isnan(epochs.pitch_rad[10:]).all()
+
+
 def test_without_an_attitude_the_accelerometer_says_the_pitch() -> None:
     time = np.arange(30.0)
     log = DriveLog(

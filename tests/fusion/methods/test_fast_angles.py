@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fusion.methods.fast_angles import fast_atan, fast_atan2
 
-numbers = st.floats(-1e6, 1e6, allow_subnormal=False)
+numbers = st.floats(-1e6, 1e6, allow_subnormal=False).filter(lambda v: v == 0 or abs(v) > 1e-150)
 
 
 @given(numbers)

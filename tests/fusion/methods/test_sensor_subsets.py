@@ -50,7 +50,7 @@ def errors(
     log: DriveLog, town: Town, dem: Dem | None, method: str
 ) -> dict[tuple[int, int, int], tuple[float, float]]:
     """Error and sigma by segment."""
-    options = {"particles": 5000} if method == "particle" else None
+    options = {"particles": 20_000} if method == "particle" else None
     network, result = run_drive(log, town.roads, dem, method=method, options=options)
     truth = dict(zip(identities(town.roads), town.true_slope_percent, strict=True))
     own = identities(network.table)
