@@ -24,6 +24,7 @@ import csv
 import importlib.util
 import io
 import json
+import os
 import sys
 import tempfile
 from collections import defaultdict
@@ -270,6 +271,7 @@ def main() -> None:
     parser.add_argument("--roadtruth", type=Path)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     try:
         rows = run(args)
     except FusionError as error:

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 REPOSITORY = Path(__file__).resolve().parents[1]
 TEMPLATE = "template_versant"
 
+# Waiting threads of compiled loops sleep instead of spinning, as the command line sets it.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
 # Compiled loops take seconds at their first call, and machines are shared: no test depends on time.
 hypothesis_settings.register_profile("untimed", deadline=None)
 hypothesis_settings.load_profile("untimed")
