@@ -9,7 +9,7 @@ UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test check lock clean
+.PHONY: help setup demo test check check-types check-tests lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 16
@@ -25,7 +25,12 @@ test: setup  ## every test, on a private PostGIS
 check: $(INSTALLED)  ## linters, types and the fast tests, in under a minute
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(MAKE) --no-print-directory -j2 --output-sync check-types check-tests
+
+check-types:
 	@$(BIN)/mypy
+
+check-tests:
 	@$(BIN)/python -m pytest -m "not db and not slow"
 
 lock: $(INSTALLED)  ## bring .lock/ up to pyproject.toml (UPGRADE=--upgrade: newest versions)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats import read_log
-from fusion.formats.versant_csv import COLUMNS, NUMBERS
+from fusion.formats import csv_cells, read_log
+from fusion.formats.csv_cells import COLUMNS, NUMBERS
 
 ALL = (
     "time_s,lat_deg,lon_deg,alt_msl_m,height_ell_m,h_acc_m,v_acc_m,vel_n_mps,vel_e_mps,vel_d_mps,s_acc_mps,speed_mps,"
@@ -156,3 +158,79 @@ def test_a_stray_quote_costs_its_own_cell_only() -> None:
     )
     assert len(log.fix) == 3
     assert log.skipped["cells that are not numbers"] <= 1
+
+
+SPOILT = (
+    "time_s,time,lat_deg,lon_deg,alt_msl_m,pitch_deg\r\n"
+    "1525448060,,49,8,100,1\r\n"
+    "1525448061,,49,8,high,1\r\n"
+    "\r\n"
+    "1525448062,,91,8,100,1\r\n"
+    "1525448059,,49,8,100,\r\n"
+    ",2018-05-04T15:34:30Z,49,8,101,1\r\n"
+    "1525448064,49,8\r\n"
+    ",noon,49,8,101,1\r\n"
+    '1525448059,,49,8,"102",1\r\n'
+    "1525448066,,49,8,low,1\r\n"
+    "1525448067,,92,8,100,1\r\n"
+    "1525448068,49,8\r\n"
+    ",2018-05-04 15:34:40,49,8,\u00b0,1\r\n"
+)
+
+
+@pytest.mark.parametrize("newline", ["\r\n", "\n", "\r"])
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-16"])
+def test_the_size_of_the_blocks_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch, newline: str, encoding: str
+) -> None:
+    text = SPOILT.replace("\r\n", newline).encode(encoding)
+    whole = read_log(text)
+    assert len(whole.fix) == 6
+    for size in (30, 60, 100, 200):
+        monkeypatch.setattr(csv_cells, "BLOCK_BYTES", size)
+        log = read_log(text)
+        assert (log.skipped, log.repaired) == (whole.skipped, whole.repaired)
+        assert sorted(log.warnings) == sorted(whole.warnings)
+        for name, table in whole.tables().items():
+            for column in ("time_s", *table.columns()):
+                assert np.array_equal(
+                    getattr(log.tables()[name], column), getattr(table, column), equal_nan=True
+                )
+
+
+@pytest.mark.parametrize("row", [b"1525448060,,49,8,,\n", b",2018-05-04T15:34:20Z,49,8,,\n", b"x,,49,8,,\n"])
+def test_a_large_file_takes_a_small_multiple_of_its_size(monkeypatch: pytest.MonkeyPatch, row: bytes) -> None:
+    monkeypatch.setattr(csv_cells, "BLOCK_BYTES", 1 << 16)
+    text = b"time_s,time,lat_deg,lon_deg,alt_msl_m,pitch_deg\n1525448059,,49,8,,\n" + row * 200_000
+    read_log(text[:1000])  # what is imported on first use is not to be counted
+    tracemalloc.start()
+    try:
+        read_log(text)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 2 * len(text)
+
+
+def test_numbers_that_stand_for_unknown_become_unknown() -> None:
+    log = read_log(
+        b"time_s,lat_deg,lon_deg,h_acc_m,v_acc_m,roll_deg,pitch_deg,yaw_deg,pitch_acc_deg\n"
+        b"1525448060,49,8,0,-1,0,0,0,0.3\n"
+        b"1525448061,49,8,4294967.295,3,0,0,90,0\n"
+        b"1525448062,49,8,2,3,1,0,0,0.3\n"
+        b"1525448063,49,8,2,3,,0,0,0.3\n"
+    )
+    assert np.isfinite(log.fix.h_acc_m).tolist() == [False, False, True, True]
+    assert np.isfinite(log.fix.v_acc_m).tolist() == [False, True, True, True]
+    known = log.attitude.time_s[np.isfinite(log.attitude.pitch_rad)]
+    assert known.tolist() == [1525448061, 1525448062]
+    assert np.isfinite(log.attitude.pitch_acc_rad).tolist() == [True, False, True, True]
+    assert {name.split(":")[0].split(" of ")[0]: n for name, n in log.repaired.items()} == {
+        "h_acc_m": 2, "v_acc_m": 1, "pitch_acc_deg": 1, "attitude": 2,
+    }  # fmt: skip
+
+
+def test_a_pitch_alone_may_be_0_on_a_level_road() -> None:
+    log = read_log(b"time_s,lat_deg,lon_deg,pitch_deg\n1525448060,49,8,0\n1525448061,49,8,0\n")
+    assert log.attitude.pitch_rad.tolist() == [0, 0]
+    assert not log.repaired

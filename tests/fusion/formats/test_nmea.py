@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
-from fusion.errors import EmptyLogError
+from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats import read_log
 
 
@@ -109,6 +109,13 @@ def test_bad_checksums_are_counted_and_named(make: SimpleNamespace) -> None:
     assert any("line 8" in w for w in log.warnings)
     assert np.isnan(log.fix.alt_msl_m).sum() == 2
     assert len(log.fix) == 20
+
+
+def test_wrong_checksums_alone_are_said_with_their_number(make: SimpleNamespace) -> None:
+    lines = make.drive_nmea(3).splitlines()
+    bad = b"\r\n".join(line[:-1] + (b"1" if line.endswith(b"0") else b"0") for line in lines)
+    with pytest.raises(MalformedLogError, match=f"checksum of {len(lines)} NMEA sentences is wrong"):
+        read_log(bad)
 
 
 def test_sentences_without_any_checksum_are_taken_on_trust(make: SimpleNamespace) -> None:

@@ -162,6 +162,54 @@ def test_a_truncated_gzip_gives_what_could_be_unpacked(samples: dict[str, bytes]
     assert sum(log.repaired.values()) >= 1
 
 
+def test_a_wrong_gzip_checksum_is_a_warning_and_all_data_is_used(samples: dict[str, bytes]) -> None:
+    packed = bytearray(gzip.compress(samples["csv"]))
+    for at in (-8, -1):  # of the checksum, of the length
+        wrong = packed.copy()
+        wrong[at] ^= 0x55
+        log = read_log(bytes(wrong))
+        assert same(log, read_log(samples["csv"]))
+        assert any("checksum does not match" in w for w in log.warnings)
+
+
+def test_damage_within_a_gzip_costs_only_what_comes_after() -> None:
+    rng = np.random.default_rng(5)
+    rows = "".join(f"{1525448060 + k},49.{rng.integers(10**9)},8\n" for k in range(5000))
+    packed = bytearray(gzip.compress(b"time_s,lat_deg,lon_deg\n" + rows.encode()))
+    half = len(packed) // 2
+    packed[half : half + 2000] = b"\xff" * 2000
+    log = read_log(bytes(packed))
+    assert 1500 < len(log.fix) < 5000
+    assert any("damaged" in w for w in log.warnings)
+
+
+@pytest.mark.parametrize("kept", [2, 10, 14])
+def test_the_beginning_of_a_gzip_alone_is_called_that(samples: dict[str, bytes], kept: int) -> None:
+    with pytest.raises(MalformedLogError, match="beginning of a gzip and nothing else"):
+        read_log(gzip.compress(samples["csv"])[:kept])
+    with pytest.raises(UnknownFormatError, match="empty"):
+        read_log(gzip.compress(b""))
+
+
+def test_an_absurd_time_is_named_in_few_digits() -> None:
+    with pytest.raises(EmptyLogError, match=r"the time is 1e\+300 s, outside") as caught:
+        read_log(b"time_s,lat_deg,lon_deg\n1e300,49,8\n")
+    assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize("order", [slice(None), slice(None, None, -1)])
+def test_disorder_of_the_positions_is_said(samples: dict[str, bytes], order: slice) -> None:
+    header, *rows = samples["csv"].splitlines()
+    log = read_log(b"\n".join([header, *rows[order]]))
+    assert same(log, read_log(samples["csv"]))
+    said = [w for w in log.warnings if "sorted by time" in w]
+    assert said == (
+        []
+        if order.step is None
+        else [f"{len(rows) - 1} of the positions stand before an earlier one: they were sorted by time."]
+    )
+
+
 def test_a_missing_file_is_a_log_error_and_progress_may_abort(
     samples: dict[str, bytes], tmp_path: Path
 ) -> None:

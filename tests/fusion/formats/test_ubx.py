@@ -131,6 +131,14 @@ def test_truncated_the_complete_messages_are_used(make: SimpleNamespace) -> None
             read_log(one[:cut])
 
 
+@pytest.mark.parametrize("kept", [1, 2, 5, 50])
+def test_a_file_that_ends_in_mid_message_says_so(make: SimpleNamespace, kept: int) -> None:
+    whole = make.drive_ubx(3)
+    assert not any("middle" in w for w in read_log(whole).warnings)
+    said = [w for w in read_log(whole + make.pvt()[:kept]).warnings if "in the middle of a UBX message" in w]
+    assert len(said) == 1 and f"byte {len(whole)}" in said[0]
+
+
 def test_when_no_message_is_intact_that_is_said(make: SimpleNamespace) -> None:
     damaged = bytearray(make.pvt() * 3)
     damaged[30::100] = b"\xff\xff\xff"

@@ -48,6 +48,7 @@ def drive(
     return build_epochs(log, PLANE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("doppler", "altitude"), [(True, True), (True, False), (False, True)])
 def test_the_tilt_is_found_within_its_sigma(doppler: bool, altitude: bool) -> None:
     """Over many drives the errors, in sigmas, have the spread that a true sigma gives: none far out, not all tiny."""

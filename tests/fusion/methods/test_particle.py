@@ -101,6 +101,7 @@ def test_pitch_map_and_terrain_pull_towards_themselves() -> None:
     assert estimate.state[k.Z] == pytest.approx(100 + (ground - 100) * 9 / 10, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_result_does_not_depend_on_the_number_of_threads(
     make_log: MakeLog, town: Town, town_dem: Dem
 ) -> None:
@@ -118,6 +119,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads(
     assert np.array_equal(first.track.alt_m, last.track.alt_m)
 
 
+@pytest.mark.slow
 def test_another_seed_changes_the_result_within_its_sigma(
     make_log: MakeLog, town: Town, town_dem: Dem
 ) -> None:
@@ -146,6 +148,7 @@ def test_a_mount_that_is_askew_is_levelled_and_reported(make_log: MakeLog, town:
     assert plain.slopes != off.slopes
 
 
+@pytest.mark.slow
 def test_slopes_of_the_simulated_town_beat_both_baselines(
     make_log: MakeLog, town: Town, town_dem: Dem
 ) -> None:

@@ -16,6 +16,8 @@ from fusion.types import Attitude, DriveLog, GnssVelocity, SpecificForce
 
 MakeLog = Callable[..., DriveLog]
 
+pytestmark = pytest.mark.slow
+
 
 def only_positions(log: DriveLog) -> DriveLog:
     unknown = np.full(len(log.fix), np.nan)

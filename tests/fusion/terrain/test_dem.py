@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -328,3 +329,15 @@ def test_real_tiles_join(shared_data: Path) -> None:
         seam = dem.heights(8 + k / 1200, 49 + 0.5 / 1200)
         assert seam == pytest.approx((north[-1] + north[-2]) / 2, abs=1e-6)
         assert dem.description == "2 rasters, posting 92.6 m, datum EGM96"
+
+
+def test_a_gzipped_hgt_tile_is_read_where_it_is(tmp_path: Path, write_hgt: Write) -> None:
+    plain = write_hgt(tmp_path / "N48E008.hgt", np.arange(1201 * 1201).reshape(1201, 1201) % 900)
+    packed = tmp_path / "gz" / "N48E008.hgt.gz"
+    packed.parent.mkdir()
+    packed.write_bytes(gzip.compress(plain.read_bytes(), 1))
+    lon, lat = np.linspace(8.01, 8.99, 50), np.linspace(48.99, 48.01, 50)
+    with Dem.open([plain]) as a, Dem.open([packed]) as b:
+        assert np.isfinite(a.heights(lon, lat)).all()
+        assert a.heights(lon, lat).tolist() == b.heights(lon, lat).tolist()
+        assert (a.datum, a.description) == (b.datum, b.description)

@@ -11,7 +11,7 @@ import rasterio
 from affine import Affine
 
 from fusion.errors import TerrainError
-from fusion.terrain import Dem
+from fusion.terrain import Dem, refuse_void
 
 Write = Callable[..., Path]
 POSTS = Affine(0.001, 0, 8.0, 0, -0.001, 49.0)
@@ -92,3 +92,20 @@ def test_a_file_that_vanishes(tmp_path: Path, write_raster: Write) -> None:
         path.unlink()
         with pytest.raises(TerrainError, match=r"gone\.tif cannot be read"):
             dem.heights(8.001, 48.999)
+
+
+def test_a_raster_without_one_height(tmp_path: Path, write_raster: Write) -> None:
+    z = np.full((5, 600), -9999.0)
+    empty = write_raster(tmp_path / "void.tif", z, POSTS, nodata=-9999)
+    with pytest.raises(TerrainError, match=r"void\.tif holds no height: all of its 5 x 600 posts"):
+        refuse_void(empty)
+    z[4, 599] = 0.0
+    refuse_void(write_raster(tmp_path / "sea.tif", z, POSTS, nodata=-9999))
+
+
+def test_damaged_gzip(tmp_path: Path) -> None:
+    (tmp_path / "N48E008.hgt.gz").write_bytes(b"\x1f\x8bno gzip")
+    said = refused(tmp_path / "N48E008.hgt.gz")
+    assert "cannot be read as a raster" in said and "vsigzip" not in said
+    (tmp_path / "mine.hgt.gz").write_bytes(b"\x1f\x8b")
+    assert "such as N48E008.hgt" in refused(tmp_path / "mine.hgt.gz")
