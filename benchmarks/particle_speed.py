@@ -19,7 +19,6 @@ import argparse
 import json
 import math
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -160,9 +159,10 @@ def seconds_per_epoch(
     return (time.perf_counter() - begin) / len(epochs)
 
 
-def peak_mib() -> float:
-    """Peak resident size of this process, MiB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+def resident_mib(field: str) -> float:
+    """``VmRSS`` (now) or ``VmHWM`` (peak since the last reset) of this process, MiB; Linux."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(float(line.split()[1]) / 1024 for line in lines if line.startswith(field))
 
 
 def memory_of(particles: int, duration_s: float) -> float:
@@ -186,9 +186,10 @@ def main() -> None:
     scene = prepare(args.duration)
     seconds_per_epoch(ParticleCloud, 1000, scene)  # compiles, or loads what was compiled
     if args.memory_of:
-        before = peak_mib()
+        before = resident_mib("VmRSS")
+        Path("/proc/self/clear_refs").write_text("5")  # resets the peak
         seconds_per_epoch(ParticleCloud, args.memory_of, scene)
-        print(peak_mib() - before)
+        print(resident_mib("VmHWM") - before)
         return
     print(f"{len(scene[0])} epochs, medians of {args.rounds} rounds")
     print(f"{'particles':>10} {'ms/epoch':>9} {'numpy ms':>9} {'ratio':>6} {'MiB':>6}")

@@ -99,8 +99,8 @@ def _warnings(result: DriveResult) -> list[str]:
     spacing = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
     return [
         f"No segment got a slope: {matched:.0%} of the epochs lie on roads, {spacing:.1f} s apart. A slope needs "
-        "several epochs with a height on one segment, at more than walking pace: record at 1 Hz or more, and check that the "
-        "log or the DEM has heights there and that the roads are those that were driven, in their direction."
+        "several epochs with a height on one segment, at more than walking pace: record at 1 Hz or more, and check "
+        "that the log or the DEM has heights there and that the roads are those that were driven, in their direction."
     ]
 
 

@@ -33,7 +33,7 @@ from fusion.methods.particle_layout import (
     Y,
     Z,
 )
-from fusion.types import Floats, Ints
+from fusion.types import Floats
 
 _STEEPEST_TAN2 = math.tan(STEEPEST_RAD) ** 2
 
@@ -167,13 +167,3 @@ def normalise_blocks(weights: Floats, sums: Floats, top: float, total: float) ->
         scale = math.exp(sums[b, B_LOGMAX] - top) / total
         for i in range(b * BLOCK, min(n, (b + 1) * BLOCK)):
             weights[i] *= scale
-
-
-@compiled_parallel
-def gather(cloud: Floats, ancestors: Ints, out: Floats) -> None:
-    """Replace the cloud by copies of its ancestors, into ``out``."""
-    n = cloud.shape[1]
-    for b in prange((n + BLOCK - 1) // BLOCK):
-        for row in range(cloud.shape[0]):
-            for i in range(b * BLOCK, min(n, b * BLOCK + BLOCK)):
-                out[row, i] = cloud[row, ancestors[i]]

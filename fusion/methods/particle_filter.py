@@ -9,10 +9,10 @@ import numpy as np
 
 from fusion.filters.resampling import RESAMPLERS
 from fusion.methods import particle_layout as k
-from fusion.methods.particle_estimate import gather, merge_sums, normalise_blocks, weigh_and_estimate
+from fusion.methods.particle_estimate import merge_sums, normalise_blocks, weigh_and_estimate
 from fusion.methods.particle_kernels import draw_cloud, predict_and_weigh
 from fusion.methods.particle_options import ParticleOptions
-from fusion.types import Floats
+from fusion.types import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,12 @@ class ParticleCloud:
         vertical = [o.sigma_acc_up_mps2, o.sigma_vel_up_mps, o.sigma_pos_up_m]
         self._q_per_s = np.array([horizontal, horizontal, vertical]) ** 2
         self._resample = RESAMPLERS[o.resampling]
+        self._ancestors = _NONE
 
     def restart(self, mean: Floats, sigma: Floats) -> None:
         """Draw a new cloud around ``mean`` (9,) with standard deviations ``sigma`` (9,)."""
         self._step += 1
+        self._ancestors = _NONE
         draw_cloud(self._cloud, self._logw, self.options.seed, self._step, mean, sigma)
         self._ref[:] = mean[k.X], mean[k.Y], math.atan2(mean[k.VY], mean[k.VX]), mean[k.Z]
 
@@ -83,11 +85,15 @@ class ParticleCloud:
         self._step += 1
         dt = -1.0 if dt_s is None else dt_s
         half = 0.5 * dt * dt if self.options.discretisation == "exact" else 0.0
+        source = self._cloud
+        if len(self._ancestors):
+            self._cloud, self._spare = self._spare, self._cloud
         predict_and_weigh(
-            self._cloud, self._logw, self._angles, self._sums_a, self.options.seed, self._step, dt, half,
-            self._q_per_s * max(dt, 0.0), measured.z, measured.inv_var, self.options.proposal == "optimal",
-            measured.pitch_rad, measured.inv_var_pitch, self._ref,
+            source, self._ancestors, self._cloud, self._logw, self._angles, self._sums_a,
+            self.options.seed, self._step, dt, half, self._q_per_s * max(dt, 0.0), measured.z, measured.inv_var,
+            self.options.proposal == "optimal", measured.pitch_rad, measured.inv_var_pitch, self._ref,
         )  # fmt: skip
+        self._ancestors = _NONE
         total = merge_sums(self._sums_a, -1, np.empty(k.A_COLUMNS))
         w = total[k.A_W]
         first = total[[k.A_X, k.A_Y, k.A_T]] / w
@@ -145,14 +151,16 @@ class ParticleCloud:
 
     def _draw_again(self, top: float, total: float) -> None:
         normalise_blocks(self._weights, self._sums_b, top, total)
-        ancestors = self._resample(self._weights, self.options.seed, self._step)
-        gather(self._cloud, ancestors, self._spare)
-        self._cloud, self._spare = self._spare, self._cloud
+        # The copies are made when the next epoch moves them, block by block.
+        self._ancestors = self._resample(self._weights, self.options.seed, self._step)
         self._logw[:] = 0.0
 
     def refer_to(self, x_m: float, y_m: float, z_m: float, heading_rad: float) -> None:
         """Set the point about which the next epoch's second moments are taken: near the cloud, for precision."""
         self._ref[:] = x_m, y_m, heading_rad, z_m
+
+
+_NONE: Ints = np.empty(0, np.int64)
 
 
 def _wrapped(angle_rad: float) -> float:

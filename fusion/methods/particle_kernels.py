@@ -36,7 +36,7 @@ from fusion.methods.particle_layout import (
     X,
     Y,
 )
-from fusion.types import Floats
+from fusion.types import Floats, Ints
 
 
 @compiled_vector
@@ -152,8 +152,18 @@ def _map_moments(part: Floats, w: Floats, turn: Floats, ref: Floats, row: Floats
     row[A_XY], row[A_XT], row[A_YT] = s_xy, s_xt, s_yt
 
 
+@compiled_vector
+def _inherit(source: Floats, ancestors: Ints, part: Floats) -> None:
+    """Fill a block with copies of its ancestors: resampling, done where the block is needed next."""
+    for row in range(part.shape[0]):
+        for i in range(len(ancestors)):
+            part[row, i] = source[row, ancestors[i]]
+
+
 @compiled_parallel
 def predict_and_weigh(
+    source: Floats,
+    ancestors: Ints,
     cloud: Floats,
     logw: Floats,
     angles: Floats,
@@ -172,10 +182,11 @@ def predict_and_weigh(
 ) -> None:
     """First pass: dynamics, then GNSS, acceleration and pitch corrections; moments of (x, y, heading).
 
-    ``angles`` (2, n) receives each particle's heading relative to ``ref[2]`` and its pitch; ``ref`` holds the
-    point (x, y, heading, z) about which second moments are taken; ``sums`` (blocks, 11). ``dt`` below 0 leaves
-    the dynamics out (the first epoch). ``q`` (3, 3) are process variances over ``dt`` by axis (east, north, up)
-    and kind (acceleration, velocity, position).
+    ``cloud`` (9, n) is moved in place; with ``ancestors`` (n,) it is first filled with copies of those columns of
+    ``source``, with none (0,) it already holds the particles. ``angles`` (2, n) receives each particle's heading
+    relative to ``ref[2]`` and its pitch; ``ref`` holds the point (x, y, heading, z) about which second moments are
+    taken; ``sums`` (blocks, 11). ``dt`` below 0 leaves the dynamics out (the first epoch). ``q`` (3, 3) are process
+    variances over ``dt`` by axis (east, north, up) and kind (acceleration, velocity, position).
     """
     n = cloud.shape[1]
     for b in prange((n + BLOCK - 1) // BLOCK):
@@ -183,6 +194,8 @@ def predict_and_weigh(
         lw = logw[b * BLOCK : min(n, (b + 1) * BLOCK)]
         an = angles[:, b * BLOCK : min(n, (b + 1) * BLOCK)]
         w = np.empty(len(lw))
+        if len(ancestors) > 0:
+            _inherit(source, ancestors[b * BLOCK : min(n, (b + 1) * BLOCK)], part)
         if dt >= 0.0:
             stream = np.empty(4, np.uint64)
             seed_stream(seed, step, b, stream)
