@@ -70,7 +70,11 @@ class Client:
     """Requests to one service; use as a context manager."""
 
     def __init__(self, server: str, *, transport: httpx.BaseTransport | None = None) -> None:
-        """``server`` is the base address, such as ``http://127.0.0.1:8000``; ``transport`` is for tests."""
+        """``server`` is the base address, such as ``http://127.0.0.1:8000``; ``transport`` is for tests.
+
+        Raises ``ClientError`` for an address that cannot be one of a service.
+        """
+        _check_address(server)
         self.server = server.rstrip("/")
         # An address on this machine must never go through a proxy that the environment names for the world.
         self._http = httpx.Client(
@@ -210,8 +214,21 @@ class _Counted(io.RawIOBase):
         return self._file.fileno()
 
 
+def _check_address(server: str) -> None:
+    try:
+        url = httpx.URL(server)
+    except httpx.InvalidURL as error:
+        raise ClientError(
+            f"{server!r} is no address: {error}. Write it as http://host:port or https://host."
+        ) from error
+    if url.scheme not in {"http", "https"} or not url.host:
+        raise ClientError(
+            f"{server!r} is no address of a service. Write it as http://host:port or https://host."
+        )
+
+
 def _is_local(server: str) -> bool:
-    return httpx.URL(server).host in {"127.0.0.1", "localhost", "::1"} if "://" in server else False
+    return httpx.URL(server).host in {"127.0.0.1", "localhost", "::1"}
 
 
 def _refusal(answer: httpx.Response) -> str:

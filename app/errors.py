@@ -162,6 +162,9 @@ KINDS: Mapping[type[Exception], Kind] = {
 """Error class -> answer; an error takes the row of the nearest class above it."""
 
 STATUS_KINDS: Mapping[int, Kind] = {
+    400: Kind(
+        400, "unreadable-body", "Unreadable body", "The body is no JSON in UTF-8, or nested too deeply."
+    ),
     404: KINDS[NotFoundError],
     405: Kind(405, "method-not-allowed", "Method not allowed", "The Allow header lists what is."),
     406: KINDS[NotAcceptableError],
@@ -226,6 +229,7 @@ async def _http_error(request: Request, error: Exception) -> JSONResponse:
         error.status_code, "http-error", HTTPStatus(error.status_code).phrase, "The request was refused."
     )
     detail = {
+        400: "The body cannot be read. Send JSON in UTF-8.",
         404: f"There is nothing at {request.url.path}. The landing page / lists what there is.",
         405: f"{request.method} is not possible here. The Allow header lists what is.",
     }.get(error.status_code, str(error.detail))
@@ -261,9 +265,13 @@ async def _invalid_request(request: Request, error: Exception) -> JSONResponse:
 
 def _field_error(item: Mapping[str, Any]) -> FieldError:
     place, *rest = item["loc"]
-    field = ".".join(str(part) for part in rest) or str(place)
     message = str(item["msg"]).removeprefix("Value error, ")
-    return FieldError(field=field, message=message[:1].lower() + message[1:])
+    if item["type"] == "json_invalid":  # its place is a position in the text
+        return FieldError(field=str(place), message=f"{message} at character {rest[0]}")
+    field = ".".join(str(part) for part in rest) or str(place)
+    if not message[:2].isupper():  # an acronym stays as it is
+        message = message[:1].lower() + message[1:]
+    return FieldError(field=field, message=message)
 
 
 async def _internal_error(request: Request, error: Exception) -> JSONResponse:

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 from app.db import Sessions
-from app.store import dem, drives, locks, queue, roads
+from app.store import dem, drives, identity, locks, queue, roads
 from app.store.blobs import BlobStore, StoredBlob
 from app.store.rows import DemSet, DriveRow, ImportCounts
 from fusion.errors import RoadsError, TerrainError
 from fusion.pipeline import parse_options
 from fusion.roads.osm import read_roads
 from fusion.types import Progress, no_progress
+
+ORPHAN_AGE = timedelta(hours=1)
+
+logger = logging.getLogger(__name__)
 
 
 def accept_upload(
@@ -50,8 +56,8 @@ def register_upload(
     """Make a stored blob a queued drive; row and job in one transaction.
 
     The blob becomes the drive's, or is deleted: when the same bytes are known already, and when the
-    transaction fails. Only a process that dies in between leaves a blob that nobody refers to: it costs disk
-    space and nothing else, since a later upload of the same bytes brings its own.
+    transaction fails. Only a process that dies in between leaves a blob that nobody refers to: ``sweep_blobs``
+    removes it later; an upload of the same bytes brings its own.
     """
     try:
         parse_options(method, options or {})
@@ -106,6 +112,29 @@ def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> b
             return False
     blobs.delete(drive.blob_key)
     return True
+
+
+def sweep_blobs(sessions: Sessions, blobs: BlobStore, older_than: timedelta = ORPHAN_AGE) -> int:
+    """Remove parts of uploads that broke off, and blobs older than ``older_than`` that no drive refers to.
+
+    Returns how many. A blob exists for a moment before its drive does: its age tells such a one from an
+    orphan. Where several databases keep blobs in one store, orphans of one may be drives of another, so only
+    parts are removed.
+    """
+    removed = blobs.sweep()
+    with sessions() as session:
+        notes = blobs.register_database(identity.database_identity(session))
+    if len(notes) > 1:
+        logger.warning(
+            "blobs without a drive stay: several databases use this store. Delete the notes of those that are "
+            "gone: %s",
+            ", ".join(notes),
+        )
+        return removed
+    stored = blobs.keys()
+    with sessions() as session:
+        orphans = drives.unreferenced_blobs(session, stored)
+    return removed + blobs.remove_old(orphans, older_than)
 
 
 def import_roads(

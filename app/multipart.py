@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from email.message import Message
+from email.utils import collapse_rfc2231_value
 from pathlib import PurePosixPath
 from typing import Protocol
 from urllib.parse import unquote
@@ -19,6 +20,8 @@ ENVELOPE_BYTES = 64 * 1024
 """What a multipart body may hold beside the file: boundaries, headers, small fields."""
 FILENAME_LENGTH = 255
 DEFAULT_FILENAME = "upload"
+FILENAME_CHARSETS = frozenset({"utf-8", "iso-8859-1", "latin-1"})
+"""Of ``filename*=`` (RFC 6266, section 4.3); Python's decoders for other names fail in ways of their own."""
 
 
 class UploadSource(Protocol):
@@ -181,7 +184,22 @@ def clean_filename(name: str) -> str:
 
 
 def _announced_filename(headers: Headers, query: QueryParams) -> str:
-    disposition = Message()
-    disposition["Content-Disposition"] = headers.get("content-disposition", "")
-    names = (query.get("filename"), unquote(headers.get("x-filename", "")), disposition.get_filename())
+    names = (
+        query.get("filename"),
+        unquote(headers.get("x-filename", "")),
+        _disposed_filename(headers.get("content-disposition", "")),
+    )
     return next((clean_filename(name) for name in names if name), DEFAULT_FILENAME)
+
+
+def _disposed_filename(content_disposition: str) -> str | None:
+    """The name in a Content-Disposition header; None where it holds none that can be read."""
+    disposition = Message()
+    disposition["Content-Disposition"] = content_disposition
+    try:
+        name = disposition.get_param("filename", header="content-disposition")
+        if isinstance(name, tuple) and (name[0] or "utf-8").lower() not in FILENAME_CHARSETS:
+            return None
+        return collapse_rfc2231_value(name) if name else None
+    except (ValueError, TypeError, LookupError):  # the parser trips over odd continuations in these ways
+        return None

@@ -25,6 +25,7 @@ from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from app.db import Sessions
+from app.outputs.track import GAP_S
 from app.reporting import Discarded, Interrupted, Reporter, never
 from app.settings import Settings
 from app.store import dem, drives, locks, roads, slopes, tracks
@@ -34,7 +35,7 @@ from fusion.errors import FusionError
 from fusion.formats import read_log
 from fusion.pipeline import ROAD_MARGIN_M, parse_options, run_drive
 from fusion.terrain import Dem
-from fusion.types import DriveLog, DriveResult, Ints, Track
+from fusion.types import MAX_SPEED_MPS, DriveLog, DriveResult, Ints, Track
 
 logger = logging.getLogger(__name__)
 
@@ -69,7 +70,7 @@ class Workbench:
     sessions: Sessions
     blobs: BlobStore
     dem_dir: Path
-    max_log_bytes: int = 2 * 2**30
+    max_log_bytes: int = 512 * 2**20
 
     @classmethod
     def of(cls, settings: Settings, sessions: Sessions) -> Workbench:
@@ -116,8 +117,8 @@ def process_drive(
     return Outcome.DONE
 
 
-def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, attempts: int) -> None:
-    """Fail a drive whose runs were cut off ``attempts`` times: it must not take worker after worker along."""
+def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, reason: str) -> None:
+    """Fail a drive whose runs were cut off again and again: it must not take worker after worker along."""
     with bench.sessions.begin() as session:
         if drives.mark_running(session, drive_id, generation) is None:
             return
@@ -126,9 +127,7 @@ def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, attempts: in
             drive_id,
             generation,
             kind="interrupted",
-            reason=f"Processing was cut off {attempts} times: each time the worker was stopped, ran out of "
-            "memory or lost the database. Split the log into shorter drives, or ask for it again once the service "
-            "is steady.",
+            reason=reason,
             stage=None,
         )
 
@@ -262,11 +261,18 @@ def _fail(bench: Workbench, drive: DriveRow, stage: str, error: Exception) -> Ou
 
 
 def track_length_m(track: Track) -> float | None:
-    """Length of the line through the track's positions, metres; None with fewer than two."""
+    """Length of the path through the track's positions, metres; None with fewer than two positions.
+
+    Nothing is counted where the path is interrupted (as in ``app.outputs.track``), nor a step that no vehicle
+    can make.
+    """
     known = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
     if np.count_nonzero(known) < 2:
         return None
-    return float(_WGS84.line_length(track.lon_deg[known], track.lat_deg[known]))
+    lon, lat, pause_s = track.lon_deg[known], track.lat_deg[known], np.diff(track.time_s[known])
+    step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
+    driven = (pause_s <= GAP_S) & ~track.starts[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
+    return float(step_m[driven].sum())
 
 
 def code_version() -> str:

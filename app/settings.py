@@ -138,7 +138,9 @@ class Settings(BaseSettings):
         "particle", min_length=1, description="Estimator of drives uploaded without a method."
     )
     max_log_bytes: int = Field(
-        2 * _GIB, ge=1, description="Largest log after decompression, bytes; a larger one fails as malformed."
+        _GIB // 2,
+        ge=1,
+        description="Largest log after decompression, bytes; a larger one fails as malformed.",
     )
 
     # Both

@@ -13,13 +13,14 @@ import logging
 import signal
 import threading
 import uuid
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence
 from typing import Any
 
 import procrastinate
 from procrastinate import exceptions, jobs
 from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
+from app import ingest
 from app.db import make_engine, session_factory
 from app.process import Workbench, give_up, is_connection_loss, process_drive
 from app.reporting import Interrupted
@@ -31,12 +32,22 @@ logger = logging.getLogger(__name__)
 MAX_ATTEMPTS = 10
 """Runs that may be cut off before a drive fails, counting lost connections, killed and stopped workers."""
 
+MAX_DEATHS = 3
+"""Of those, runs in which the worker died: a drive that needs more memory than there is kills every time."""
+
+SWEEP_EVERY_S = 3600.0
+"""How often the blob store is cleared of what nobody refers to, seconds."""
+
 GRACE_S = 5.0
 """How long a stopping worker lets its drives run on before it puts them back into the queue, seconds."""
 
 _POLL_S = 1.0  # for jobs put back: only new ones announce themselves
 _RESTART_AFTER_S = 1.0
 _CONNECTIONS = 5  # of the queue: fetching, listening, heartbeat, looking after stalled jobs
+
+
+Chore = Callable[[], Awaitable[None]]
+"""What is done beside the drives."""
 
 
 class _AgainLater(BaseRetryStrategy):
@@ -50,23 +61,52 @@ class _AgainLater(BaseRetryStrategy):
         return None
 
 
-def make_queue(url: str, bench: Workbench) -> procrastinate.App:
-    """The queue with its one task, on the database at ``url``; the caller opens it."""
+def make_queue(url: str, bench: Workbench, begun: set[int]) -> procrastinate.App:
+    """The queue with its one task, on the database at ``url``; the caller opens it.
+
+    ``begun`` receives the ids of jobs that this process has begun and not brought to an end: when the
+    database takes one of them for a dead worker's, it was only cut off from it.
+    """
     connector = procrastinate.PsycopgConnector(conninfo=libpq_url(url), min_size=1, max_size=_CONNECTIONS)
     app = procrastinate.App(connector=connector)
 
     @app.task(name=TASK, queue=QUEUE, pass_context=True, retry=_AgainLater())
     def process(context: procrastinate.JobContext, *, drive_id: str, generation: int) -> str:
         drive = uuid.UUID(drive_id)
-        if context.job.attempts >= MAX_ATTEMPTS:
-            give_up(bench, drive, generation, context.job.attempts)
+        if reason := _hopeless(context.job):
+            give_up(bench, drive, generation, reason)
             return "given up"
+        number = context.job.id or 0
+        begun.add(number)
         try:
-            return process_drive(bench, drive, generation, should_stop=context.should_abort).value
+            outcome = process_drive(bench, drive, generation, should_stop=context.should_abort).value
         except Interrupted as stop:
             raise exceptions.JobAborted from stop
+        begun.discard(number)
+        return outcome
 
     return app
+
+
+def _deaths(job: jobs.Job) -> int:
+    """In how many runs of the job the worker died. Each lowers its priority by one: others go first."""
+    return -job.priority
+
+
+def _hopeless(job: jobs.Job) -> str | None:
+    """Why the job is not run once more; None: it is."""
+    if _deaths(job) >= MAX_DEATHS:
+        return (
+            f"The worker died {_deaths(job)} times while it processed this drive, most likely for lack of "
+            "memory. Split the log into shorter drives."
+        )
+    if job.attempts >= MAX_ATTEMPTS:
+        return (
+            f"Processing was cut off {job.attempts} times: each time the worker was stopped, ran out of memory "
+            "or lost the database. Split the log into shorter drives, or ask for it again once the service is "
+            "steady."
+        )
+    return None
 
 
 def run_worker(
@@ -88,33 +128,39 @@ def run_worker(
     engine = make_engine(settings.database_url, pool_size=lanes, max_overflow=lanes)
     try:
         bench = Workbench.of(settings, session_factory(engine))
-        bench.blobs.sweep()
-        queue = make_queue(settings.database_url, bench)
+        begun: set[int] = set()
+        queue = make_queue(settings.database_url, bench, begun)
         serve = functools.partial(_serve, settings, queue, lanes, wait, grace_s)
-        asyncio.run(_work(queue, settings.stalled_after_s, serve, wait, stop_event))
+        retry = functools.partial(_retry_stalled, queue, settings.stalled_after_s, begun)
+        sweep = functools.partial(asyncio.to_thread, _sweep, bench)
+        chores = ((retry, min(settings.stalled_after_s / 4, 10.0)), (sweep, SWEEP_EVERY_S))
+        asyncio.run(_work(queue, serve, chores, wait, stop_event))
     finally:
         engine.dispose()
 
 
 async def _work(
     app: procrastinate.App,
-    stalled_after_s: float,
     serve: Callable[[asyncio.Event], Awaitable[None]],
+    chores: Sequence[tuple[Chore, float]],
     wait: bool,
     stop_event: threading.Event | None,
 ) -> None:
-    """Serve until stopped, or once; look after stalled jobs meanwhile."""
+    """Serve until stopped, or once; do each chore first and then again every so many seconds."""
     stop = asyncio.Event()
     with _stop_signals(stop):
-        async with app.open_async(), _background(_watch(stop_event, stop)):
-            await _retry_stalled(app, stalled_after_s)
-            async with _background(_retry_stalled_for_ever(app, stalled_after_s)):
-                while not stop.is_set():
-                    await serve(stop)
-                    if not wait:
-                        return
-                    if not stop.is_set():  # it ended by itself: the connection to the database was lost
-                        await asyncio.sleep(_RESTART_AFTER_S)
+        async with contextlib.AsyncExitStack() as meanwhile:
+            await meanwhile.enter_async_context(app.open_async())
+            await meanwhile.enter_async_context(_background(_watch(stop_event, stop)))
+            for chore, every_s in chores:
+                await chore()
+                await meanwhile.enter_async_context(_background(_again_and_again(chore, every_s)))
+            while not stop.is_set():
+                await serve(stop)
+                if not wait:
+                    return
+                if not stop.is_set():  # it ended by itself: the connection to the database was lost
+                    await asyncio.sleep(_RESTART_AFTER_S)
 
 
 async def _serve(
@@ -155,20 +201,34 @@ async def _serve(
         stopping.cancel()
 
 
-async def _retry_stalled_for_ever(app: procrastinate.App, stalled_after_s: float) -> None:
+async def _again_and_again(chore: Chore, every_s: float) -> None:
     while True:
-        await asyncio.sleep(min(stalled_after_s / 4, 10.0))
-        await _retry_stalled(app, stalled_after_s)
+        await asyncio.sleep(every_s)
+        await chore()
 
 
-async def _retry_stalled(app: procrastinate.App, stalled_after_s: float) -> None:
-    """Put jobs of silent workers back. Two workers may do so at once: a drive may safely run twice."""
+def _sweep(bench: Workbench) -> None:
+    """Clear the blob store; a store or database that is away is left for the next time."""
+    try:
+        if removed := ingest.sweep_blobs(bench.sessions, bench.blobs):
+            logger.info("removed %d blobs that no drive refers to", removed)
+    except Exception:
+        logger.warning("the blob store could not be swept; trying again later", exc_info=True)
+
+
+async def _retry_stalled(app: procrastinate.App, stalled_after_s: float, begun: set[int]) -> None:
+    """Put jobs of silent workers back. Two workers may do so at once: a drive may safely run twice.
+
+    A job that this process itself had begun was only cut off from the database; any other's worker died.
+    """
     try:
         for job in await app.job_manager.get_stalled_jobs(
             queue=QUEUE, seconds_since_heartbeat=stalled_after_s
         ):
             logger.warning("job %s of a silent worker goes back into the queue", job.id)
-            await app.job_manager.retry_job(job)
+            died = job.id not in begun
+            begun.discard(job.id or 0)
+            await app.job_manager.retry_job(job, priority=job.priority - 1 if died else None)
     except exceptions.ConnectorException:
         logger.warning("stalled jobs could not be looked after; trying again later", exc_info=True)
 

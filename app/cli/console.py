@@ -37,6 +37,13 @@ class Console:
         """Say on standard error what went wrong, in one line."""
         typer.echo(f"versant: {_one_line(text)}", err=True)
 
+    def complain_of(self, path: Path, error: BaseException) -> str:
+        """Complain of one file among several; returns the reason. The file is named once."""
+        reason = sentence(error)
+        named = isinstance(error, OSError) and error.filename
+        self.complain(reason if named else f"{path}: {reason}")
+        return reason
+
     def table(
         self, columns: Sequence[str], rows: Sequence[Sequence[Any]], *, title: str | None = None
     ) -> None:

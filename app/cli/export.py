@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from app.cli.console import Console, write_json
 from app.cli.database import sessions
-from app.cli.options import Box, DataDir, JsonFile, parse_box
+from app.cli.options import Box, DataDir, JsonFile, in_a_folder, parse_box
 from app.outputs import SegmentFeature, output_for, write
 from app.outputs.attribution import attribution
 from app.store import dem, segments
@@ -26,7 +26,10 @@ app = typer.Typer(add_completion=False)
 @app.command("export")
 def export(
     ctx: typer.Context,
-    out: Annotated[Path, typer.Option("-o", "--out", help="File: .geojson, .parquet, .gpkg or .csv.")],
+    out: Annotated[
+        Path,
+        typer.Option("-o", "--out", help="File: .geojson, .parquet, .gpkg or .csv.", callback=in_a_folder),
+    ],
     bbox: Annotated[
         str | None, typer.Option(metavar="W,S,E,N", help="Only segments that meet this box, degrees.")
     ] = None,

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli.console import Bars, Console, sentence, write_json
+from app.cli.console import Bars, Console, write_json
 from app.cli.fuse_files import FusedLog, Fusion, summary
-from app.cli.options import JsonFile, parse_assignments
+from app.cli.options import JsonFile, in_a_folder, parse_assignments
 from app.outputs import output_for, write
 from app.outputs.attribution import attribution
 from app.outputs.features import collection_chunks
@@ -47,16 +47,27 @@ def fuse(
     out: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--out", help="Segments: .geojson, .parquet, .gpkg or .csv; without it GeoJSON on stdout."
+            "-o",
+            "--out",
+            help="Segments: .geojson, .parquet, .gpkg or .csv; without it GeoJSON on stdout.",
+            callback=in_a_folder,
         ),
     ] = None,
     profile: Annotated[
         Path | None,
-        typer.Option(metavar="OUT.png", help="Elevation profile; one per log, numbered if several."),
+        typer.Option(
+            metavar="OUT.png",
+            help="Elevation profile; one per log, numbered if several.",
+            callback=in_a_folder,
+        ),
     ] = None,
     track: Annotated[
         Path | None,
-        typer.Option(metavar="OUT.geojson", help="Estimated track; one per log, numbered if several."),
+        typer.Option(
+            metavar="OUT.geojson",
+            help="Estimated track; one per log, numbered if several.",
+            callback=in_a_folder,
+        ),
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
@@ -111,9 +122,8 @@ def _one(fusion: Fusion, path: Path, console: Console, bars: Bars) -> dict[str, 
     except (FusionError, OSError) as error:
         if console.debug:
             raise
-        text = sentence(error)
-        console.complain(text if isinstance(error, OSError) else f"{path}: {text}")
-        return {"file": str(path), "status": "failed", "reason": text, "segments": 0}
+        reason = console.complain_of(path, error)
+        return {"file": str(path), "status": "failed", "reason": reason, "segments": 0}
 
 
 def _pictures(

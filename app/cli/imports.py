@@ -13,6 +13,7 @@ from app import ingest
 from app.cli.console import Console, write_json
 from app.cli.database import sessions
 from app.cli.options import DataDir, JsonFile
+from app.store.rows import ImportCounts
 
 app = typer.Typer(add_completion=False)
 
@@ -39,8 +40,26 @@ def import_roads(
         f"{file.name}: {segments} segments ({counts.kept} kept, {counts.moved} moved, {counts.added} added; "
         f"{counts.dropped} dropped) in {seconds:.1f} s."
     )
+    for line in remarks(counts):
+        typer.echo(line)
     figures = {"file": str(file), "segments": segments, **asdict(counts), "seconds": round(seconds, 3)}
     write_json(json_file, figures)
+
+
+def remarks(counts: ImportCounts) -> list[str]:
+    """What a road import cost and what it could not use, a sentence each."""
+    lines = []
+    if counts.measured_lost:
+        lines.append(
+            f"{counts.measured_lost} of the {counts.moved + counts.dropped} moved or dropped segments had slopes, "
+            f"from {counts.drives_affected} drive(s); reprocess those drives to measure again."
+        )
+    if counts.skipped:
+        reasons = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.skipped.items()))
+        lines.append(
+            f"{sum(counts.skipped.values())} node pairs of the file's roads are no segments ({reasons})."
+        )
+    return lines
 
 
 @app.command("import-dem")

@@ -14,6 +14,7 @@ DataDir = Annotated[
     typer.Option(
         "--data-dir",
         metavar="DIR",
+        file_okay=False,
         help="Folder of the embedded database, started if it is not running. Default: VERSANT_DATABASE_URL, "
         "else the folder that `versant up` uses.",
         show_default=False,
@@ -25,6 +26,13 @@ JsonFile = Annotated[
 ]
 Box = tuple[float, float, float, float]
 """(west, south, east, north), degrees."""
+
+
+def in_a_folder(path: Path | None) -> Path | None:
+    """Callback of an option that names a file to write: refuses it now if its folder is missing."""
+    if path is not None and not path.parent.is_dir():
+        raise typer.BadParameter(f"{path} cannot be written: there is no folder {path.parent}.")
+    return path
 
 
 def parse_box(text: str | None) -> Box | None:

@@ -15,6 +15,7 @@ from app.cli.options import DataDir
 from app.cli.supervisor import free_port, reach, stop_with_parent
 from app.main import create_app
 from app.settings import Settings
+from app.store.databases import require_reachable
 from app.worker import run_worker
 
 GRACEFUL_S = 3  # followers of a drive's events would otherwise keep a stopping server open
@@ -39,6 +40,7 @@ def api(
     settings = settings_for(data_dir, port=port, host=host)
     _begin(settings, with_parent)
     with database(settings, embedded=True if data_dir else None) as ready:
+        _require_database(ready)
         number = free_port(ready)
         if not with_parent:
             console.note(f"Versant's API listens on {ready.host}:{number}. {reach(ready)}")
@@ -65,6 +67,7 @@ def worker(
     settings = settings_for(data_dir, worker_concurrency=concurrency)
     _begin(settings, with_parent)
     with database(settings, embedded=True if data_dir else None) as ready:
+        _require_database(ready)
         run_worker(ready)
 
 
@@ -77,6 +80,11 @@ def migrate(ctx: typer.Context, data_dir: DataDir = None) -> None:
         assert ready.database_url is not None  # noqa: S101 - database() sees to it
         migrations.upgrade(ready.database_url)
     console.note(f"The database is at revision {migrations.latest_revision()}.")
+
+
+def _require_database(settings: Settings) -> None:
+    assert settings.database_url is not None  # noqa: S101 - database() sees to it
+    require_reachable(settings.database_url)
 
 
 def _begin(settings: Settings, with_parent: bool) -> None:

@@ -17,7 +17,8 @@ from typing import Self
 
 import httpx
 
-from app.cli.console import Console
+from app.cli.console import Console, sentence
+from app.embedded import EmbeddedPostgres
 from app.settings import ENV_PREFIX, Settings
 from fusion.errors import FusionError
 
@@ -27,6 +28,7 @@ STOP_TIMEOUT_S = 10.0  # a stopping worker lets its drive run on for some second
 LONGEST_PAUSE_S = 30.0
 STEADY_S = 60.0  # a child that ran this long is no longer in a series of crashes
 _LOOK_EVERY_S = 0.2
+_DATABASE_LOOK_EVERY_S = 1.0
 
 
 class StartError(FusionError):
@@ -78,11 +80,42 @@ class Child:
 
 
 @dataclass
+class DatabaseWatch:
+    """Starts the embedded PostgreSQL again when it ends by itself, with growing pauses while that fails."""
+
+    cluster: EmbeddedPostgres
+    next_look_s: float = 0.0
+    pause_s: float = _DATABASE_LOOK_EVERY_S
+
+    def look_after(self, console: Console) -> None:
+        """Look whether it is there, once a second; say so in one line when it is not."""
+        if time.monotonic() < self.next_look_s:
+            return
+        try:
+            if self.cluster.revive():
+                console.complain(
+                    f"PostgreSQL ended by itself and was started again; {self.cluster.log_path} may say why."
+                )
+            self.pause_s = _DATABASE_LOOK_EVERY_S
+        except Exception as error:  # whatever it is, API and worker are to go on as soon as it is over
+            self.pause_s = min(self.pause_s * 2, LONGEST_PAUSE_S)
+            console.complain(
+                f"PostgreSQL ended and could not be started again; trying once more in {self.pause_s:.0f} s. "
+                f"{sentence(error)}"
+            )
+        self.next_look_s = time.monotonic() + self.pause_s
+
+
+@dataclass
 class Service:
-    """API and worker on one database; use as a context manager, which returns once the API is ready."""
+    """API and worker on one database; use as a context manager, which returns once the API is ready.
+
+    With a ``cluster``, the database in it is looked after as well.
+    """
 
     settings: Settings
     console: Console
+    cluster: EmbeddedPostgres | None = None
     children: list[Child] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -117,10 +150,13 @@ class Service:
 
     def serve_forever(self) -> None:
         """Look after the children until a signal interrupts (``stop_signals``)."""
+        watched: list[Child | DatabaseWatch] = [*self.children]
+        if self.cluster is not None:
+            watched.insert(0, DatabaseWatch(self.cluster))
         while True:
             time.sleep(_LOOK_EVERY_S)
-            for child in self.children:
-                child.look_after(self.console)
+            for one in watched:
+                one.look_after(self.console)
 
     def stop(self) -> None:
         """End every child: asked first, killed after ``STOP_TIMEOUT_S``; no signal interrupts this."""

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from app.cli.console import Console, sentence, write_json
-from app.cli.options import JsonFile
+from app.cli.console import Console, write_json
+from app.cli.options import JsonFile, in_a_folder
 from app.cli.track_files import TRACK_WRITERS, Positions
 from fusion.errors import FusionError, UnknownNameError
 from fusion.formats import read_log
@@ -22,7 +22,9 @@ app = typer.Typer(add_completion=False)
 def track(
     ctx: typer.Context,
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Drive logs.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Positions: .csv or .geojson.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Positions: .csv or .geojson.", callback=in_a_folder)
+    ],
     gnss: Annotated[
         str,
         typer.Option(metavar="NAME", help="How positions are computed; `versant methods` lists the ways."),
@@ -50,8 +52,7 @@ def track(
             try:
                 tracks.append(_read(path, positioning, bars.work(path.name)))
             except (FusionError, OSError) as error:
-                reason = sentence(error)
-                console.complain(reason if isinstance(error, OSError) else f"{path}: {reason}")
+                reason = console.complain_of(path, error)
             found = 0 if reason else len(tracks[-1].fix)
             outcomes.append({"file": str(path), "positions": found, "reason": reason})
     if tracks:

@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from app.cli.console import Console
-from app.cli.database import database, settings_for
+from app.cli.database import settings_for
 from app.cli.supervisor import Service, reach, stop_signals
+from app.embedded import open_cluster
 from app.settings import Settings
 
 app = typer.Typer(add_completion=False)
@@ -22,6 +23,7 @@ def up(
         Path | None,
         typer.Option(
             metavar="DIR",
+            file_okay=False,
             help="Folder of the database, the uploads and the rasters; made if it is missing. "
             "Default: VERSANT_DATA_DIR, else ~/.local/share/versant.",
             show_default=False,
@@ -43,10 +45,12 @@ def up(
     settings = settings_for(data_dir, port=port, host=host)
     with stop_signals():
         console.note(f"Starting in {settings.data_dir} ...")
-        with database(settings, embedded=True) as ready, Service(ready, console) as service:
-            for line in welcome(service, settings):
-                typer.echo(line)
-            service.serve_forever()
+        with open_cluster(settings) as cluster:
+            ready = settings.model_copy(update={"database_url": cluster.url})
+            with Service(ready, console, cluster) as service:
+                for line in welcome(service, settings):
+                    typer.echo(line)
+                service.serve_forever()
     console.note("Stopped.")
 
 

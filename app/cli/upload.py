@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli.console import Bars, Console, sentence, write_json
+from app.cli.console import Bars, Console, write_json
 from app.cli.options import JsonFile, parse_assignments
-from app.client import Client, RemoteDrive, shown
-from app.settings import Settings, load_settings
+from app.client import Client, ClientError, RemoteDrive, shown
+from app.settings import load_settings
 from fusion.errors import FusionError
 
 app = typer.Typer(add_completion=False)
@@ -69,7 +69,7 @@ def upload(
     console: Console = ctx.obj
     options = parse_assignments(option or [])
     uploads = [Upload(path) for path in files]
-    with Client(_address(server)) as client, console.progress() as bars:
+    with _client(server) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         for one in uploads:
             _send(client, one, method, options, bars, console)
@@ -83,10 +83,13 @@ def upload(
         raise typer.Exit(1)
 
 
-def _address(server: str | None) -> str:
+def _client(server: str | None) -> Client:
     if server is None:
-        return load_settings().server
-    return load_settings(lambda: Settings(server=server)).server
+        return Client(load_settings().server)
+    try:
+        return Client(server)
+    except ClientError as error:
+        raise typer.BadParameter(str(error), param_hint="'--server'") from error
 
 
 def _send(
@@ -101,8 +104,7 @@ def _send(
         advance = bars.count(f"sending {one.path.name}", one.path.stat().st_size)
         one.drive = client.upload(one.path, method=method, options=options, sent=advance)
     except (FusionError, OSError) as error:
-        one.reason = sentence(error)
-        console.complain(f"{one.path}: {one.reason}")
+        one.reason = console.complain_of(one.path, error)
     else:
         one.reason = one.drive.reason
 

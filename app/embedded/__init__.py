@@ -6,7 +6,7 @@ lockfile.py  is a server running here?          sockets.py   the private folder 
 locks.py     locks between programs             errors.py    what can go wrong
 """
 
-from app.embedded.access import open_database
+from app.embedded.access import open_cluster, open_database
 from app.embedded.binaries import find_binaries
 from app.embedded.cluster import EmbeddedPostgres
 from app.embedded.errors import EmbeddedPostgresError, PostgresMissingError
@@ -16,5 +16,6 @@ __all__ = [
     "EmbeddedPostgresError",
     "PostgresMissingError",
     "find_binaries",
+    "open_cluster",
     "open_database",
 ]

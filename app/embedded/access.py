@@ -23,6 +23,13 @@ def open_database(settings: Settings, *, embedded: bool | None = None) -> Iterat
     if not embedded and settings.database_url is not None:
         yield settings.database_url
         return
+    with open_cluster(settings) as cluster:
+        yield cluster.url
+
+
+@contextmanager
+def open_cluster(settings: Settings) -> Iterator[EmbeddedPostgres]:
+    """Yield the cluster in ``settings.data_dir``, started and migrated, for as long as the block lasts."""
     with EmbeddedPostgres(settings.data_dir) as cluster:
         migrate.upgrade(cluster.url)
-        yield cluster.url
+        yield cluster

@@ -96,6 +96,31 @@ class EmbeddedPostgres:
             with self._starting_or_stopping(account_for(self._cluster)):
                 self._leave()
 
+    @property
+    def lost(self) -> bool:
+        """Whether the server that was started here has ended, or can be reached no more. Cheap to ask."""
+        if self._usage is None:
+            return False
+        server = running_postmaster(self._data)
+        return server is None or (server.ready and not _has_socket(server))
+
+    def revive(self) -> bool:
+        """Start the server again if it is ``lost``; returns whether it was, still under our lock.
+
+        Our use of the folder goes on, and the URLs stay as they are. Raises ``EmbeddedPostgresError``, also
+        where the cluster's folder was deleted: a new, empty database is nothing to go on with.
+        """
+        if not self.lost:
+            return False
+        if not self._data.is_dir():
+            raise EmbeddedPostgresError(f"The folder {self._data} is gone, and the database with it.")
+        account = account_for(self._cluster)
+        with self._starting_or_stopping(account):
+            if not self.lost:  # another program that uses the folder was quicker
+                return False
+            self._bring_up(account)
+        return True
+
     def __enter__(self) -> Self:
         return self.start()
 
@@ -109,6 +134,11 @@ class EmbeddedPostgres:
 
     def _own_folder(self) -> Account:
         try:
+            for place in (self._cluster, *self._cluster.parents):
+                if place.exists() and not place.is_dir():
+                    raise EmbeddedPostgresError(
+                        f"{place} is not a folder. Choose another data folder (--data-dir or VERSANT_DATA_DIR)."
+                    )
             self._cluster.parent.mkdir(parents=True, exist_ok=True)
             self._cluster.mkdir(mode=0o700, exist_ok=True)
             account = account_for(self._cluster)
@@ -148,7 +178,7 @@ class EmbeddedPostgres:
                 f"PostgreSQL (process {server.pid}) has been starting or stopping for {START_TIMEOUT_S:.0f} "
                 f"s. {self._last_words()}"
             )
-        if not (server.socket_dir / f".s.PGSQL.{PORT}").exists():
+        if not _has_socket(server):
             # Something cleaned the folder for temporary files; nobody can connect any more.
             self._shut_down(server)
             return None
@@ -253,6 +283,10 @@ class EmbeddedPostgres:
         except OSError:
             words = "(nothing)"
         return f"The end of its log, {self._log}: {words}"
+
+
+def _has_socket(server: Postmaster) -> bool:
+    return (server.socket_dir / f".s.PGSQL.{PORT}").exists()
 
 
 def _tail(text: str) -> str:

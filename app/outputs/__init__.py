@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
@@ -56,10 +57,16 @@ def write(features: Iterable[SegmentFeature], path: Path, *, source: str | None 
     suffix and ``OSError`` where the folder cannot be written to.
     """
     output = output_for(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
     partial = path.with_name(f".{path.stem}.partial{output.suffix}")
     try:
         count = output.write(features, partial, source or attribution())
         partial.replace(path)
+    except OSError as error:
+        if error.filename == str(partial):  # a name that nobody gave
+            error.filename = str(path)
+        raise
     finally:
         partial.unlink(missing_ok=True)
     return count

@@ -129,3 +129,8 @@ _PROBLEMS: dict[int, dict[str, Any]] = {
     422: _problem(422, "bad-options", "Unusable options", "particles: it must be at least 1.", "particles"),
     503: _problem(503, "not-ready", "Not ready", "The database does not answer."),
 }
+
+UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
+    400: _problem(400, "unreadable-body", "Unreadable body", "The body cannot be read. Send JSON in UTF-8.")
+}
+"""The description of the 400 of routes that take a JSON body."""

@@ -5,42 +5,46 @@ from __future__ import annotations
 import uuid
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Query, Response
+from fastapi import APIRouter, Body, Query, Request, Response
 
 from app import ingest
 from app.errors import BadRequestError
-from app.routes.deps import BaseUrl, ServiceDep, found, link, problems, with_query
+from app.routes.cursor import cursor_of, parse_cursor
+from app.routes.deps import UNREADABLE_BODY, BaseUrl, ServiceDep, found, link, problems, with_query
 from app.routes.drive_links import accepted, drive_address, drive_document
 from app.routes.options import MethodQuery, OptionQuery, OptionsQuery, asked_options
+from app.routes.query import refuse_unknown
 from app.schemas import Drive, DriveAccepted, DriveList, DriveStatus, ReprocessRequest
 from app.store import drives
+from app.store.rows import DrivePlace
+
+LIST_PARAMETERS = frozenset({"status", "limit", "after"})
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
 
 @router.get("", summary="List drives", responses=problems(422, 503))
 def list_drives(
+    request: Request,
     service: ServiceDep,
     base: BaseUrl,
     status: Annotated[DriveStatus | None, Query(description="Only drives of this status.")] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="Drives per page.")] = 100,
     after: Annotated[
-        uuid.UUID | None, Query(description="Id of the last drive of the page before; `next` links hold it.")
+        str | None, Query(description="Where the page begins; only `next` links know what to write here.")
     ] = None,
 ) -> DriveList:
     """Newest upload first. Follow the `next` link until there is none; each drive comes once."""
+    refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
+    place = None if after is None else parse_cursor(after)
     with service.reading() as session:
-        if after is not None and drives.get_drive(session, after) is None:
-            raise BadRequestError(
-                f"The drive {after}, after which the page begins, was deleted. Begin again without after.",
-                field="after",
-            )
-        rows = drives.list_drives(session, status=status, limit=limit + 1, after=after)
+        rows = drives.list_drives(session, status=status, limit=limit + 1, after=place)
     shown, more = rows[:limit], len(rows) > limit
     here = f"{base}/v1/drives"
     links = [link(with_query(here, status=status, limit=limit, after=after), "self")]
     if more:
-        links.append(link(with_query(here, status=status, limit=limit, after=shown[-1].id), "next"))
+        following = cursor_of(DrivePlace(shown[-1].created_at, shown[-1].id))
+        links.append(link(with_query(here, status=status, limit=limit, after=following), "next"))
     return DriveList(drives=[drive_document(base, row) for row in shown], links=links)
 
 
@@ -65,7 +69,7 @@ def delete_drive(drive_id: uuid.UUID, service: ServiceDep) -> Response:
     "/{drive_id}/reprocess",
     status_code=202,
     summary="Process a drive again",
-    responses=problems(403, 404, 413, 422, 503),
+    responses={**UNREADABLE_BODY, **problems(403, 404, 413, 422, 503)},
 )
 def reprocess_drive(
     drive_id: uuid.UUID,

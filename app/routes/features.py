@@ -52,6 +52,8 @@ BIND_NOTE = (
     "There is no access control yet: the service listens only on this machine's loopback address unless it "
     "is told otherwise (VERSANT_HOST, --host). Whoever reaches it can read, upload and delete drives."
 )
+ITEMS_SCHEMA = 1
+"""Raise it whenever items change without their data changing, so that caches notice."""
 ITEM_PARAMETERS = frozenset({"bbox", "limit", "driven", "datetime", "after", "f"})
 
 FormatQuery = Annotated[str | None, Query(description="Only `json`; for clients that ask for it.")]
@@ -168,7 +170,7 @@ def items(
     box = parse_bbox(bbox)
     size = min(limit or service.settings.items_limit_default, service.settings.items_limit_max)
     with service.reading() as session:
-        etag = f'W/"{data_version_tag(session)}"'
+        etag = f'W/"{data_version_tag(session)}-{ITEMS_SCHEMA}.{size}"'
         headers = {"ETag": etag, "Cache-Control": REVALIDATE}
         if etag_matches(request, etag):
             return Response(status_code=304, headers=headers)

@@ -5,29 +5,31 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection
+from datetime import datetime
 
 from fastapi import Request
 
-from app.errors import BadQueryError
+from app.errors import BadQueryError, BadRequestError
 from app.store.rows import Bounds
 
 THIN_DEG = 1e-9
 """0.1 mm, a hundredth of the resolution of coordinates."""
 
 _MOMENT = r"\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2}))?"
-_DATETIME = re.compile(rf"({_MOMENT})|(({_MOMENT}|\.\.)?/({_MOMENT}|\.\.)?)")
+_DATETIME = re.compile(rf"({_MOMENT})|(({_MOMENT}|\.\.)?/({_MOMENT}|\.\.)?)", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
-def refuse_unknown(request: Request, known: Collection[str]) -> None:
-    """``BadQueryError`` for a parameter that the route does not have (OGC 17-069, query-param-unknown).
+def refuse_unknown(
+    request: Request, known: Collection[str], error: type[BadRequestError] = BadQueryError
+) -> None:
+    """Raise ``error`` for a parameter that the route does not have (OGC 17-069, query-param-unknown).
 
     A filter that is misspelt and ignored would answer with everything.
     """
     for name in request.query_params:
         if name not in known:
-            raise BadQueryError(
-                f"There is no parameter {name!r}. There are: {', '.join(sorted(known))}.", field=name
-            )
+            raise error(f"There is no parameter {name!r}. There are: {', '.join(sorted(known))}.", field=name)
 
 
 def parse_bbox(text: str | None) -> Bounds | None:
@@ -56,11 +58,23 @@ def check_datetime(text: str | None) -> None:
 
     Segments have no time of their own, and the standard lets ``datetime`` match such features always.
     """
-    if text is not None and (not _DATETIME.fullmatch(text) or text in {"/", "../.."}):
+    if text is not None and not _is_time(text):
         raise BadQueryError(
             f"datetime: {text!r} is no time. Write 2026-11-20T00:00:00Z or an interval: 2026-11-20/..",
             field="datetime",
         )
+
+
+def _is_time(text: str) -> bool:
+    if not _DATETIME.fullmatch(text) or text in {"/", "../.."}:
+        return False
+    try:
+        for end in text.upper().split("/"):
+            if end not in {"", ".."}:
+                datetime.fromisoformat(end)
+    except ValueError:  # there is no such day or hour
+        return False
+    return True
 
 
 def _with_width(low: float, high: float, most: float) -> tuple[float, float]:
@@ -68,11 +82,9 @@ def _with_width(low: float, high: float, most: float) -> tuple[float, float]:
 
 
 def _number(part: str) -> float:
-    try:
-        value = float(part)
-    except ValueError:
-        raise _bad_bbox(f"{part!r} is no number") from None
-    if not math.isfinite(value):
+    text = part.strip(" ")
+    # float() alone also takes 1_0, digits of other scripts, nan and inf.
+    if not _NUMBER.fullmatch(text) or not math.isfinite(value := float(text)):
         raise _bad_bbox(f"{part!r} is no number")
     return value
 

@@ -22,6 +22,7 @@ from fusion.errors import FusionError
 
 _INCOMING = "incoming"
 _KEPT = "drives"
+_DATABASES = "databases"
 
 
 class UploadTooLargeError(FusionError):
@@ -80,6 +81,22 @@ class BlobStore:
                 _remove(self._fs, path)
                 removed += 1
         return removed
+
+    def remove_old(self, keys: Iterable[str], older_than: timedelta) -> int:
+        """Remove those of the blobs that were completed longer ago than ``older_than``; return how many."""
+        limit = datetime.now(UTC) - older_than
+        old = [key for key in keys if _changed_at(self._fs, f"{self._root}/{key}") < limit]
+        for key in old:
+            self.delete(key)
+        return len(old)
+
+    def register_database(self, identity: str) -> list[str]:
+        """Note that this database refers to blobs here; the paths of the notes of all that do, sorted."""
+        note = f"{self._root}/{_DATABASES}/{identity}"
+        if not self._fs.exists(note):
+            self._fs.makedirs(f"{self._root}/{_DATABASES}", exist_ok=True)
+            self._fs.pipe_file(note, b"")
+        return sorted(self._list(_DATABASES))
 
     def _list(self, folder: str) -> list[str]:
         try:

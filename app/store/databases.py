@@ -10,10 +10,40 @@ from contextlib import contextmanager
 
 import psycopg
 from psycopg import sql
+from psycopg.conninfo import conninfo_to_dict
 
 from app.settings import libpq_url
+from fusion.errors import FusionError
 
+CONNECT_TIMEOUT_S = 10
 _MIGRATION = 0x5653_4D47  # "VSMG": any constant that no other user of this database takes
+
+
+class UnreachableError(FusionError):
+    """No connection to the database can be made; the message names it, never with its password."""
+
+    kind = "database-unreachable"
+
+
+def require_reachable(url: str) -> None:
+    """Connect once; raises ``UnreachableError``, at the latest after ``CONNECT_TIMEOUT_S`` per address."""
+    place = "VERSANT_DATABASE_URL"
+    try:
+        parts = conninfo_to_dict(libpq_url(url))
+        if "@" in str(parts.get("host", "")):  # what follows the first @ counts as the host, and is secret
+            raise UnreachableError(
+                "VERSANT_DATABASE_URL cannot be used: an @ in the user or the password must be written as %40."
+            )
+        place = f"{parts.get('host', 'localhost')}:{parts.get('port', 5432)}/{parts.get('dbname', '')}"
+        psycopg.connect(libpq_url(url), connect_timeout=CONNECT_TIMEOUT_S).close()
+    except psycopg.Error as error:
+        # Of several lines the last begins with a dash where several addresses were tried, else it is a hint.
+        lines = str(error).strip().splitlines() or [type(error).__name__]
+        reason = lines[-1] if lines[-1].startswith("- ") else lines[0]
+        raise UnreachableError(
+            f"The database at {place} cannot be reached: {reason.strip(' -.')}. Start PostgreSQL there or "
+            "correct VERSANT_DATABASE_URL, then start again."
+        ) from error
 
 
 def ensure_database(server_url: str, name: str, *, template: str = "template0") -> bool:

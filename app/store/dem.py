@@ -7,10 +7,12 @@ the folder may move.
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
 import shutil
 import uuid
+import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -27,7 +29,8 @@ from app.store import locks, roads, slopes
 from app.store.rows import DemSet
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
-from fusion.terrain import Dem, dem_slopes
+from fusion.terrain import Dem, dem_slopes, refuse_void
+from fusion.terrain.raster import open_raster
 from fusion.types import Floats, Progress, no_progress
 
 _CHUNK_BYTES = 1 << 20
@@ -76,8 +79,9 @@ def current_dem(session: Session, dem_dir: Path) -> DemSet | None:
 def store_files(paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress) -> list[DemSource]:
     """Copy rasters into the folder; ``TerrainError`` for one that cannot be read. No database is involved.
 
-    A raster that consists of one file is copied as it is, streaming; one that refers to others (a VRT, a file
-    with a header beside it) is written anew as one GeoTIFF, since the references would break.
+    A gzipped raster is unpacked. One that consists of one file is copied as it is, streaming; one that refers
+    to others (a VRT, a file with a header beside it) is written anew as one GeoTIFF, since the references would
+    break.
     """
     stored = []
     for k, path in enumerate(paths):
@@ -92,7 +96,8 @@ def add_dem(
     """Add stored rasters to the active set and renew ``dem_slope_percent`` of the segments that they cover.
 
     A raster that is in the set already changes nothing; one with the name of an active raster but other bytes
-    takes its place. Drives processed before keep their estimates. Waits for running writers of estimates.
+    takes its place. Names are compared without regard to case: N50E007.hgt and n50e007.HGT are one tile.
+    Drives processed before keep their estimates. Waits for running writers of estimates.
     """
     locks.own_network(session)
     active = session.execute(_ACTIVE).one_or_none()
@@ -102,9 +107,9 @@ def add_dem(
         found = current_dem(session, dem_dir)
         assert found is not None  # noqa: S101  (it was there a statement ago, under the lock)
         return found
-    replaced = {source.name for source in new}
-    gone = [source for source in former if source.name in replaced]
-    whole = [source for source in former if source.name not in replaced] + list(dict.fromkeys(new))
+    replaced = {source.name.casefold() for source in new}
+    gone = [source for source in former if source.name.casefold() in replaced]
+    whole = [source for source in former if source not in gone] + list(dict.fromkeys(new))
     with Dem.open([dem_dir / source.uri for source in whole]) as dem:
         session.execute(_RETIRE)
         listed = json.dumps([asdict(source) for source in whole])
@@ -143,8 +148,7 @@ def _store(path: Path, dem_dir: Path) -> DemSource:
     try:
         copied = _copy(path, incoming)
         sha256 = _sha256(copied)
-        with Dem.open([copied]):  # refuses what cannot serve as elevation, before it is referred to
-            pass
+        refuse_void(copied)  # and what cannot serve as elevation at all, before it is referred to
         final = dem_dir / sha256
         final.mkdir(exist_ok=True)
         # Renamed within one file system: the file is there complete or not at all.
@@ -155,9 +159,12 @@ def _store(path: Path, dem_dir: Path) -> DemSource:
 
 
 def _copy(path: Path, folder: Path) -> Path:
+    if path.suffix.lower() == ".gz":
+        return _unpack(path, folder / path.stem)
+    dataset = open_raster(path)[1]
+    with dataset:
+        several = len(dataset.files) > 1
     try:
-        with rasterio.open(path) as raster:
-            several = len(raster.files) > 1
         target = folder / (f"{path.stem}.tif" if several else path.name)
         if several:
             rasterio.shutil.copy(
@@ -167,8 +174,20 @@ def _copy(path: Path, folder: Path) -> Path:
             shutil.copyfile(path, target)
     except (RasterioError, OSError) as error:
         raise TerrainError(
-            f"{path.name} cannot be read as an elevation raster: {error}. Give a GeoTIFF, a VRT or an SRTM "
-            "tile named like N49E008.hgt."
+            f"{path.name} cannot be copied to {folder.parent.parent}: {str(error).rstrip('.')}. Check the file and "
+            "that there is room, and import it again."
+        ) from error
+    return target
+
+
+def _unpack(path: Path, target: Path) -> Path:
+    try:
+        with gzip.open(path) as packed, target.open("wb") as plain:
+            shutil.copyfileobj(packed, plain, _CHUNK_BYTES)
+    except (OSError, EOFError, zlib.error) as error:
+        raise TerrainError(
+            f"{path.name} cannot be unpacked: {str(error).rstrip('.')}. Download it again, or give the raster "
+            "itself."
         ) from error
     return target
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from app.models import Drive
 from app.store import locks, slopes
 from app.store.plain import plain_json, plain_text
-from app.store.rows import Bounds, DriveRow, DriveSegmentRow
+from app.store.rows import Bounds, DrivePlace, DriveRow, DriveSegmentRow
 
 _BOUNDS = (
     func.ST_XMin(Drive.bounds).label("west"),
@@ -76,18 +76,14 @@ def get_drive(session: Session, drive_id: uuid.UUID) -> DriveRow | None:
 
 
 def list_drives(
-    session: Session, *, status: str | None = None, limit: int = 100, after: uuid.UUID | None = None
+    session: Session, *, status: str | None = None, limit: int = 100, after: DrivePlace | None = None
 ) -> list[DriveRow]:
-    """At most ``limit`` drives, newest upload first, that come after the drive ``after`` in that order.
-
-    An ``after`` that no longer exists yields an empty list.
-    """
+    """At most ``limit`` drives, newest upload first, that come after the place ``after`` in that order."""
     query = _select().order_by(Drive.created_at.desc(), Drive.id.desc()).limit(limit)
     if status is not None:
         query = query.where(Drive.status == status)
     if after is not None:
-        place = select(Drive.created_at, Drive.id).where(Drive.id == after).scalar_subquery()
-        query = query.where(tuple_(Drive.created_at, Drive.id) < place)
+        query = query.where(tuple_(Drive.created_at, Drive.id) < tuple_(after.created_at, after.id))
     return [_row(found) for found in session.execute(query)]
 
 
@@ -225,6 +221,12 @@ def delete_drive(session: Session, drive_id: uuid.UUID) -> bool:
     if touched:
         slopes.bump_data_version(session)
     return True
+
+
+def unreferenced_blobs(session: Session, keys: Sequence[str]) -> list[str]:
+    """Those of ``keys`` that no drive refers to, sorted."""
+    referred = set(session.execute(select(Drive.blob_key)).scalars()) if keys else set()
+    return sorted(set(keys) - referred)
 
 
 def drive_slopes(session: Session, drive_id: uuid.UUID) -> list[DriveSegmentRow]:

@@ -35,6 +35,17 @@ _SET_COUNTS = text(
     """
 )
 
+# What the merge below takes away: segments with measured slopes that are gone or moved, and their drives.
+_MEASURED_LOST = text(
+    """
+    SELECT count(DISTINCT e.segment_id), count(DISTINCT e.drive_id)
+    FROM drive_segments AS e JOIN segments AS s ON s.id = e.segment_id
+    LEFT JOIN road_import AS i
+        ON i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node
+    WHERE i.osm_way_id IS NULL OR NOT s.geom = i.geom
+    """
+)
+
 # The merge, in this order: drop what is gone, update what is there, add what is new. Each statement handles
 # all segments at once. Estimates and aggregates of dropped segments go by their foreign keys.
 _DROP = text(
@@ -124,21 +135,24 @@ def replace_roads(
     values: dict[str, Any] = {"source_name": source_name, "sha256": sha256, "segments": len(table)}
     version = int(session.execute(_NEW_VERSION, values).scalar_one())
     progress("merging", 0.0)
+    measured_lost, drives_affected = session.execute(_MEASURED_LOST).one()
     dropped = _count(session.execute(_DROP))
     moved = int(session.execute(_MOVE, {"version": version}).scalar_one())
     progress("merging", 0.3)
     session.execute(_UPDATE_TAGS)
     progress("merging", 0.5)
     added = _count(session.execute(_ADD, {"version": version}))
-    counts = ImportCounts(kept=len(table) - moved - added, moved=moved, dropped=dropped, added=added)
-    session.execute(
-        _SET_COUNTS,
-        {"id": version, "kept": counts.kept, "moved": moved, "dropped": dropped, "added": added},
-    )
+    merged = {"kept": len(table) - moved - added, "moved": moved, "dropped": dropped, "added": added}
+    session.execute(_SET_COUNTS, {"id": version, **merged})
     session.execute(_ANALYZE)
     slopes.bump_data_version(session)
     progress("merging", 1.0)
-    return counts
+    return ImportCounts(
+        **merged,
+        measured_lost=measured_lost,
+        drives_affected=drives_affected,
+        skipped=dict(table.skipped),
+    )
 
 
 # --- extracts -----------------------------------------------------------------------------------------------

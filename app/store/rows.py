@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import uuid
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fusion.roads.table import RoadTable
 from fusion.types import Ints, Track
@@ -42,6 +43,13 @@ class DriveRow:
     queued_at: datetime
     started_at: datetime | None
     finished_at: datetime | None
+
+
+class DrivePlace(NamedTuple):
+    """A place in the list of drives, whether or not the drive is still there."""
+
+    created_at: datetime
+    id: uuid.UUID
 
 
 @dataclass(frozen=True)
@@ -130,12 +138,19 @@ class StoredRoads:
 
 @dataclass(frozen=True)
 class ImportCounts:
-    """What a road import did: ``kept + moved + added`` is the size of the new network."""
+    """What a road import did: ``kept + moved + added`` is the size of the new network.
+
+    ``measured_lost`` of the moved and dropped segments had measured slopes, from ``drives_affected`` drives.
+    ``skipped`` counts, by reason, the node pairs of the file that are no segment (``RoadTable.skipped``).
+    """
 
     kept: int
     moved: int
     dropped: int
     added: int
+    measured_lost: int = 0
+    drives_affected: int = 0
+    skipped: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

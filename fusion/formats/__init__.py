@@ -22,10 +22,14 @@ from fusion.formats.versant_csv import VersantCsvFormat
 from fusion.registry import Registry
 from fusion.types import DriveLog, Progress, no_progress
 
-__all__ = ["FORMATS", "HEAD_BYTES", "LogFormat", "read_log"]
+__all__ = ["FORMATS", "HEAD_BYTES", "MAX_BYTES", "LogFormat", "read_log"]
 
 HEAD_BYTES = 4 << 20
 """How much of a log the formats see to recognise it: text may stand before the first binary message."""
+
+MAX_BYTES = 512 << 20
+"""Unpacked size up to which a log is read unless the caller says otherwise: days of driving, and what it takes to
+read it fits the memory of a small server."""
 
 FORMATS: Registry[LogFormat] = Registry("log format")
 # asked in this order: the loosest, CSV, comes last
@@ -37,7 +41,7 @@ FORMATS.add("csv", VersantCsvFormat())
 
 
 def read_log(
-    source: bytes | Path | BinaryIO, *, max_bytes: int = 2 * 2**30, progress: Progress = no_progress
+    source: bytes | Path | BinaryIO, *, max_bytes: int = MAX_BYTES, progress: Progress = no_progress
 ) -> DriveLog:
     """Read a drive log of any registered format, recognised by content, gzipped or not.
 

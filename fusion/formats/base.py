@@ -34,6 +34,10 @@ UNDATED = (
 )
 
 
+OUT_OF_ORDER = "GnssFix: out of order"
+"""What ``GnssFix.assemble`` counts; read here to say it in words."""
+
+
 class LogFormat(Protocol):
     """One kind of log file. Formats recognise content, never names, and refuse each other's samples."""
 
@@ -70,17 +74,27 @@ class Notes:
     warnings: list[str] = field(default_factory=list)
     first_offender: str = ""
     """The first position that was refused, as a clause such as ``line 2: lat_deg is 91, outside -90..90``."""
+    _said: dict[str, tuple[int, str, str]] = field(default_factory=dict)
+    """By reason: the count, the first example and the warning that holds them."""
 
     def skip(self, reason: str, count: int, example: str = "", *, position: bool = False) -> None:
         """Count ``count`` unusable items; ``example`` says where the first is and what is wrong with it.
 
+        A reason given again adds to its warning, which keeps the first example.
         With ``position`` set the items were positions, and an empty log is explained by the first of them.
         """
         if count <= 0:
             return
         self.skipped[reason] += count
         if example:
-            self.warnings.append(f"Skipped {count} x {reason}; the first: {example}.")
+            before = self._said.pop(reason, None)
+            total, first = (before[0] + count, before[1]) if before else (count, example)
+            sentence = f"Skipped {total} x {reason}; the first: {first}."
+            if before:
+                self.warnings[self.warnings.index(before[2])] = sentence
+            else:
+                self.warnings.append(sentence)
+            self._said[reason] = total, first, sentence
         if position and not self.first_offender:
             self.first_offender = example or reason
 
@@ -153,7 +167,8 @@ def usable_positions(
 
 def _calendar(time_s: float) -> str:
     year = 1970 + time_s / 31556952.0
-    return f"{time_s:.14g} s (about the year {year:.0f})"
+    about = f" (about the year {year:.0f})" if 0 < year < 1e6 else ""
+    return f"{time_s:.14g} s{about}"
 
 
 def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Floats]:
@@ -186,6 +201,9 @@ def build_log(
             f"This {description} holds no usable position.{why} {advice}",
             where=notes.first_offender.split(":")[0] or None,
         )
+    disorder = notes.repaired[OUT_OF_ORDER]
+    if disorder:
+        notes.warn(f"{disorder} of the positions stand before an earlier one: they were sorted by time.")
     for name, table in tables.items():
         sane = (table.time_s > MIN_TIME_S) & (table.time_s < MAX_TIME_S)
         if not sane.all():  # the reason was given with the positions

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,6 +16,7 @@ BOMB_RATIO = 200
 """Logs compress 3 to 30 times; more than this beyond ``BOMB_FREE_BYTES`` is an attack or an accident."""
 BOMB_FREE_BYTES = 64 << 20
 GZIP_MAGIC = b"\x1f\x8b"
+TRUNCATED = "gzip truncated: read to the end"
 
 
 def load(source: bytes | Path | BinaryIO, max_bytes: int, notes: Notes, progress: Progress) -> bytes:
@@ -23,7 +25,13 @@ def load(source: bytes | Path | BinaryIO, max_bytes: int, notes: Notes, progress
     for _layer in range(2):
         if data[:2] != GZIP_MAGIC:
             return data
+        packed = len(data)
         data = gunzip(data, max_bytes, notes, progress)
+        if not data and notes.repaired[TRUNCATED]:
+            raise MalformedLogError(
+                f"The file holds the beginning of a gzip and nothing else: its {_size(packed)} end before the "
+                "first byte of a log. Upload the whole file."
+            )
     if data[:2] == GZIP_MAGIC:
         raise MalformedLogError("The file is gzipped more than twice. Unpack it and upload the log itself.")
     return data
@@ -53,36 +61,63 @@ def gunzip(data: bytes, max_bytes: int, notes: Notes, progress: Progress) -> byt
 
     A truncated or damaged stream gives what was unpacked before the damage, with a warning.
     """
-    out = bytearray()
+    out = BytesIO()  # its getvalue() makes no second copy
     view = memoryview(data)
     used = 0
     while used < len(data) and (used == 0 or data[used : used + 2] == GZIP_MAGIC):
         member = zlib.decompressobj(31)
         feed: bytes | memoryview = b""
-        try:
-            while not member.eof and (feed or used < len(data)):
-                if not feed:
-                    feed = view[used : used + CHUNK_BYTES]
-                    used += len(feed)
-                    progress("unpack", used / len(data))
-                out += member.decompress(feed, CHUNK_BYTES)
-                feed = member.unconsumed_tail
-                _refuse_bomb(len(out), used - len(feed), max_bytes)
-        except zlib.error as error:
-            if not out:
-                raise MalformedLogError(
-                    f"The gzip stream is damaged from its start ({error}). Compress the log again."
-                ) from error
-            notes.repaired["gzip damaged: read up to the damage"] += 1
-            notes.warn(
-                f"The gzip stream is damaged after {len(out)} unpacked bytes: only what comes before is used."
-            )
-            return bytes(out)
+        while not member.eof and (feed or used < len(data)):
+            if not feed:
+                feed = view[used : used + CHUNK_BYTES]
+                used += len(feed)
+                progress("unpack", used / len(data))
+            before = member.copy()
+            try:
+                out.write(member.decompress(feed, CHUNK_BYTES))
+            except zlib.error as error:
+                out.write(_up_to_damage(before, feed))
+                _say_damaged(out.tell(), error, notes)
+                return out.getvalue()
+            feed = member.unconsumed_tail
+            _refuse_bomb(out.tell(), used - len(feed), max_bytes)
         used -= len(member.unused_data)
         if not member.eof:
-            notes.repaired["gzip truncated: read to the end"] += 1
-            notes.warn(f"The gzip stream ends early: only its first {len(out)} unpacked bytes are used.")
+            notes.repaired[TRUNCATED] += 1
+            notes.warn(f"The gzip stream ends early: only its first {out.tell()} unpacked bytes are used.")
+    return out.getvalue()
+
+
+def _up_to_damage(member: zlib._Decompress, feed: bytes | memoryview) -> bytes:
+    """What a piece of gzip with damage in it unpacks to before: zlib withholds it when fed the whole piece.
+
+    At most ``CHUNK_BYTES``, since the whole piece was to give no more in one step.
+    """
+    out = bytearray()
+    try:
+        for at in range(len(feed)):
+            out += member.decompress(feed[at : at + 1])
+            if len(out) >= CHUNK_BYTES:
+                break
+    except zlib.error:
+        pass
     return bytes(out)
+
+
+def _say_damaged(unpacked: int, error: zlib.error, notes: Notes) -> None:
+    if not unpacked:
+        raise MalformedLogError(
+            f"The gzip stream is damaged from its start ({error}). Compress the log again."
+        ) from error
+    if "incorrect data check" in str(error) or "incorrect length check" in str(error):
+        notes.repaired["gzip checksum wrong: read all the same"] += 1
+        notes.warn(
+            f"The gzip checksum does not match: the {unpacked} bytes unpacked up to it are used, though some of "
+            "them may be damaged."
+        )
+        return
+    notes.repaired["gzip damaged: read up to the damage"] += 1
+    notes.warn(f"The gzip stream is damaged after {unpacked} unpacked bytes: only what comes before is used.")
 
 
 def _refuse_bomb(unpacked: int, packed: int, max_bytes: int) -> None:

@@ -20,6 +20,7 @@ KNOT_MPS = 1852 / 3600
 KMH_MPS = 1 / 3.6
 UNIX_ORDINAL = date(1970, 1, 1).toordinal()
 NAN = float("nan")
+WRONG_CHECKSUM = "NMEA sentences with a wrong checksum"
 
 
 def looks_like_nmea(head: bytes) -> bool:
@@ -60,7 +61,7 @@ def checked_sentences(text: bytes, notes: Notes, place: Place) -> list[tuple[byt
     running = np.concatenate([[0], np.bitwise_xor.accumulate(np.frombuffer(text, np.uint8))]).astype(np.uint8)
     right = (running[end] ^ running[start]) == want
     for reason, wrong in (
-        ("NMEA sentences with a wrong checksum", start[~right].tolist()),
+        (WRONG_CHECKSUM, start[~right].tolist()),
         ("NMEA sentences cut short", [a for a, _, c in found if not c]),
     ):
         if wrong:

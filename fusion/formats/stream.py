@@ -5,7 +5,8 @@ from __future__ import annotations
 from fusion.errors import MalformedLogError
 from fusion.formats import nmea_tables, ubx_tables
 from fusion.formats.base import Data, Notes, Place, build_log
-from fusion.formats.ubx_frame import Frames, find_frames, without_frames
+from fusion.formats.nmea_sentences import WRONG_CHECKSUM
+from fusion.formats.ubx_frame import SYNC, Frames, find_frames, without_frames
 from fusion.types import DriveLog, Progress, SensorTable
 
 ENABLE = (
@@ -31,6 +32,7 @@ def read_stream(
     frames = find_frames(data, progress)
     where = place or _default_place(data, frames)
     _count_broken(frames, notes, where)
+    _warn_of_cut(data, frames, notes, where)
     content = nmea_tables.NmeaContent.none()
     text = without_frames(data, frames)
     if b"$" in text:
@@ -40,6 +42,12 @@ def read_stream(
     del text
     if not len(frames) and not content.sentences:
         broken = len(frames.corrupt)
+        sentences = notes.skipped[WRONG_CHECKSUM]
+        if sentences:
+            raise MalformedLogError(
+                f"This {description} holds no intact message: the checksum of {sentences} NMEA sentences is wrong. "
+                "Copy the file again.",
+            )
         if broken:
             raise MalformedLogError(
                 f"This {description} holds no intact message: {broken} have a wrong checksum. Copy the file again.",
@@ -68,7 +76,21 @@ def _count_broken(frames: Frames, notes: Notes, where: Place) -> None:
         ("UBX messages cut off at the end of the file", frames.truncated),
     ):
         if len(offset):
-            notes.skip(reason, len(offset), where(int(offset[0])))
+            # for the end of a UBX file there is a warning of its own, see _warn_of_cut
+            said = offset is frames.truncated and len(frames)
+            notes.skip(reason, len(offset), "" if said else where(int(offset[0])))
+
+
+def _warn_of_cut(data: Data, frames: Frames, notes: Notes, where: Place) -> None:
+    """Say that the file ends in mid-message: in a frame, or behind the first of its two sync bytes."""
+    if not len(frames):
+        return
+    at = int(frames.truncated[0]) if len(frames.truncated) else len(data) - 1
+    if len(frames.truncated) or (bytes(data[-1:]) == SYNC[:1] and int(frames.end[-1]) == at):
+        notes.warn(
+            f"The file ends in the middle of a UBX message ({where(at)}): what was recorded after it is missing. "
+            "Upload the whole file if there is more of it."
+        )
 
 
 def _merge(

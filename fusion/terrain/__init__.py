@@ -3,6 +3,7 @@
 from fusion.terrain.dem import Dem
 from fusion.terrain.patch import DemPatch
 from fusion.terrain.plane import PlaneModel, fit_plane
+from fusion.terrain.raster import refuse_void
 from fusion.terrain.windows import WINDOWS, DemWindow, HeightModel, TinModel, dem_slopes
 
 __all__ = [
@@ -15,4 +16,5 @@ __all__ = [
     "TinModel",
     "dem_slopes",
     "fit_plane",
+    "refuse_void",
 ]

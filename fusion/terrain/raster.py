@@ -31,7 +31,8 @@ _METRES_PER_UNIT = {
     "us survey foot": 1200 / 3937,
     "us-ft": 1200 / 3937,
 }
-_HINT = "Give a single-band elevation raster such as GeoTIFF, COG, VRT or HGT."
+_ROWS_AT_ONCE, _COLUMNS_AT_ONCE = 512, 4096  # 16 MB of heights, whole tiles of usual rasters
+_HINT = "Give a single-band elevation raster such as GeoTIFF, COG, VRT or HGT, the last also gzipped."
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ def open_raster(path: Path) -> tuple[Raster, Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)  # answered by a sentence of ours below
-            dataset = rasterio.open(path)
+            dataset = rasterio.open(f"/vsigzip/{path.absolute()}" if _gzipped(path) else path)
     except (RasterioError, OSError, ValueError) as error:
         raise TerrainError(
             f"{path.name} cannot be read as a raster ({_reason(error, path)}). {_HINT}"
@@ -70,6 +71,22 @@ def open_raster(path: Path) -> tuple[Raster, Any]:
     except BaseException:
         dataset.close()
         raise
+
+
+def refuse_void(path: Path) -> None:
+    """Raise ``TerrainError`` when a raster holds no height at all; reads only up to the first one."""
+    raster, dataset = open_raster(path)
+    with dataset:
+        for row in range(0, raster.rows, _ROWS_AT_ONCE):
+            rows = min(_ROWS_AT_ONCE, raster.rows - row)
+            for column in range(0, raster.columns, _COLUMNS_AT_ONCE):
+                columns = min(_COLUMNS_AT_ONCE, raster.columns - column)
+                if np.isfinite(read_posts(raster, dataset, row, column, rows, columns)).any():
+                    return
+    raise TerrainError(
+        f"{path.name} holds no height: all of its {raster.rows} x {raster.columns} posts are void or outside "
+        f"{LOWEST_M:.0f}..{HIGHEST_M:.0f} m. {_HINT}"
+    )
 
 
 def read_posts(raster: Raster, dataset: Any, row: int, column: int, rows: int, columns: int) -> Floats:
@@ -90,10 +107,16 @@ def read_posts(raster: Raster, dataset: Any, row: int, column: int, rows: int, c
     return heights
 
 
+def _gzipped(path: Path) -> bool:
+    """Archives offer HGT tiles as ``N50E007.hgt.gz``; GDAL reads what is in there when told so."""
+    return path.suffix.lower() == ".gz"
+
+
 def _reason(error: Exception, path: Path) -> str:
     """GDAL's words, without folders and without repeating the name of the file."""
     cause = error.__cause__ or error
-    return str(cause).replace(str(path), path.name).removeprefix(f"{path.name}: ").rstrip(".")
+    text = str(cause).replace(f"/vsigzip/{path.absolute()}", path.name).replace(str(path), path.name)
+    return text.removeprefix(f"{path.name}: ").rstrip(".")
 
 
 def apply(affine: Affine, x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -117,7 +140,8 @@ def _check_file(path: Path) -> None:
         raise TerrainError(f"The elevation raster {path} cannot be read: {reason}. {_HINT}") from error
     if empty:
         raise TerrainError(f"The elevation raster {path.name} is empty. {_HINT}")
-    if path.suffix.lower() == ".hgt" and not _HGT_NAME.match(path.name):
+    plain = path.with_suffix("") if _gzipped(path) else path
+    if plain.suffix.lower() == ".hgt" and not _HGT_NAME.match(path.name):
         raise TerrainError(
             f"{path.name}: an HGT tile says where it lies only by its name. Name it after its south-west "
             "corner, such as N48E008.hgt."

@@ -112,7 +112,22 @@ def test_upload_command_says_once_that_no_service_answers(tmp_path: Path) -> Non
     assert "versant up" in line
 
 
-def test_upload_command_wants_an_address() -> None:
-    result = CliRunner().invoke(app, ["upload", "a.csv", "--server", "127.0.0.1:8000"])
+WRONG_ADDRESSES = ["127.0.0.1:8000", "ftp://x", "http://", "http://x:port", "", "nonsense"]
+
+
+@pytest.mark.parametrize("server", WRONG_ADDRESSES)
+def test_upload_command_wants_an_address(server: str) -> None:
+    result = CliRunner().invoke(app, ["upload", "a.csv", "--server", server], env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert "--server" in result.stderr
+    assert "http://host:port" in result.stderr
+    assert "VERSANT_SERVER" not in result.stderr
+
+
+def test_upload_command_names_a_missing_file_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("app.cli.upload.Client", lambda server: client(lambda request: drive("queued")))
+    missing = tmp_path / "none.csv"
+    result = CliRunner().invoke(app, ["upload", str(missing), "--server", SERVER])
     assert result.exit_code == 1
-    assert "http://" in result.stderr
+    assert result.stderr.count("none.csv") == 1
+    assert "No such file" in result.stderr

@@ -114,6 +114,45 @@ def test_a_killed_server_is_started_again(made: Path) -> None:
         command(server, "DROP TABLE committed")
 
 
+def test_a_killed_server_is_revived_for_those_who_use_it(made: Path) -> None:
+    with EmbeddedPostgres(made) as server, EmbeddedPostgres(made) as companion:
+        assert not server.lost
+        assert not server.revive(), "nothing to do while it runs"
+        command(server, "CREATE TABLE committed AS SELECT 7 AS answer")
+        url, pid = server.url, pid_of(made)
+        os.kill(pid, signal.SIGKILL)
+        wait_gone(pid)
+        assert server.lost
+        assert server.revive()
+        assert server.url == url
+        assert pid_of(made) != pid
+        assert ask(server, "SELECT answer FROM committed") == "7"
+        assert not companion.revive(), "the other program was quicker"
+        command(server, "DROP TABLE committed")
+        companion.stop()
+        assert server.is_running(), "its use of the folder went on"
+    assert not server.is_running()
+    assert not server.lost, "who stopped it does not miss it"
+
+
+def test_a_server_without_its_socket_is_lost(made: Path) -> None:
+    with EmbeddedPostgres(made, durable=False) as server:
+        (made / "postgres" / "run" / ".s.PGSQL.5432").unlink()
+        assert server.revive()
+        assert ask(server, "SELECT 1") == "1"
+
+
+def test_a_deleted_cluster_is_not_replaced_by_an_empty_one(tmp_path: Path) -> None:
+    with EmbeddedPostgres(tmp_path, durable=False) as server:
+        pid = pid_of(tmp_path)
+        os.kill(pid, signal.SIGKILL)
+        wait_gone(pid)
+        (tmp_path / "postgres" / "data").rename(tmp_path / "elsewhere")
+        with pytest.raises(EmbeddedPostgresError, match="is gone"):
+            server.revive()
+        assert not (tmp_path / "postgres" / "data").exists()
+
+
 @pytest.mark.parametrize("content", ["", "no number\n", "999999999999999999999\n", "-1\n", "0\n"])
 def test_a_lock_file_of_rubbish_is_no_obstacle(content: str, made: Path) -> None:
     lock = made / "postgres" / "data" / "postmaster.pid"

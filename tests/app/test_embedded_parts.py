@@ -43,6 +43,15 @@ def test_an_existing_cluster_gets_its_own_version(tmp_path: Path) -> None:
         find_binaries(1014, places=places)
 
 
+@pytest.mark.parametrize("below", ["", "a/b"])
+def test_a_plain_file_is_no_data_folder(below: str, tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("kept")
+    with pytest.raises(EmbeddedPostgresError, match=f"{file} is not a folder"):
+        EmbeddedPostgres(file / below).start()
+    assert file.read_text() == "kept"
+
+
 def test_without_postgresql_the_message_says_what_to_install(tmp_path: Path) -> None:
     with pytest.raises(
         PostgresMissingError, match=r"No PostgreSQL server.*apt-get install postgresql-postgis"
@@ -132,9 +141,9 @@ def test_a_lock_has_one_owner_or_many_users(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_made_is_explained(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(EmbeddedPostgresError, match=r"file.* cannot be used for the database"):
-        EmbeddedPostgres(tmp_path / "file").start()
+    long = tmp_path / ("x" * 300)
+    with pytest.raises(EmbeddedPostgresError, match=r"xxx.* cannot be used for the database"):
+        EmbeddedPostgres(long).start()
 
 
 def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import threading
 import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -149,6 +150,24 @@ def test_a_removed_drive_is_gone_with_its_bytes(sessions: Sessions, blobs: BlobS
     again, created = upload()
     assert created
     assert again.id != drive.id
+
+
+def test_orphans_are_swept_and_nothing_else(sessions: Sessions, blobs: BlobStore, upload: Upload) -> None:
+    drive, _ = upload()
+    blobs.put([b"its process died before the row"])
+    assert ingest.sweep_blobs(sessions, blobs) == 0, "it may be an upload that is just being registered"
+    assert ingest.sweep_blobs(sessions, blobs, timedelta(0)) == 1
+    assert blobs.keys() == [drive.blob_key]
+
+
+def test_blobs_of_another_database_are_left_alone(
+    sessions: Sessions, blobs: BlobStore, caplog: pytest.LogCaptureFixture
+) -> None:
+    blobs.register_database("another-1")
+    theirs = blobs.put([b"a drive of the other database"])
+    assert ingest.sweep_blobs(sessions, blobs, timedelta(0)) == 0
+    assert blobs.keys() == [theirs.key]
+    assert "another-1" in caplog.text
 
 
 def test_roads_and_elevation_in_either_order(sessions: Sessions, town: Town, tmp_path: Path) -> None:

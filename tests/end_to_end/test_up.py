@@ -44,6 +44,20 @@ def test_a_killed_worker_is_replaced(idle: Up) -> None:
     assert "the worker ended with status -9" in idle.said()
 
 
+def test_a_killed_database_is_started_again(idle: Up, simulated: Bundle) -> None:
+    idle.start()
+    assert versant("import-roads", "--data-dir", idle.data_dir, simulated.osm).returncode == 0
+    postmaster = int((idle.data_dir / "postgres" / "data" / "postmaster.pid").read_text().split()[0])
+    os.kill(postmaster, signal.SIGKILL)
+    await_true(lambda: "PostgreSQL ended by itself" in idle.said(), 30, "nobody noticed")
+    with Client(idle.address) as client:
+        drive = client.upload(simulated.drives[0], method="raw")
+        assert client.wait(drive.id, timeout_s=50).status == "done"
+    assert idle.said().count("PostgreSQL ended by itself") == 1
+    assert idle.interrupt() == 0, idle.said()
+    assert idle.processes() == []
+
+
 def test_children_end_with_a_killed_parent_and_the_next_start_works(idle: Up) -> None:
     idle.start()
     idle.process.kill()

@@ -53,6 +53,11 @@ def test_version() -> None:
         ["export", "-o", "out.csv", "--bbox", "8,49,7,50"],
         ["simulate", "-o", "x", "--receiver", "nonsense"],
         ["up", "--port", "99999"],
+        ["fuse", "a.csv", "--roads", "r.osm", "-o", "none/out.csv"],
+        ["fuse", "a.csv", "--roads", "r.osm", "--profile", "none/out.png"],
+        ["fuse", "a.csv", "--roads", "r.osm", "--track", "none/out.geojson"],
+        ["track", "a.csv", "-o", "none/out.csv"],
+        ["export", "-o", "none/out.csv"],
     ],
     ids=" ".join,
 )
@@ -65,6 +70,47 @@ def test_wrong_usage_is_status_2(
     assert "Traceback" not in result.stderr
     assert not result.stdout
     assert not list(tmp_path.iterdir())
+
+
+def test_the_folder_that_is_missing_is_named(tmp_path: Path) -> None:
+    out = tmp_path / "none" / "out.csv"
+    result = runner.invoke(app, ["export", "-o", str(out)], env={"COLUMNS": "1000"})
+    assert f"there is no folder {out.parent}." in result.stderr
+    assert "partial" not in result.stderr
+
+
+@pytest.mark.parametrize("command", ["up", "migrate", "export -o x.csv", "api", "worker"])
+def test_a_data_dir_that_is_a_file_is_wrong_usage(command: str, tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    result = runner.invoke(app, [*command.split(), "--data-dir", str(file)], env={"COLUMNS": "1000"})
+    assert result.exit_code == 2
+    assert "--data-dir" in result.stderr
+    assert f"{file}' is a file" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["api", "worker"])
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
+def test_api_and_worker_say_that_the_database_is_not_there(
+    command: str, host: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("VERSANT_DATABASE_URL", f"postgresql://somebody:secret@{host}:9/roads")
+    monkeypatch.setenv("VERSANT_DATA_DIR", str(tmp_path))
+    result = runner.invoke(app, [command])
+    assert result.exit_code == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"versant: The database at {host}:9/roads cannot be reached: ")
+    assert "refused" in line
+    assert "VERSANT_DATABASE_URL" in line
+    assert "secret" not in line
+
+
+def test_a_password_with_an_at_sign_is_not_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VERSANT_DATABASE_URL", "postgresql://somebody:half@secret@127.0.0.1:9/roads")
+    result = runner.invoke(app, ["worker"])
+    assert result.exit_code == 1
+    assert "%40" in result.stderr
+    assert "secret" not in result.stderr
 
 
 def test_failure_is_status_1_and_one_line(tmp_path: Path) -> None:

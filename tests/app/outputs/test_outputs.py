@@ -144,6 +144,23 @@ def test_an_output_says_what_it_is(name: str) -> None:
     assert len({other.suffix for _, other in OUTPUTS.items()}) == len(OUTPUTS)
 
 
+@pytest.mark.parametrize("suffix", [output.suffix for _, output in OUTPUTS.items()])
+def test_a_missing_folder_is_named_and_no_file_that_nobody_asked_for(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(FileNotFoundError) as missing:
+        write(SOME, tmp_path / "none" / f"out{suffix}")
+    assert missing.value.filename == str(tmp_path / "none")
+
+
+@pytest.mark.parametrize("suffix", [output.suffix for _, output in OUTPUTS.items()])
+def test_a_place_that_is_taken_by_a_folder_is_named(tmp_path: Path, suffix: str) -> None:
+    place = tmp_path / f"out{suffix}"
+    place.mkdir()
+    with pytest.raises(OSError, match="directory") as taken:
+        write(SOME, place)
+    assert taken.value.filename == str(place)
+    assert list(tmp_path.iterdir()) == [place]
+
+
 def test_an_unknown_suffix_names_the_known_ones() -> None:
     with pytest.raises(UnknownNameError, match=r"\.shp.*\.geojson, \.parquet, \.gpkg, \.csv"):
         output_for(Path("slopes.shp"))

@@ -48,6 +48,16 @@ def test_pages_reach_each_drive_once_newest_first(web: Any, limit: int) -> None:
     assert found == expected
 
 
+def test_pages_go_on_past_a_drive_deleted_meanwhile(web: Any) -> None:
+    made = [upload(web, b"%d" % number) for number in range(4)][::-1]
+    page = web.client.get("/v1/drives?limit=2").json()
+    following = next(link["href"] for link in page["links"] if link["rel"] == "next")
+    assert web.client.delete(f"/v1/drives/{made[1]}").status_code == 204
+    answer = web.client.get(following)
+    assert answer.status_code == 200, answer.text
+    assert [drive["id"] for drive in answer.json()["drives"]] == made[2:]
+
+
 def test_drives_by_status(filled: Any, done: str) -> None:
     waiting = upload(filled)
     by_status = {
@@ -218,7 +228,7 @@ def test_processing_again(web: Any, request_: dict[str, Any], method: str, optio
         ({"json": {"options": {"no_such": 1}}}, 422, "no_such"),
         ({"json": {"methods": "raw"}}, 422, "methods"),
         ({"json": [1]}, 422, "body"),
-        ({"content": b"{", "headers": {"Content-Type": "application/json"}}, 422, "1"),
+        ({"content": b"{", "headers": {"Content-Type": "application/json"}}, 422, "body"),
         ({"content": b" " * 70_000, "headers": {"Content-Type": "application/json"}}, 413, None),
     ],
 )

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.outputs.features import PROPERTIES
+from app.routes.features import ITEMS_SCHEMA
 
 ITEMS = "/collections/segments/items"
 
@@ -150,11 +151,18 @@ def test_a_limit_above_the_maximum_is_reduced(reading: Any) -> None:
         ("bbox=8,49,9,91", "bbox"),
         ("bbox=-181,49,9,50", "bbox"),
         ("bbox=", "bbox"),
+        ("bbox=1_0,0,11,1", "bbox"),
+        ("bbox=\u0661,0,11,1", "bbox"),
+        ("bbox=1e999,0,11,1", "bbox"),
         ("limit=0", "limit"),
         ("limit=-1", "limit"),
         ("limit=ten", "limit"),
         ("driven=perhaps", "driven"),
         ("datetime=yesterday", "datetime"),
+        ("datetime=2026-13-45T00:00:00Z", "datetime"),
+        ("datetime=2026-02-30", "datetime"),
+        ("datetime=2026-01-01/2026-02-30", "datetime"),
+        ("datetime=\u0662026-01-01", "datetime"),
         ("after=-1", "after"),
         ("after=99999999999999999999", "after"),
         ("highwya=primary", "highwya"),
@@ -172,9 +180,25 @@ def test_a_query_that_cannot_be_used_is_a_400_that_names_the_field(
     assert problem["type"] == "/problems/bad-query"
 
 
-@pytest.mark.parametrize("value", ["2026-11-20", "2026-11-20T00:00:00Z", "2026-11-20/..", "../2026-11-20"])
+@pytest.mark.parametrize(
+    "value",
+    [
+        "2026-11-20",
+        "2026-11-20T00:00:00Z",
+        "2026-11-20T01:02:03.5z",
+        "2026-11-20/..",
+        "../2026-11-20",
+        "2026-11-20T00:00:00+01:00/2026-11-20T00:00:00.123456789Z",
+    ],
+)
 def test_datetime_matches_features_without_time(reading: Any, value: str) -> None:
     assert reading.client.get(ITEMS, params={"datetime": value, "driven": True}).json()["numberReturned"] == 6
+
+
+def test_numbers_in_other_notations(reading: Any) -> None:
+    assert ids(pages(reading, bbox="8.4,49,8.403,49.003")) == ids(
+        pages(reading, bbox="840e-2, +49.,.8403e+1,49.003")
+    )
 
 
 def test_six_numbers_are_a_box_with_heights(reading: Any) -> None:
@@ -232,6 +256,12 @@ def test_unchanged_items_are_answered_by_304(reading: Any) -> None:
     again = reading.client.get(ITEMS, headers={"If-None-Match": first.headers["etag"]})
     assert again.status_code == 304
     assert not again.content
+
+
+def test_the_tag_of_items_tells_pages_of_other_sizes_apart(reading: Any) -> None:
+    tags = {reading.client.get(ITEMS, params={"limit": limit}).headers["etag"] for limit in (1, 2)}
+    assert len(tags) == 2
+    assert all(f"-{ITEMS_SCHEMA}." in tag for tag in tags)
 
 
 def test_only_conformance_classes_that_hold_are_declared(reading: Any) -> None:

@@ -80,12 +80,35 @@ def test_unknown_addresses(reading: Any, path: str) -> None:
         ("/v1/drives?status=lost", "status"),
         ("/v1/drives?after=1", "after"),
         ("/v1/drives?after=00000000-0000-0000-0000-000000000000", "after"),
+        ("/v1/drives?after=f" + "_" * 31, "after"),
+        ("/v1/drives?bogus=1", "bogus"),
         ("/v1/admin/stats?days=0", "days"),
     ],
 )
 def test_unusable_queries_name_the_field(reading: Any, path: str, field: str) -> None:
     problem = check(reading.client.get(path), 422)
     assert [error["field"] for error in problem["errors"]] == [field]
+
+
+@pytest.mark.parametrize("body", [b'{"method": "\xff"}', b'{"options":' + b"[" * 60_000])
+def test_a_body_that_is_no_text_or_too_deep_is_a_kind_of_its_own(reading: Any, body: bytes) -> None:
+    drive = reading.client.get("/v1/drives").json()["drives"][0]["id"]
+    answer = reading.client.post(
+        f"/v1/drives/{drive}/reprocess", content=body, headers={"Content-Type": "application/json"}
+    )
+    assert check(answer, 400)["type"] == "/problems/unreadable-body"
+    operation = create_app(Settings()).openapi()["paths"]["/v1/drives/{drive_id}/reprocess"]["post"]
+    assert "400" in operation["responses"]
+
+
+def test_broken_json_is_told_as_the_body_s_fault(reading: Any) -> None:
+    drive = reading.client.get("/v1/drives").json()["drives"][0]["id"]
+    answer = reading.client.post(
+        f"/v1/drives/{drive}/reprocess", content=b"{", headers={"Content-Type": "application/json"}
+    )
+    problem = check(answer, 422)
+    assert [error["field"] for error in problem["errors"]] == ["body"]
+    assert "body: JSON decode error at character 1." in problem["detail"]
 
 
 def test_every_error_of_the_library_has_a_row() -> None:

@@ -18,9 +18,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sqlalchemy import text
+from starlette.datastructures import Headers, QueryParams
 
 from app.errors import BadRequestError
-from app.multipart import MultipartBody, clean_filename
+from app.multipart import MultipartBody, clean_filename, upload_source
 
 LOG = b"time_s,lat_deg,lon_deg\n1700000000,49.0,8.4\n"
 
@@ -220,6 +221,42 @@ def test_a_form_that_ends_early_is_noticed() -> None:
     source.feed(b'--b\r\nContent-Disposition: form-data; name="file"\r\n\r\nhalf a l')
     with pytest.raises(BadRequestError, match="ends before"):
         source.finish()
+
+
+@pytest.mark.parametrize(
+    ("disposition", "name"),
+    [
+        ("attachment; filename=a.csv", "a.csv"),
+        ("attachment; filename*=UTF-8''%C3%A4.csv", "ä.csv"),
+        ("attachment; filename*=iso-8859-1'de'%E4.csv", "ä.csv"),
+        ("attachment; filename*=idna''abc", "upload"),
+        ("attachment; filename*=punycode''%ff-%ff", "upload"),
+        ("attachment; filename*=undefined''zz", "upload"),
+        ("attachment; filename*=rot13''zz", "upload"),
+        ("attachment; filename*=a; filename*0=b", "upload"),
+        (f"attachment; filename*{'9' * 5000}=b", "upload"),
+        ("attachment; filename*=UTF-8''%ff", "\ufffd"),
+        ("", "upload"),
+    ],
+)
+def test_the_name_in_a_disposition(disposition: str, name: str) -> None:
+    source = upload_source(Headers({"Content-Disposition": disposition}), QueryParams())
+    assert source.filename == name
+
+
+@given(
+    st.lists(st.sampled_from(["filename", "*", "0", "1", "=", ";", "'", "utf-8", "idna", "%ff", '"', "\xe4"]))
+)
+def test_no_disposition_is_a_fault_of_the_service(pieces: list[str]) -> None:
+    header = Headers({"Content-Disposition": "attachment; " + "".join(pieces)})
+    assert upload_source(header, QueryParams()).filename
+
+
+def test_an_odd_disposition_does_not_stop_an_upload(web: Any) -> None:
+    answer = web.client.post(
+        "/v1/drives", content=LOG, headers={"Content-Disposition": "attachment; filename*=idna''abc"}
+    )
+    assert answer.status_code == 202, answer.text
 
 
 @given(st.text())

@@ -79,6 +79,21 @@ def test_the_part_of_a_killed_upload_is_swept_later(url: str) -> None:
     assert store.keys() == [kept.key]
 
 
+def test_only_old_blobs_are_removed(url: str) -> None:
+    store = BlobStore(url)
+    first, second = store.put([b"1"]), store.put([b"2"])
+    assert store.remove_old([first.key, second.key], timedelta(hours=1)) == 0
+    assert store.remove_old([first.key, "drives/gone"], timedelta(0)) == 1
+    assert store.keys() == [second.key]
+
+
+def test_the_databases_of_a_store_are_noted(url: str) -> None:
+    first = BlobStore(url).register_database("a-1")
+    assert len(first) == 1
+    assert BlobStore(url).register_database("a-1") == first
+    assert [note.rsplit("/", 1)[-1] for note in BlobStore(url).register_database("b-2")] == ["a-1", "b-2"]
+
+
 def test_a_large_blob_takes_little_memory(tmp_path: Path) -> None:
     chunk = os.urandom(1 << 20)
     store = BlobStore(str(tmp_path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Callable
 from pathlib import Path
 
@@ -135,3 +136,36 @@ def test_a_moved_folder_still_serves(sessions: Sessions, chain_in_db: RoadTable,
     (tmp_path / "dem").rename(tmp_path / "elsewhere")
     with sessions() as session:
         assert np.isfinite(dem.slopes_of(session, chain_in_db, tmp_path / "elsewhere")).all()
+
+
+def hgt(height_m: int) -> bytes:
+    """An SRTM tile of 3 arc seconds, level."""
+    return np.full((1201, 1201), height_m, ">i2").tobytes()
+
+
+def test_a_gzipped_tile_is_unpacked_and_its_name_counts_in_any_case(
+    sessions: Sessions, chain_in_db: RoadTable, tmp_path: Path
+) -> None:
+    packed, plain = tmp_path / "N49E008.hgt.gz", tmp_path / "n49e008.HGT"
+    packed.write_bytes(gzip.compress(hgt(100)))
+    first = add(sessions, [packed], tmp_path / "dem")
+    assert first.names == ("N49E008.hgt",)
+    assert first.paths[0].read_bytes() == hgt(100)
+    plain.write_bytes(hgt(200))
+    assert add(sessions, [plain], tmp_path / "dem").names == ("n49e008.HGT",)
+    assert stored_slopes(sessions) == [0.0] * 10
+
+
+def test_a_damaged_or_void_tile_is_refused_and_not_kept(tmp_path: Path) -> None:
+    (tmp_path / "N49E008.hgt.gz").write_bytes(gzip.compress(hgt(100))[:-20])
+    (tmp_path / "N49E009.hgt").write_bytes(hgt(-32768))
+    (tmp_path / "N49E010.hgt.gz").write_bytes(gzip.compress(b"text"))
+    for name, says in (
+        ("N49E008.hgt.gz", "cannot be unpacked"),
+        ("N49E009.hgt", "holds no height"),
+        ("N49E010.hgt.gz", "cannot be read as a raster"),
+    ):
+        with pytest.raises(TerrainError, match=says) as caught:
+            dem.store_files([tmp_path / name], tmp_path / "dem")
+        assert ".. " not in str(caught.value)
+    assert [file for file in (tmp_path / "dem").rglob("*") if file.is_file()] == []

@@ -12,7 +12,7 @@ from sqlalchemy import text
 
 from app.db import Sessions
 from app.store import drives, slopes
-from app.store.rows import DriveRow
+from app.store.rows import DrivePlace, DriveRow
 from fusion.types import Ints
 
 
@@ -112,13 +112,24 @@ def test_the_list_goes_on_where_it_stopped(sessions: Sessions, status: str | Non
             text("UPDATE drives SET created_at = '2024-01-01Z' WHERE sha256 < :s"), {"s": f"{4:064d}"}
         )
     seen: list[uuid.UUID] = []
+    place: DrivePlace | None = None
     with sessions() as session:
-        while page := drives.list_drives(session, status=status, limit=2, after=seen[-1] if seen else None):
+        while page := drives.list_drives(session, status=status, limit=2, after=place):
             seen += [row.id for row in page]
+            place = DrivePlace(page[-1].created_at, page[-1].id)
         assert drives.list_drives(session, status="done") == []
-        assert drives.list_drives(session, after=uuid.uuid4()) == []
     assert seen[:3] == made[:3:-1]
     assert sorted(seen) == sorted(made)
+
+
+def test_blobs_that_no_drive_refers_to(sessions: Sessions) -> None:
+    create(sessions, blob_key="drives/x")
+    with sessions() as session:
+        assert drives.unreferenced_blobs(session, ["drives/z", "drives/x", "drives/y"]) == [
+            "drives/y",
+            "drives/z",
+        ]
+        assert drives.unreferenced_blobs(session, []) == []
 
 
 def test_a_deleted_drive_leaves_no_trace(

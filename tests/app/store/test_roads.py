@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import threading
 import uuid
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,7 +106,10 @@ def test_a_reimport_keeps_what_is_unchanged(
     }
     both = RoadTable.from_columns(**columns)
 
-    assert imported(sessions, both) == ImportCounts(kept=8, moved=1, dropped=1, added=2)
+    add_drive(segment_ids, {7: (7.0, 1.0)})  # one that the import does not touch
+    assert imported(sessions, both) == ImportCounts(
+        kept=8, moved=1, dropped=1, added=2, measured_lost=2, drives_affected=1
+    )
 
     with sessions() as session:
         table, ids = roads.all_roads(session)
@@ -118,6 +123,18 @@ def test_a_reimport_keeps_what_is_unchanged(
     assert {row.highway for row in rows.values()} == {"primary", "residential"}
     assert version is not None
     assert (version.segments, version.kept, version.moved, version.dropped, version.added) == (11, 8, 1, 1, 2)
+
+
+def test_an_import_tells_what_it_costs_and_leaves_out(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, add_drive: AddDrive
+) -> None:
+    add_drive(segment_ids, {8: (1.0, 1.0), 0: (1.0, 1.0)})
+    add_drive(segment_ids, {8: (1.0, 1.0)})
+    less = replace(chain(5), skipped=Counter({"node missing from the file": 3}))
+    assert imported(sessions, less) == ImportCounts(
+        kept=5, moved=0, dropped=5, added=0,
+        measured_lost=1, drives_affected=2, skipped={"node missing from the file": 3},
+    )  # fmt: skip
 
 
 def test_a_dropped_segment_takes_its_estimates_along(
