@@ -62,6 +62,8 @@ def register_upload(
     try:
         parse_options(method, options or {})
         with sessions.begin() as session:
+            # Before the drive refers to the blob: another database's sweep must not take it for an orphan.
+            blobs.register_database(identity.database_identity(session))
             drive, created = drives.create_drive(
                 session,
                 sha256=blob.sha256,
@@ -123,7 +125,8 @@ def sweep_blobs(sessions: Sessions, blobs: BlobStore, older_than: timedelta = OR
     """
     removed = blobs.sweep()
     with sessions() as session:
-        notes = blobs.register_database(identity.database_identity(session))
+        blobs.register_database(identity.database_identity(session))
+    notes = blobs.databases()
     if len(notes) > 1:
         logger.warning(
             "blobs without a drive stay: several databases use this store. Delete the notes of those that are "

@@ -47,6 +47,7 @@ class BlobStore:
         """The folder is created when the first blob arrives."""
         self._fs, root = fsspec.core.url_to_fs(url)
         self._root = str(root).rstrip("/")
+        self._noted: set[str] = set()
 
     def writer(self, *, max_bytes: int | None = None) -> BlobWriter:
         """Begin a blob; write chunks, then ``finish`` it, or leave the ``with`` block to discard it."""
@@ -90,12 +91,16 @@ class BlobStore:
             self.delete(key)
         return len(old)
 
-    def register_database(self, identity: str) -> list[str]:
-        """Note that this database refers to blobs here; the paths of the notes of all that do, sorted."""
+    def register_database(self, identity: str) -> None:
+        """Note that this database refers to blobs here, so that no other takes them for orphans."""
         note = f"{self._root}/{_DATABASES}/{identity}"
-        if not self._fs.exists(note):
+        if identity not in self._noted and not self._fs.exists(note):
             self._fs.makedirs(f"{self._root}/{_DATABASES}", exist_ok=True)
             self._fs.pipe_file(note, b"")
+        self._noted.add(identity)
+
+    def databases(self) -> list[str]:
+        """The paths of the notes of all databases that refer to blobs here, sorted."""
         return sorted(self._list(_DATABASES))
 
     def _list(self, folder: str) -> list[str]:

@@ -160,6 +160,12 @@ def test_orphans_are_swept_and_nothing_else(sessions: Sessions, blobs: BlobStore
     assert blobs.keys() == [drive.blob_key]
 
 
+def test_an_upload_leaves_its_databases_note(blobs: BlobStore, upload: Upload) -> None:
+    """Without it, the sweep of another database in the same store would take the upload for an orphan."""
+    upload()
+    assert len(blobs.databases()) == 1
+
+
 def test_blobs_of_another_database_are_left_alone(
     sessions: Sessions, blobs: BlobStore, caplog: pytest.LogCaptureFixture
 ) -> None:
