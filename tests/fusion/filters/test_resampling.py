@@ -14,7 +14,7 @@ SCHEMES = list(RESAMPLERS)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_expected_descendants_are_n_times_the_weight(scheme: str) -> None:
     weights = np.array([0.45, 0.30, 0.15, 0.06, 0.04])
-    runs = 20_000
+    runs = 4000
     counts = np.zeros(5)
     for step in range(runs):
         counts += np.bincount(RESAMPLERS[scheme](weights, 11, step), minlength=5)

@@ -198,6 +198,7 @@ def test_the_size_of_the_blocks_changes_nothing(
                 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [b"1525448060,,49,8,,\n", b",2018-05-04T15:34:20Z,49,8,,\n", b"x,,49,8,,\n"])
 def test_a_large_file_takes_a_small_multiple_of_its_size(monkeypatch: pytest.MonkeyPatch, row: bytes) -> None:
     monkeypatch.setattr(csv_cells, "BLOCK_BYTES", 1 << 16)

@@ -131,6 +131,7 @@ def test_foreign_files_are_named_and_the_formats_listed(blob: bytes, says: str) 
     assert all(f.description in str(caught.value) for _, f in FORMATS.items())
 
 
+@pytest.mark.slow
 def test_a_zip_bomb_is_refused_after_a_small_part_of_it() -> None:
     bomb = gzip.compress(bytes(200 << 20), 9)
     seen: list[float] = []

@@ -118,6 +118,7 @@ def test_a_projected_raster(tmp_path: Path, write_raster: Write) -> None:
         assert dem.datum == "unknown"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [1201, 3601])
 def test_hgt_tiles_join_at_their_shared_edges(tmp_path: Path, write_hgt: Write, side: int) -> None:
     steps = side - 1
