@@ -33,6 +33,7 @@ from app.store.blobs import BlobStore
 from app.store.rows import DemSet, DriveRow, StoredRoads
 from fusion.errors import FusionError
 from fusion.formats import read_log
+from fusion.formats.base import NO_DATE
 from fusion.pipeline import ROAD_MARGIN_M, parse_options, run_drive
 from fusion.terrain import Dem
 from fusion.types import MAX_SPEED_MPS, DriveLog, DriveResult, Ints, Track
@@ -223,10 +224,15 @@ def _publish(
             bounds=log.bounds_deg(),
             epochs=len(result.track),
             distance_m=track_length_m(result.track),
-            drive_time=datetime.fromtimestamp(float(log.fix.time_s[0]), UTC),
+            drive_time=drive_time(log),
         )
         slopes.save_result(session, drive.id, ids, result.slopes, provenance)
     return True
+
+
+def drive_time(log: DriveLog) -> datetime | None:
+    """When the recording begins; None where the log has no date and its times were placed somewhere."""
+    return None if NO_DATE in log.repaired else datetime.fromtimestamp(float(log.fix.time_s[0]), UTC)
 
 
 def _report(result: DriveResult, provenance: slopes.RunProvenance) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -234,3 +235,22 @@ def test_a_fault_of_ours_is_logged_and_told_plainly(
     assert failed.failure_reason is not None
     assert "secret" not in failed.failure_reason
     assert str(drive.id) in caplog.text
+
+
+def test_a_log_without_a_date_has_no_drive_time() -> None:
+    """Its times are placed in January 1980 to be worked with; nobody drove then."""
+    nmea = "\n".join(
+        _sentence(f"GPGGA,1200{second:02d}.00,4800.{second:04d},N,00751.0000,E,1,08,1.0,300.0,M,48.0,M,,")
+        for second in range(5)
+    )
+    undated = read_log(nmea.encode())
+    assert process.drive_time(undated) is None
+    dated = read_log(b"time_s,lat_deg,lon_deg\n1700000000,48,7.85\n")
+    assert process.drive_time(dated) == datetime(2023, 11, 14, 22, 13, 20, tzinfo=UTC)
+
+
+def _sentence(body: str) -> str:
+    checksum = 0
+    for character in body:
+        checksum ^= ord(character)
+    return f"${body}*{checksum:02X}"
