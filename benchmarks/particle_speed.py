@@ -9,8 +9,7 @@ the numpy loop (``NumpyCloud`` below) does the arithmetic by whole arrays, with 
 multinomial resampling. Rounds alternate between the two; the figures are medians. Memory is the peak resident size of
 the process above what it held before the filter, in a fresh process per particle count.
 
-Columns: particles; ms per epoch of ours and of numpy's (over at most 60 epochs for the latter); their ratio; our peak
-memory.
+Columns: particles; ms per epoch of ours and of numpy's; their ratio; our peak memory.
 """
 
 from __future__ import annotations
@@ -40,8 +39,6 @@ from fusion.roads.network import RoadNetwork
 from fusion.simulate import make_town
 from fusion.terrain.dem import Dem
 from fusion.types import no_progress
-
-NUMPY_EPOCHS = 60
 
 
 class NumpyCloud(ParticleCloud):
@@ -148,8 +145,6 @@ def seconds_per_epoch(
 ) -> float:
     """Run the method's own loop over the scene with the given cloud."""
     epochs, network, dem = scene
-    if cloud is NumpyCloud:
-        epochs = epochs.take(np.arange(len(epochs)) < NUMPY_EPOCHS)
     options = ParticleOptions(particles=particles)
     run = DriveFilter(epochs, network, dem, options, estimate_mount(epochs))
     run.cloud = cloud(options)

@@ -1,8 +1,7 @@
 """Arctangents that compilers can turn into vector instructions, for loops over every particle.
 
-The library's functions take 15 to 30 ns each and can't be vectorised; these are polynomials without branches
-and miss the true value by less than 2e-8 rad, a thousandth of an arc second per part in a hundred thousand
-particles.
+The library's functions take 15 to 30 ns each and can't be vectorised. These are polynomials without branches
+and miss the true value by less than 2e-8 rad, a hundred thousandth of the accuracy of any pitch or heading here.
 """
 
 from __future__ import annotations

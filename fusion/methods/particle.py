@@ -94,7 +94,7 @@ def threads_for(particles: int) -> Iterator[None]:
 
 def _errors(run: DriveFilter, track: Track) -> AltitudeErrors:
     """How the filter's altitude errors hang together: the cloud's spread in height and in pitch, and the mount."""
-    share = _GRADE_SHARE if run.sensors.measure_grade else 1.0
+    share = _GRADE_SHARE if run.sensors.measures_grade else 1.0
     grade = share * np.nan_to_num(track.pitch_sigma_rad)
     if run.mount.known:
         grade = np.hypot(grade, run.mount.sigma)

@@ -34,7 +34,7 @@ class Sensors:
         return max(self.options.rate_sigma_mps, scatter)
 
     @property
-    def measure_grade(self) -> bool:
+    def measures_grade(self) -> bool:
         """Whether anything in the log says how steep the road is, other than the differences of its heights."""
         ep = self.epochs
         return bool(np.isfinite(ep.pitch_rad).any() or np.isfinite(ep.vel_u_mps).any())
