@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,8 @@ def run_drive(
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))
     progress("filter", 1.0)
-    return network, DriveResult(result.track, result.slopes, _report(log, result, method, chosen, dem))
+    report = _report(log, result, method, chosen, dem)
+    return network, replace(result, report=report)
 
 
 def _plane(log: DriveLog) -> LocalProjection:

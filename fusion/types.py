@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from fusion.factors import PassFactor
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -273,10 +276,32 @@ class SegmentSlope:
     last_time_s: float
 
 
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """What the sensors said along a drive, for pictures: shape (m,) each, ordered by time.
+
+    ``sensor`` is an index into ``names``; ``value`` is a height (m) where ``is_height``, else a grade along the direction
+    of travel, with the mount's tilt and the like taken off; ``along_m`` is the distance along the driven path.
+    """
+
+    names: tuple[str, ...]
+    sensor: Ints
+    time_s: Floats
+    along_m: Floats
+    value: Floats
+    is_height: NDArray[np.bool_]
+
+
 @dataclass(frozen=True)
 class DriveResult:
-    """Everything a method says about a drive. ``report`` is JSON-serialisable."""
+    """Everything a method says about a drive. ``report`` is JSON-serialisable.
+
+    ``factors``: what the drive contributes to the network adjustment, one a pass; empty for methods that give only
+    slopes. ``measurements``: what the estimate is drawn over, where the method offers it.
+    """
 
     track: Track
     slopes: tuple[SegmentSlope, ...]
     report: dict[str, Any]
+    factors: tuple[PassFactor, ...] = ()
+    measurements: Measurements | None = None

@@ -3,8 +3,10 @@
 from fusion.methods.base import METHODS
 from fusion.methods.dem import DemMethod
 from fusion.methods.particle import ParticleMethod
+from fusion.methods.profile import ProfileMethod
 from fusion.methods.raw import RawMethod
 
+METHODS.add(ProfileMethod.name, ProfileMethod())
 METHODS.add(ParticleMethod.name, ParticleMethod())
 METHODS.add(RawMethod.name, RawMethod())
 METHODS.add(DemMethod.name, DemMethod())

@@ -1,4 +1,8 @@
-"""Positions to road segments: the Mahalanobis nearest (Al Assaad 2020, 2.3.3.3)."""
+"""Positions to road segments.
+
+Each position for itself: the Mahalanobis nearest (Al Assaad 2020, 2.3.3.3), ``match_points``. The drive as a
+whole: ``DriveMatcher`` and ``match_drive``.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fusion.roads.hmm import DriveMatcher, MatchOptions, match_drive
 from fusion.roads.kernels import NOT_POSITIVE, nearest, nearest_each
 from fusion.roads.network import RoadNetwork
+from fusion.roads.path import Break, PathMatch
 from fusion.types import Floats, Ints
+
+__all__ = [
+    "GATE",
+    "Break",
+    "DriveMatcher",
+    "MatchOptions",
+    "PathMatch",
+    "PointMatch",
+    "PointMatches",
+    "match_drive",
+    "match_points",
+    "nearest_mahalanobis",
+]
 
 _COVARIANCE = "the covariance of a match must be finite and positive definite"
 

@@ -1,0 +1,125 @@
+"""Heights along a segment as a few numbers: height and grade at knots, a cubic between them.
+
+Between two knots at distance d, with the grade a random walk of variance q per metre, the cubic of Hermite is the
+conditional mean of the road's height, and what is left of it is known in closed form. The knots depend on the
+segment's length alone, so that everything which was ever said about a segment speaks of the same numbers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fusion.types import Floats, Ints
+
+SPACING_M = 20.0
+MAX_INTERVALS = 16
+
+_GAUSS_NODES, _GAUSS_WEIGHTS = (v.tolist() for v in np.polynomial.legendre.leggauss(3))
+
+
+def interval_count(length_m: ArrayLike) -> Ints:
+    """Intervals between knots of segments of these lengths (metres, above 0), same shape."""
+    wanted = np.ceil(np.asarray(length_m, float) / SPACING_M - 1e-9).astype(np.int64)
+    return np.clip(wanted, 1, MAX_INTERVALS)
+
+
+def variable_count(length_m: ArrayLike) -> Ints:
+    """Knot variables of a segment: height (m) and grade (1) at each knot in turn, from from_node to to_node."""
+    return np.asarray(2 * (interval_count(length_m) + 1))
+
+
+def _locate(distance_m: Floats, length_m: float) -> tuple[Ints, Floats, float]:
+    """Interval, share of it (0..1) and spacing for distances from from_node (clamped to the segment)."""
+    intervals = int(interval_count(length_m))
+    spacing = length_m / intervals
+    along = np.clip(np.asarray(distance_m, float), 0.0, length_m) / spacing
+    interval = np.minimum(along.astype(np.int64), intervals - 1)
+    return interval, along - interval, spacing
+
+
+def _cubic(u: Floats, d: ArrayLike) -> tuple[Floats, Floats, Floats, Floats]:
+    """Weights of h0, g0, h1, g1 in the height at share ``u`` of an interval of length ``d``."""
+    return 1 - 3 * u**2 + 2 * u**3, d * (u - 2 * u**2 + u**3), 3 * u**2 - 2 * u**3, d * (u**3 - u**2)
+
+
+def height_rows(distance_m: Floats, length_m: float) -> Floats:
+    """Rows (n, variables) that turn knot variables into heights (m) at ``distance_m``."""
+    j, u, d = _locate(distance_m, length_m)
+    rows = np.zeros((len(u), int(variable_count(length_m))))
+    for offset, part in enumerate(_cubic(u, d)):
+        rows[np.arange(len(u)), 2 * j + offset] = part
+    return rows
+
+
+def grade_rows(distance_m: Floats, length_m: float) -> Floats:
+    """Rows (n, variables) that turn knot variables into grades (from_node to to_node) at ``distance_m``."""
+    j, u, d = _locate(distance_m, length_m)
+    rows = np.zeros((len(u), int(variable_count(length_m))))
+    parts = (6 * (u**2 - u) / d, 1 - 4 * u + 3 * u**2, 6 * (u - u**2) / d, 3 * u**2 - 2 * u)
+    for offset, part in enumerate(parts):
+        rows[np.arange(len(u)), 2 * j + offset] = part
+    return rows
+
+
+def height_variance(distance_m: Floats, length_m: float, roughness: float) -> Floats:
+    """Variance (m^2) of the height between knots about the cubic; ``roughness`` is q in 1/m."""
+    _, u, d = _locate(distance_m, length_m)
+    return np.asarray(roughness * d**3 * (u * (1 - u)) ** 3 / 3)
+
+
+def grade_variance(distance_m: Floats, length_m: float, roughness: float) -> Floats:
+    """Variance of the grade between knots about the cubic's: a Brownian bridge whose area is known."""
+    _, u, d = _locate(distance_m, length_m)
+    x = u * (1 - u)
+    return np.asarray(roughness * d * np.maximum(x - 3 * x**2, 0.0))
+
+
+def slope_rows(start_m: Floats, end_m: Floats, length_m: Floats) -> Floats:
+    """Rows (m, variables) that yield slopes of the parts [start_m, end_m]: the regression of height on distance.
+
+    All (m,), for segments with equal numbers of intervals. Exact for the cubics, by Gauss-Legendre quadrature.
+    Raises ``ValueError`` unless every start_m < end_m.
+    """
+    start, end, length = (np.asarray(v, float) for v in (start_m, end_m, length_m))
+    if not np.all(start < end):
+        raise ValueError("a slope needs a part of positive length")
+    intervals = int(interval_count(length[:1])[0]) if len(length) else 1
+    d = length / intervals
+    out = np.zeros((len(length), 2 * intervals + 2))
+    middle, moment = 0.5 * (start + end), (end - start) ** 3 / 12
+    for j in range(intervals):
+        low, high = np.clip(start, j * d, (j + 1) * d), np.clip(end, j * d, (j + 1) * d)
+        for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
+            x = 0.5 * (low + high) + 0.5 * (high - low) * node
+            share = 0.5 * (high - low) * weight * (x - middle) / moment
+            out[:, 2 * j : 2 * j + 4] += share[:, None] * np.column_stack(_cubic((x - j * d) / d, d))
+    return out
+
+
+def slope_row(start_m: float, end_m: float, length_m: float) -> Floats:
+    """``slope_rows`` for one segment: shape (variables,)."""
+    row: Floats = slope_rows(*(np.array([v]) for v in (start_m, end_m, length_m)))[0]
+    return row
+
+
+def smoothness(length_m: float, roughness: ArrayLike) -> Floats:
+    """Information matrix (variables, variables) of a grade that is a random walk of variance q per metre.
+
+    ``roughness`` is q (1/m), one for the segment or one an interval.
+    """
+    intervals = int(interval_count(length_m))
+    d = length_m / intervals
+    out = np.zeros((2 * intervals + 2, 2 * intervals + 2))
+    block = smoothness_block(d)
+    for j, q in enumerate(np.broadcast_to(np.asarray(roughness, float), (intervals,))):
+        out[2 * j : 2 * j + 4, 2 * j : 2 * j + 4] += block / q
+    return out
+
+
+def smoothness_block(spacing_m: float) -> Floats:
+    """Information (4, 4) over (h0, g0, h1, g1) of one interval for q = 1."""
+    d = spacing_m
+    step = np.array([[-1.0, -d, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])
+    inverse = np.array([[12 / d**3, -6 / d**2], [-6 / d**2, 4 / d]])
+    return np.asarray(step.T @ inverse @ step)
