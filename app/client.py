@@ -1,4 +1,4 @@
-"""The service seen from outside: the few requests behind ``versant upload`` and the demo."""
+"""The service seen from outside: the few requests behind ``versant upload``, ``reprocess`` and the demo."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import io
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self
@@ -59,6 +59,22 @@ class RemoteDrive:
     def final(self) -> bool:
         """Whether nothing more will happen to it by itself."""
         return self.status in FINAL_STATUSES
+
+
+@dataclass(frozen=True)
+class RemoteBatch:
+    """Drives that are processed again, as the service describes them."""
+
+    address: str
+    drives: int
+    done: int = 0
+    failed: int = 0
+    progress: float = 0.0
+
+    @property
+    def finished(self) -> int:
+        """Drives of which nothing more is to come."""
+        return self.done + self.failed
 
 
 def shown(progress: Progress) -> DriveSeen:
@@ -138,6 +154,28 @@ class Client:
                     f"Drive {drive_id} is still {drive.status} after {timeout_s:.0f} s. It goes on by "
                     "itself: look again later, and whether a worker runs."
                 )
+            time.sleep(pause)
+            pause = min(LAST_POLL_S, pause * 1.5)
+
+    def reprocess_all(self, method: str | None = None, from_method: str | None = None) -> RemoteBatch:
+        """Queue every finished drive of another method again; without ``method`` for the service's default."""
+        asked = {"method": method, "from_method": from_method}
+        params = {name: value for name, value in asked.items() if value is not None}
+        answer = self._request("POST", "/v1/drives/reprocess", params=params)
+        return RemoteBatch(answer.headers["Location"], int(answer.json()["queued"]))
+
+    def wait_for_batch(
+        self, batch: RemoteBatch, seen: Callable[[RemoteBatch], None] | None = None
+    ) -> RemoteBatch:
+        """Follow a batch until nothing of it is left to do; ``seen`` gets each state on the way."""
+        pause = FIRST_POLL_S
+        while True:
+            found = self._request("GET", batch.address).json()
+            batch = replace(batch, **{name: found[name] for name in ("drives", "done", "failed", "progress")})
+            if seen:
+                seen(batch)
+            if batch.finished >= batch.drives:
+                return batch
             time.sleep(pause)
             pause = min(LAST_POLL_S, pause * 1.5)
 

@@ -6,12 +6,12 @@ import hashlib
 import logging
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 from app.db import Sessions
-from app.store import dem, drives, identity, locks, queue, roads
+from app.store import batches, dem, drives, identity, locks, queue, roads
 from app.store.blobs import BlobStore, StoredBlob
 from app.store.rows import DemSet, DriveRow, ImportCounts
 from fusion.errors import RoadsError, TerrainError
@@ -101,6 +101,21 @@ def reprocess(
         if drive is not None:
             queue.enqueue(session, drive.id, drive.generation)
         return drive
+
+
+def reprocess_all(sessions: Sessions, method: str, from_method: str | None = None) -> tuple[datetime, int]:
+    """Queue every finished drive that is not of ``method`` (and is of ``from_method``) again, behind uploads.
+
+    Returns the moment by which the batch is known (``app.store.batches``) and how many drives it has. Raises
+    ``UnknownNameError`` for a method that there is not.
+    """
+    parse_options(method, {})
+    if from_method is not None:
+        parse_options(from_method, {})
+    with sessions.begin() as session:
+        moment, requests = batches.request_batch(session, method, from_method)
+        queue.enqueue_behind(session, requests)
+    return moment, len(requests)
 
 
 def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> bool:

@@ -26,7 +26,7 @@ from sqlalchemy import (
     func,
     text,
 )
-from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy.dialects.postgresql import ARRAY, JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 DRIVE_STATUSES = ("queued", "running", "done", "failed", "cancelled")
@@ -51,6 +51,7 @@ class Base(DeclarativeBase):
         datetime: DateTime(timezone=True),
         dict[str, Any]: JSONB,
         list[dict[str, Any]]: JSONB,
+        list[int]: ARRAY(BigInteger),
         float: Double,
     }
 
@@ -196,8 +197,62 @@ class DriveSegment(Base):
     first_at: Mapped[datetime]
     last_at: Mapped[datetime]
     provenance_id: Mapped[int] = mapped_column(ForeignKey("provenances.id", ondelete="CASCADE"), index=True)
+    in_network: Mapped[bool] = mapped_column(server_default=text("false"))
+    """The drive contributes factors: this is shown as its own estimate and not combined a second time."""
 
-    __table_args__ = (CheckConstraint("slope_sigma_percent > 0", name="sigma"),)
+    __table_args__ = (
+        CheckConstraint("slope_sigma_percent > 0", name="sigma"),
+        Index("ix_drive_segments_slope_only", "segment_id", postgresql_where=text("NOT in_network")),
+    )
+
+
+class DrivePass(Base):
+    """What one pass of a drive over a segment contributes to the network: a factor, in the library's encoding."""
+
+    __tablename__ = "drive_passes"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    """Also the pass's key inside the segment's evidence."""
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"))
+    segments: Mapped[list[int]]
+    """The segments that the factor speaks of: those passed before that it is conditional on, then its own."""
+    factor: Mapped[bytes]
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    accepted: Mapped[bool]
+    """Whether the pass is heard, or contradicts the others over its segment."""
+
+    __table_args__ = (
+        Index("ix_drive_passes_segment_id", "segment_id", "drive_id", postgresql_include=["accepted"]),
+        # Few passes are conditional on others; a road import looks through those that are.
+        Index("ix_drive_passes_conditional", "id", postgresql_where=text("cardinality(segments) > 1")),
+    )
+
+
+class SegmentEvidence(Base):
+    """All passes over a segment condensed into one: a cache that ``versant rebuild`` can make again."""
+
+    __tablename__ = "segment_evidence"
+
+    segment_id: Mapped[int] = mapped_column(
+        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    evidence: Mapped[bytes]
+
+
+class NetworkSlope(Base):
+    """What all factors together say of a segment; a gap between driven ones has 0 drives and observations."""
+
+    __tablename__ = "network_slopes"
+
+    segment_id: Mapped[int] = mapped_column(
+        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    drives: Mapped[int]
+    observations: Mapped[int]
 
 
 class DriveTrack(Base):
@@ -210,7 +265,10 @@ class DriveTrack(Base):
 
 
 class SegmentSlope(Base):
-    """All drives of one segment combined; a segment without an estimate has no row."""
+    """What is published of one segment: the network's slope combined with the estimates of slope-only drives.
+
+    A gap between driven segments has 0 drives and observations; a segment of which nothing is known has no row.
+    """
 
     __tablename__ = "segment_slopes"
 

@@ -11,7 +11,7 @@ import importlib.metadata
 import logging
 import threading
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -41,6 +41,8 @@ from fusion.types import MAX_SPEED_MPS, DriveLog, DriveResult, Ints, Track
 logger = logging.getLogger(__name__)
 
 MAX_ROAD_CHANGES = 5
+REJECTED_SHARE = 1 / 3
+"""A drive that contradicts the others on more of its segments than this gets a warning."""
 _LOOK_EVERY_S = 0.5
 
 _WGS84 = Geod(ellps="WGS84")
@@ -210,23 +212,23 @@ def _publish(
         dem_version_id=None if around.dem is None else around.dem.version_id,
     )
     with bench.sessions.begin() as session:
-        locks.share_network(session)
+        locks.own_network(session)
         if not drives.lock_running(session, drive.id, drive.generation):
             raise Discarded
         current = roads.current_road_version(session)
         if current is None or current.id != around.roads.version_id:
             return False
         tracks.save_track(session, drive.id, result.track, ids)
+        heard = slopes.save_result(session, drive.id, ids, result.slopes, provenance, result.factors)
         drives.mark_done(
             session,
             drive.id,
-            report=_report(result, provenance),
+            report=_report(result, provenance, heard),
             bounds=log.bounds_deg(),
             epochs=len(result.track),
             distance_m=track_length_m(result.track),
             drive_time=drive_time(log),
         )
-        slopes.save_result(session, drive.id, ids, result.slopes, provenance)
     return True
 
 
@@ -235,13 +237,25 @@ def drive_time(log: DriveLog) -> datetime | None:
     return None if NO_DATE in log.repaired else datetime.fromtimestamp(float(log.fix.time_s[0]), UTC)
 
 
-def _report(result: DriveResult, provenance: slopes.RunProvenance) -> dict[str, Any]:
+def _report(result: DriveResult, provenance: slopes.RunProvenance, heard: slopes.Hearing) -> dict[str, Any]:
     return {
         **result.report,
+        **hearing_report(result.report, heard),
         "code_version": provenance.code_version,
         "road_version": provenance.road_version_id,
         "dem_version": provenance.dem_version_id,
     }
+
+
+def hearing_report(report: Mapping[str, Any], heard: slopes.Hearing) -> dict[str, Any]:
+    """What the report says on how the drive agrees with the others over the same segments."""
+    warnings = list(report.get("warnings", ()))
+    if heard.rejected > REJECTED_SHARE * heard.segments:
+        warnings.append(
+            f"This drive contradicts other drives on {heard.rejected} of {heard.segments} segments and is not heard "
+            "there. Check its time, its sensors' axes and whether it is the same road; its other segments count."
+        )
+    return {"rejected_segments": heard.rejected, "warnings": warnings}
 
 
 def _fail(bench: Workbench, drive: DriveRow, stage: str, error: Exception) -> Outcome:

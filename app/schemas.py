@@ -47,6 +47,9 @@ OBSERVATION_EXAMPLE: dict[str, Any] = {
     "passes": 1,
     "first_at": "2026-11-20T07:55:31.000Z",
     "last_at": "2026-11-20T07:55:38.000Z",
+    "in_network": False,
+    "accepted": None,
+    "weight": 0.5316,
     "method": "particle",
     "options": {"particles": 100_000},
     "code_version": "0.1.0",
@@ -79,6 +82,7 @@ TERMINAL_STATUSES = frozenset({"done", "failed", "cancelled"})
 
 Moment = Annotated[datetime, PlainSerializer(utc_text, return_type=str, when_used="json-unless-none")]
 Percent = Annotated[float, BeforeValidator(lambda value: rounded(value, SLOPE_DIGITS))]
+Share = Annotated[float, BeforeValidator(lambda value: rounded(value, 4))]
 
 
 class Link(BaseModel):
@@ -143,7 +147,8 @@ class Drive(BaseModel):
     distance_m: float | None
     bbox: tuple[float, float, float, float] | None = Field(description="West, south, east, north; degrees.")
     report: dict[str, Any] | None = Field(
-        description="Of the last successful run: epochs, matched share, warnings, method, versions ..."
+        description="Of the last successful run: epochs, matched share, warnings, method, versions, on how many "
+        "segments it contradicts other drives (rejected_segments) ..."
     )
     links: list[Link]
 
@@ -179,6 +184,13 @@ class Observation(BaseModel):
     passes: int = Field(description="How often the drive went over the segment.")
     first_at: Moment
     last_at: Moment
+    in_network: bool = Field(description="Solved together with all drives, rather than averaged with them.")
+    accepted: bool | None = Field(
+        description="Whether the drive is heard here, or contradicts the others; null unless in_network."
+    )
+    weight: Share = Field(
+        description="Its share in the segment's slope, 0..1, by the inverse variance of its own estimate."
+    )
     method: str
     options: dict[str, Any]
     code_version: str

@@ -134,8 +134,10 @@ class Settings(BaseSettings):
         gt=0,
         description="Seconds without a sign of life after which a drive is given to another worker.",
     )
-    default_method: str = Field(
-        "particle", min_length=1, description="Estimator of drives uploaded without a method."
+    default_method: str | None = Field(
+        None,
+        min_length=1,
+        description="Estimator of drives uploaded without a method; unset: the default of `versant methods`.",
     )
     max_log_bytes: int = Field(
         _GIB // 2,

@@ -25,7 +25,7 @@ from app.db import make_engine, session_factory
 from app.process import Workbench, give_up, is_connection_loss, process_drive
 from app.reporting import Interrupted
 from app.settings import Settings, libpq_url
-from app.store.queue import QUEUE, TASK
+from app.store.queue import BEHIND, QUEUE, TASK
 
 logger = logging.getLogger(__name__)
 
@@ -90,7 +90,7 @@ def make_queue(url: str, bench: Workbench, begun: set[int]) -> procrastinate.App
 
 def _deaths(job: jobs.Job) -> int:
     """In how many runs of the job the worker died. Each lowers its priority by one: others go first."""
-    return -job.priority
+    return -(job.priority % BEHIND)
 
 
 def _hopeless(job: jobs.Job) -> str | None:

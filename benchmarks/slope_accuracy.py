@@ -2,18 +2,19 @@
 """Accuracy of road slopes against precise reference drives, beside the baselines in the same run.
 
     python benchmarks/slope_accuracy.py DATA_DIR [--method NAME] [--seeds N] [--profile m8|phone|f9p]
-                                        [--cut 60:40] [--drives N] [--option name=value] [--json FILE]
+                                        [--cut 60:40] [--drives N] [--sequences 09,10] [--option name=value]
+                                        [--json FILE]
 
 DATA_DIR holds sequences: ``ref_XX.csv`` (precise track) with ``truth_XX.csv`` (slope per segment), a road file
 whose name contains XX, and DEM tiles (``*.hgt``, ``*.tif``) if there are any; or one real log, ``log.csv`` with
 ``truth.csv`` and ``roads.osm``. From each ``ref_XX.csv`` the tool ``roadtruth.py`` (``--roadtruth PATH``, by default
 ``../tools`` beside DATA_DIR's parent) makes receiver logs, one a seed. With ``--drives N`` each score is of N drives
-combined, seeds s*N .. s*N+N-1.
+put together as ``versant fuse`` does, seeds s*N .. s*N+N-1. ``--sequences`` takes only some.
 
 For each sequence and method, means over the seeds (spread of the RMSE in brackets): RMSE and 90th percentile of
 |error| in percent of slope, coverage (share of truth segments with an estimate), share of errors within 1.96 sigma
 (pooled over the seeds), share of wrong signs among true slopes steeper than 1 %. The last column is the RMSE's ratio
-to the ``dem`` baseline (``raw`` where there is no DEM).
+to the ``dem`` baseline (``raw`` where there is no DEM). The rows ``all`` are means over the sequences, errors pooled.
 """
 
 from __future__ import annotations
@@ -27,18 +28,16 @@ import json
 import os
 import sys
 import tempfile
-from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 
-from fusion.combine import combine
+from app.cli.fuse_files import Fusion
 from fusion.errors import FusionError, MissingSensorError
-from fusion.formats import read_log
 from fusion.methods import DEFAULT_METHOD
-from fusion.pipeline import run_drive
+from fusion.pipeline import parse_options
 from fusion.roads.network import RoadTable
 from fusion.roads.osm import read_roads
 from fusion.terrain.dem import Dem
@@ -122,10 +121,14 @@ def load_tool(path: Path) -> ModuleType:
     return module
 
 
-def make_log(tool: ModuleType, sequence: Sequence, seed: int, args: argparse.Namespace, folder: Path) -> Path:
+def make_log(
+    tool: ModuleType | None, sequence: Sequence, seed: int, args: argparse.Namespace, folder: Path
+) -> Path:
     """A receiver's log of the sequence."""
     if sequence.log is not None:
         return sequence.log
+    if tool is None:
+        raise ValueError("a sequence without a log needs the tool that makes one")
     out = folder / f"{sequence.name}_{seed}.csv"
     wanted = SimpleNamespace(
         ref=str(sequence.reference), out=str(out), seed=seed, rate=1.0, profile=args.profile, cut=args.cut
@@ -136,37 +139,18 @@ def make_log(tool: ModuleType, sequence: Sequence, seed: int, args: argparse.Nam
 
 
 def estimate(
-    sequence: Sequence, log_path: Path, method: str, options: dict[str, str]
+    sequence: Sequence, logs: list[Path], method: str, options: dict[str, str]
 ) -> dict[Key, tuple[float, float]]:
-    """Slope and sigma by (way, from, to) from one log."""
-    try:
-        network, result = run_drive(
-            read_log(log_path), sequence.roads, sequence.dem, method=method, options=options
-        )
-    except MissingSensorError:
-        return {}
-    t = network.table
+    """Slope and sigma by (way, from, to) from logs, put together as ``versant fuse`` does."""
+    fusion = Fusion(method, parse_options(method, options), sequence.roads, sequence.dem)
+    for log in logs:
+        with contextlib.suppress(MissingSensorError):
+            fusion.add(log)
     return {
-        (int(t.osm_way_id[s.segment]), int(t.from_node[s.segment]), int(t.to_node[s.segment])): (
-            s.slope_percent,
-            s.slope_sigma_percent,
-        )
-        for s in result.slopes
+        (f.osm_way_id, f.from_node, f.to_node): (f.slope_percent, f.slope_sigma_percent)
+        for f in (fusion.features() if fusion.fused else ())
+        if f.slope_percent is not None and f.slope_sigma_percent is not None
     }
-
-
-def joined(drives: list[dict[Key, tuple[float, float]]]) -> dict[Key, tuple[float, float]]:
-    """Several drives' estimates, combined per segment."""
-    by_key: dict[Key, list[tuple[float, float]]] = defaultdict(list)
-    for drive in drives:
-        for key, value in drive.items():
-            by_key[key].append(value)
-    out = {}
-    for key, values in by_key.items():
-        slopes, sigmas = np.array(values).T
-        total = combine(slopes, sigmas, np.ones(len(values), int))
-        out[key] = (total.slope_percent, total.slope_sigma_percent)
-    return out
 
 
 def add_score(scores: Scores, truth: dict[Key, float], got: dict[Key, tuple[float, float]]) -> None:
@@ -187,7 +171,10 @@ def add_score(scores: Scores, truth: dict[Key, float], got: dict[Key, tuple[floa
 
 def run(args: argparse.Namespace) -> list[dict[str, object]]:
     """Score every sequence and method."""
-    sequences = find_sequences(args.data_dir)
+    wanted = None if args.sequences is None else args.sequences.split(",")
+    sequences = [s for s in find_sequences(args.data_dir) if wanted is None or s.name in wanted]
+    if not sequences:
+        sys.exit(f"{args.data_dir}: no sequence named {args.sequences}")
     options = dict(item.split("=", 1) for item in args.option)
     needs_tool = any(s.reference is not None for s in sequences)
     tool = (
@@ -196,36 +183,43 @@ def run(args: argparse.Namespace) -> list[dict[str, object]]:
         else None
     )
     methods = [args.method, *(m for m in BASELINES if m != args.method)]
-    rows = []
+    rows: list[dict[str, object]] = []
+    everything: list[dict[str, Scores]] = []
     with tempfile.TemporaryDirectory() as folder:
         for sequence in sequences:
             seeds = args.seeds if sequence.reference is not None else 1
             scores = {m: Scores([], [], [], [], []) for m in methods}
             for seed in range(seeds):
                 count = args.drives if sequence.reference is not None else 1
-                logs = [
-                    make_log(tool, sequence, seed * count + d, args, Path(folder))
-                    if tool or sequence.log
-                    else None
-                    for d in range(count)
-                ]
+                logs = [make_log(tool, sequence, seed * count + d, args, Path(folder)) for d in range(count)]
                 for method in methods:
                     chosen = options if method == args.method else {}
-                    drives = [estimate(sequence, p, method, chosen) for p in logs if p is not None]
-                    add_score(scores[method], sequence.truth, joined(drives))
+                    add_score(scores[method], sequence.truth, estimate(sequence, logs, method, chosen))
                 if sys.stderr.isatty():
                     print(f"\r{sequence.name}: seed {seed + 1}/{seeds} ", end="", file=sys.stderr)
-            rows += summarise(sequence, scores)
+            rows += summarise(sequence.name, scores)
+            everything.append(scores)
+    if len(everything) > 1:
+        rows += summarise("all", {m: pooled([scores[m] for scores in everything]) for m in methods})
     return rows
 
 
-def summarise(sequence: Sequence, scores: dict[str, Scores]) -> list[dict[str, object]]:
+def pooled(parts: list[Scores]) -> Scores:
+    """Figures of a seed averaged over the sequences; errors within 1.96 sigma counted together."""
+    columns = [
+        [float(np.mean(values)) for values in zip(*(getattr(p, name) for p in parts), strict=False)]
+        for name in ("rmse", "p90", "coverage", "wrong_sign")
+    ]
+    return Scores(*columns, inside=[inside for p in parts for inside in p.inside])
+
+
+def summarise(name: str, scores: dict[str, Scores]) -> list[dict[str, object]]:
     """One row a method; methods that yielded nothing are left out."""
     means = {m: float(np.mean(s.rmse)) for m, s in scores.items() if s.rmse}
     base = means.get("dem", means.get("raw", float("nan")))
     return [
         {
-            "sequence": sequence.name,
+            "sequence": name,
             "method": method,
             "rmse_percent": means[method],
             "rmse_spread": float(np.std(s.rmse)),
@@ -265,6 +259,7 @@ def main() -> None:
     parser.add_argument("--profile", default="m8", choices=("m8", "phone", "f9p"))
     parser.add_argument("--cut", action="append", metavar="START:LENGTH", help="seconds without GNSS")
     parser.add_argument("--drives", type=int, default=1)
+    parser.add_argument("--sequences", help="only these, separated by commas")
     parser.add_argument(
         "--option", action="append", default=[], metavar="NAME=VALUE", help="option of the method"
     )

@@ -38,7 +38,7 @@ def _locate(distance_m: Floats, length_m: float) -> tuple[Ints, Floats, float]:
     return interval, along - interval, spacing
 
 
-def _cubic(u: Floats, d: ArrayLike) -> tuple[Floats, Floats, Floats, Floats]:
+def _cubic(u: Floats, d: float | Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Weights of h0, g0, h1, g1 in the height at share ``u`` of an interval of length ``d``."""
     return 1 - 3 * u**2 + 2 * u**3, d * (u - 2 * u**2 + u**3), 3 * u**2 - 2 * u**3, d * (u**3 - u**2)
 

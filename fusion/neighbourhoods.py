@@ -26,7 +26,7 @@ def neighbourhood(
         return np.zeros(len(network), bool)
     distance = dijkstra(graph, directed=False, indices=sources, limit=radius_m, min_only=True)
     near = np.minimum(distance[start], distance[end]) <= radius_m
-    return (driven & near) | touched
+    return np.asarray((driven & near) | touched, np.bool_)
 
 
 def gap_rows(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
@@ -19,16 +20,22 @@ from numpy.typing import NDArray
 from fusion.frames import LocalProjection
 from fusion.types import Floats
 
-# Lightness falls steadily with steepness, and the flat end is still well visible on white: flat is a
-# measurement, and must not look like the grey of an unknown road.
-STEEPNESS = LinearSegmentedColormap.from_list(
-    "steepness", ["#58b7c8", "#8fbf5f", "#e8b52b", "#e2622b", "#a3123f", "#4a0634"]
-)
-UNKNOWN_COLOUR = "#b9b9b9"
+# Lightness falls steadily with steepness, so that colour-blind people and grey printers see the order; the flat end,
+# without viridis' palest tenth, is well visible on white: flat is a measurement, and must not look like the grey of
+# an unknown road.
+STEEPNESS = LinearSegmentedColormap.from_list("steepness", colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
+UNKNOWN_COLOUR = "#a9a9a9"
+UNKNOWN_WIDTH_PT, UNKNOWN_DASHES = 0.8, (0, (3, 2.5))
+OSM_CREDIT = "© OpenStreetMap contributors"
 SURE_SIGMA_PERCENT, UNSURE_SIGMA_PERCENT = 0.3, 3.0
 SURE_WIDTH_PT, UNSURE_WIDTH_PT = 5.0, 1.2
 SCALE_FLOOR_PERCENT = 4.0  # a colour scale of a flat town must not dramatise tenths of a percent
 DOUBT = 1.96  # an arrow needs a slope whose sign is beyond 95 % doubt
+ARROW_PERCENT = 1.0  # and steeper than this
+ARROW_COLOUR, INK = "white", "#20262b"
+ARROWS_ACROSS = 28
+MAP_IN, LEAST_IN, BESIDE_IN, BELOW_IN = 9.0, 6.5, 1.1, 1.4
+"""Longer side of the map, least width, room for the colour bar, room for title and key."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +68,13 @@ def line_widths(sigma_percent: Floats) -> Floats:
 def arrow_choice(
     middle_m: Floats, slope_percent: Floats, sigma_percent: Floats, spacing_m: float
 ) -> NDArray[np.int64]:
-    """Indices of segments that get an uphill arrow: sign beyond doubt, steepest first, ``spacing_m`` apart.
+    """Indices of segments that get an uphill arrow: steep and of a certain sign, steepest first, ``spacing_m``
+    apart.
 
     ``middle_m`` has shape (n, 2).
     """
     doubt = DOUBT * np.where(np.isfinite(sigma_percent), sigma_percent, np.inf)
-    sure = np.abs(slope_percent) > np.maximum(doubt, 0.5)
+    sure = np.abs(slope_percent) > np.maximum(doubt, ARROW_PERCENT)
     chosen: list[int] = []
     for i in np.argsort(-np.abs(np.where(sure, slope_percent, 0.0)), kind="stable"):
         if not sure[i]:
@@ -82,26 +90,42 @@ def draw_slope_map(
     segments: MapSegments,
     *,
     title: str = "Road slopes",
-    credit: str = "",
+    credit: str = OSM_CREDIT,
     dpi: int = 130,
 ) -> None:
-    """Write a PNG of the segments to ``out``; an unknown slope is a thin dashed grey line, never a colour.
+    """Write a PNG of the segments to ``out``; see ``slope_figure``."""
+    slope_figure(segments, title=title, credit=credit, dpi=dpi).savefig(out, format="png")
+
+
+def slope_figure(
+    segments: MapSegments, *, title: str = "Road slopes", credit: str = OSM_CREDIT, dpi: int = 130
+) -> Figure:
+    """The map; an unknown slope is a thin dashed grey line, never a colour.
 
     ``credit`` is the attribution printed below the map. Raises ``ValueError`` when there is no segment.
     """
     if not len(segments.lon0_deg):
         raise ValueError("There is no segment to draw.")
     lines = _lines_m(segments)
-    figure = Figure(figsize=(10.5, 9.0), dpi=dpi, layout="constrained")
+    figure = Figure(figsize=_size_in(lines), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     scale = _colour_scale(segments)
     _draw_unknown(axes, lines[~segments.known])
     _draw_known(axes, lines, segments, scale)
     _dress(axes, lines, title, credit)
-    bar = figure.colorbar(ScalarMappable(scale, STEEPNESS), ax=axes, shrink=0.6, pad=0.02, extend="max")
-    bar.set_label("steepness, % (arrows point uphill)")
-    figure.savefig(out, format="png")
+    bar = figure.colorbar(
+        ScalarMappable(scale, STEEPNESS), ax=axes, shrink=0.6, pad=0.02, aspect=28, extend="max"
+    )
+    bar.set_label("Steepness, % (arrows point uphill)")
+    return figure
+
+
+def _size_in(lines: Floats) -> tuple[float, float]:
+    """Width and height of a figure in which the map, of the roads' own shape, leaves no empty margins."""
+    width, height = np.maximum(np.ptp(lines.reshape(-1, 2), axis=0), 0.4 * _extent_m(lines))
+    scale = MAP_IN / max(width, height, 1e-9)
+    return max(width * scale, LEAST_IN) + BESIDE_IN, height * scale + BELOW_IN
 
 
 def _lines_m(segments: MapSegments) -> Floats:
@@ -120,7 +144,14 @@ def _colour_scale(segments: MapSegments) -> Normalize:
 
 def _draw_unknown(axes: Axes, lines: Floats) -> None:
     axes.add_collection(
-        LineCollection(list(lines), colors=UNKNOWN_COLOUR, linewidths=0.9, linestyles=(0, (3, 2)), zorder=1)
+        LineCollection(
+            list(lines),
+            colors=UNKNOWN_COLOUR,
+            linewidths=UNKNOWN_WIDTH_PT,
+            linestyles=UNKNOWN_DASHES,
+            zorder=1,
+            label="unknown",
+        )
     )
 
 
@@ -143,9 +174,11 @@ def _draw_known(axes: Axes, lines: Floats, segments: MapSegments, scale: Normali
         )
     colours = STEEPNESS(scale(np.abs(slope)))
     axes.add_collection(
-        LineCollection(list(lines[known]), colors=colours, linewidths=widths, capstyle="round", zorder=3)
+        LineCollection(
+            list(lines[known]), colors=colours, linewidths=widths, capstyle="round", zorder=3, label="known"
+        )
     )
-    _draw_arrows(axes, lines[known], slope, sigma, _extent_m(lines) / 28)
+    _draw_arrows(axes, lines[known], slope, sigma, _extent_m(lines) / ARROWS_ACROSS)
 
 
 def _draw_arrows(axes: Axes, lines: Floats, slope: Floats, sigma: Floats, spacing_m: float) -> None:
@@ -163,14 +196,14 @@ def _draw_arrows(axes: Axes, lines: Floats, slope: Floats, sigma: Floats, spacin
         pivot="middle",
         units="dots",
         scale_units="dots",
-        scale=1 / 11,
+        scale=1 / 12,
         width=1.0,
-        headwidth=11,
-        headlength=11,
-        headaxislength=8,
-        color="black",
-        edgecolor="white",
-        linewidth=0.5,
+        headwidth=12,
+        headlength=12,
+        headaxislength=9,
+        facecolor=ARROW_COLOUR,
+        edgecolor=INK,
+        linewidth=0.8,
         zorder=4,
     )
 
@@ -191,16 +224,45 @@ def _dress(axes: Axes, lines: Floats, title: str, credit: str) -> None:
     for side in axes.spines.values():
         side.set_color("#dddddd")
     _scale_bar(axes, lines)
-    keys: list[Line2D] = [
-        Line2D([], [], color="#777777", lw=float(line_widths(np.array([s]))[0]), label=f"sigma {s:g} %")
-        for s in (SURE_SIGMA_PERCENT, 1.0, UNSURE_SIGMA_PERCENT)
-    ]
-    keys.append(Line2D([], [], color=UNKNOWN_COLOUR, lw=0.9, ls=(0, (3, 2)), label="unknown"))
-    keys.append(Line2D([], [], color="black", lw=6, label="bridge (cased)"))
-    keys.append(Line2D([], [], color="black", lw=6, ls=(0, (0.5, 0.35)), label="tunnel (dashed case)"))
-    axes.figure.legend(  # beside the map: any corner inside it may hold roads
-        handles=keys, loc="outside lower right", fontsize=8, frameon=False, handlelength=3, ncols=len(keys)
+    axes.figure.legend(  # below the map: any corner inside it may hold roads
+        handles=_keys(),
+        loc="outside lower left",
+        fontsize=8,
+        frameon=False,
+        handlelength=3,
+        ncols=3,
+        title="Width: how certain the slope is (1 sigma)",
+        title_fontsize=8,
+        alignment="left",
     )
+
+
+def _keys() -> list[Line2D]:
+    """What the legend explains, column by column."""
+    widths = [
+        Line2D([], [], color="#777777", lw=float(line_widths(np.array([s]))[0]), label=label)
+        for s, label in (
+            (SURE_SIGMA_PERCENT, f"{SURE_SIGMA_PERCENT:g} % or less"),
+            (1.0, "1 %"),
+            (UNSURE_SIGMA_PERCENT, f"{UNSURE_SIGMA_PERCENT:g} % or more"),
+        )
+    ]
+    unknown = Line2D(
+        [], [], color=UNKNOWN_COLOUR, lw=UNKNOWN_WIDTH_PT, ls=UNKNOWN_DASHES, label="slope unknown"
+    )
+    uphill = Line2D(
+        [],
+        [],
+        ls="none",
+        marker=">",
+        ms=7,
+        mfc=ARROW_COLOUR,
+        mec=INK,
+        label=f"uphill, above {ARROW_PERCENT:g} %",
+    )
+    bridge = Line2D([], [], color="black", lw=6, label="bridge (cased)")
+    tunnel = Line2D([], [], color="black", lw=6, ls=(0, (0.5, 0.35)), label="tunnel (dashed case)")
+    return [*widths, unknown, uphill, bridge, tunnel]
 
 
 def _scale_bar(axes: Axes, lines: Floats) -> None:

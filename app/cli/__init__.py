@@ -22,6 +22,8 @@ COMMANDS = {
     "import-roads": "app.cli.imports",
     "import-dem": "app.cli.imports",
     "upload": "app.cli.upload",
+    "reprocess": "app.cli.reprocess",
+    "rebuild": "app.cli.rebuild",
     "fuse": "app.cli.fuse",
     "track": "app.cli.track",
     "simulate": "app.cli.simulate",

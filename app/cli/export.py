@@ -33,7 +33,10 @@ def export(
     bbox: Annotated[
         str | None, typer.Option(metavar="W,S,E,N", help="Only segments that meet this box, degrees.")
     ] = None,
-    driven: Annotated[bool, typer.Option("--driven", help="Only segments with a slope.")] = False,
+    driven: Annotated[bool, typer.Option("--driven", help="Only segments that were driven.")] = False,
+    gaps: Annotated[
+        bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
+    ] = False,
     data_dir: DataDir = None,
     json_file: JsonFile = None,
 ) -> None:
@@ -49,19 +52,21 @@ def export(
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
         terrain = dem.current_dem(session, settings.dem_dir)
         source = attribution(terrain.names if terrain else ())
-        features = _features(session, box, driven, bars.work(out.name))
+        features = _features(session, box, driven, gaps, bars.work(out.name))
         count = write(features, out, source=source)
     typer.echo(f"{out}: {count} segments.")
     write_json(json_file, {"file": str(out), "segments": count})
 
 
 def _features(
-    session: Session, box: Box | None, driven: bool, progress: Progress
+    session: Session, box: Box | None, driven: bool, gaps: bool, progress: Progress
 ) -> Iterator[SegmentFeature]:
     wanted = True if driven else None
     total = max(segments.count_segments(session, bbox=box, driven=wanted), 1)
     after, done = 0, 0
-    while rows := segments.segment_items(session, bbox=box, after_id=after, limit=PAGE, driven=wanted):
+    while rows := segments.segment_items(
+        session, bbox=box, after_id=after, limit=PAGE, driven=wanted, gaps=gaps
+    ):
         for row in rows:
             yield SegmentFeature(**vars(row))
         after, done = rows[-1].id, done + len(rows)

@@ -15,7 +15,7 @@ from app.cli.options import JsonFile, in_a_folder, parse_assignments
 from app.outputs import output_for, write
 from app.outputs.attribution import attribution
 from app.outputs.features import collection_chunks
-from app.outputs.profile import build_profile
+from app.outputs.profile import build_profile, table_facts
 from app.outputs.profile_png import profile_png
 from app.outputs.track import track_chunks
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
@@ -31,7 +31,9 @@ app = typer.Typer(add_completion=False)
 @app.command("fuse")
 def fuse(
     ctx: typer.Context,
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Drive logs; several are combined.")],
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Drive logs; several are put together.")
+    ],
     roads: Annotated[
         Path, typer.Option(metavar="FILE", help="OpenStreetMap roads: .osm, .osm.gz, .osm.pbf.")
     ],
@@ -44,6 +46,9 @@ def fuse(
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="Option of the method; may be given several times."),
     ] = None,
+    gaps: Annotated[
+        bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -83,7 +88,7 @@ def fuse(
         table = read_roads(roads, bars.work(roads.name))
         fusion = Fusion(method, chosen, table, terrain)
         outcomes = [_one(fusion, path, console, bars) for path in logs]
-        features = fusion.features()
+        features = fusion.features(gaps=gaps)
     source = attribution(path.name for path in dem or ())
     if fusion.fused and out is None:
         sys.stdout.writelines(collection_chunks(features, {"attribution": source}))
@@ -132,9 +137,10 @@ def _pictures(
     estimated = one.result.track
     if profile is not None:
         slopes = {s.segment: (s.slope_percent, s.slope_sigma_percent) for s in one.result.slopes}
-        columns = build_profile(estimated, estimated.segment, slopes)
+        facts = table_facts(one.network.table, estimated.segment)
+        columns = build_profile(estimated, estimated.segment, slopes, facts)
         path = _numbered(profile, number)
-        path.write_bytes(profile_png(columns, one.path.name))
+        path.write_bytes(profile_png(columns, one.path.name, one.result.measurements))
         console.note(f"{path}: profile of {one.path.name}.")
     if track is not None:
         path = _numbered(track, number)

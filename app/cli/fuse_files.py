@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,33 +12,28 @@ from typing import Any
 
 import numpy as np
 
+from app.cli.fuse_network import network_parts
 from app.outputs.features import SegmentFeature
-from fusion.combine import combine
+from app.published import Part, published
+from app.window import rows_of
 from fusion.formats import read_log
 from fusion.methods.base import Options
 from fusion.pipeline import run_drive
 from fusion.roads.network import RoadNetwork, RoadTable
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
-from fusion.types import DriveResult, Ints, Progress, SegmentSlope, no_progress
-
-SegmentKey = tuple[int, int, int]
-"""(osm_way_id, from_node, to_node)."""
+from fusion.types import DriveResult, Ints, Progress, no_progress
 
 
 @dataclass(frozen=True)
 class FusedLog:
-    """One log's result, and the network that its segment indices refer to."""
+    """One log's result; ``rows`` are those of the road file that the result's segment indices refer to."""
 
     path: Path
     network: RoadNetwork
+    rows: Ints
     result: DriveResult
     seconds: float
-
-    def key(self, segment: int) -> SegmentKey:
-        """The identity of a segment of the network."""
-        table = self.network.table
-        return int(table.osm_way_id[segment]), int(table.from_node[segment]), int(table.to_node[segment])
 
 
 @dataclass
@@ -66,42 +61,32 @@ class Fusion:
         network, result = run_drive(
             log, self.roads, self.dem, method=self.method, options=self.options, progress=progress
         )
-        fused = FusedLog(path, network, result, time.perf_counter() - started)
+        rows = rows_of(self.roads, network.table)
+        fused = FusedLog(path, network, rows, result, time.perf_counter() - started)
         self.fused.append(fused)
         return fused
 
-    def features(self, now: datetime | None = None) -> list[SegmentFeature]:
-        """Every segment with a slope, in the order of the road file; sigma and counts as in the service."""
-        estimates: dict[SegmentKey, list[SegmentSlope]] = {}
+    def features(self, now: datetime | None = None, *, gaps: bool = False) -> list[SegmentFeature]:
+        """Every segment with a slope, in the order of the road file; sigma and counts as in the service.
+
+        ``gaps``: also undriven segments between driven ones, with 0 drives.
+        """
+        parts = network_parts(self.roads, self.dem, self.fused)
         for one in self.fused:
-            for slope in one.result.slopes:
-                estimates.setdefault(one.key(slope.segment), []).append(slope)
-        table = self.roads.subset(_rows(self.roads, estimates))
+            for slope in () if one.result.factors else one.result.slopes:
+                said = Part(slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations)
+                parts.setdefault(int(one.rows[slope.segment]), []).append(said)
+        shown = sorted(row for row, of_row in parts.items() if gaps or any(part.drives for part in of_row))
+        table = self.roads.subset(np.array(shown, np.int64))
         terrain = dem_slopes(self.dem, table) if self.dem else np.full(len(table), np.nan)
         now = now or datetime.now(UTC)
-        return [
-            _feature(table, k, estimates[_key(table, k)], float(terrain[k]), now) for k in range(len(table))
-        ]
-
-
-def _key(table: RoadTable, row: int) -> SegmentKey:
-    return int(table.osm_way_id[row]), int(table.from_node[row]), int(table.to_node[row])
-
-
-def _rows(table: RoadTable, wanted: Mapping[SegmentKey, object]) -> Ints:
-    ways = np.array(sorted({way for way, _, _ in wanted}), np.int64)
-    candidates = np.flatnonzero(np.isin(table.osm_way_id, ways))
-    return np.array([row for row in candidates if _key(table, int(row)) in wanted], np.int64)
+        return [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
 
 
 def _feature(
-    table: RoadTable, row: int, estimates: Sequence[SegmentSlope], dem_slope: float, now: datetime
+    table: RoadTable, row: int, parts: Sequence[Part], dem_slope: float, now: datetime
 ) -> SegmentFeature:
-    total = combine(
-        np.array([e.slope_percent for e in estimates]),
-        np.array([e.slope_sigma_percent for e in estimates]),
-        np.array([e.observations for e in estimates]),
-    )
+    total = published(parts)
     name = table.name[row]
     return SegmentFeature(
         id=None,

@@ -51,8 +51,8 @@ def remarks(counts: ImportCounts) -> list[str]:
     lines = []
     if counts.measured_lost:
         lines.append(
-            f"{counts.measured_lost} of the {counts.moved + counts.dropped} moved or dropped segments had slopes, "
-            f"from {counts.drives_affected} drive(s); reprocess those drives to measure again."
+            f"{counts.measured_lost} segments lost measured slopes, because they or the roads that lead to them were "
+            f"moved or dropped, from {counts.drives_affected} drive(s); reprocess those drives to measure again."
         )
     if counts.skipped:
         reasons = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.skipped.items()))
@@ -74,7 +74,8 @@ def import_dem(
 ) -> None:
     """Add elevation rasters to the terrain that drives and roads are compared with.
 
-    The rasters are copied. Drives processed before keep their estimates until they are processed again.
+    The rasters are copied. Drives processed before keep their estimates until they are processed again;
+    `versant rebuild` lets the network as a whole take the new terrain into account.
     """
     console: Console = ctx.obj
     started = time.perf_counter()

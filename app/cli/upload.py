@@ -10,8 +10,8 @@ import typer
 
 from app.cli.console import Bars, Console, write_json
 from app.cli.options import JsonFile, parse_assignments
-from app.client import Client, ClientError, RemoteDrive, shown
-from app.settings import load_settings
+from app.cli.remote import Server, service_client
+from app.client import Client, RemoteDrive, shown
 from fusion.errors import FusionError
 
 app = typer.Typer(add_completion=False)
@@ -51,9 +51,7 @@ class Upload:
 def upload(
     ctx: typer.Context,
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Drive logs, gzipped or not.")],
-    server: Annotated[
-        str | None, typer.Option(metavar="URL", help="Address of the service.  [default: VERSANT_SERVER]")
-    ] = None,
+    server: Server = None,
     method: Annotated[str | None, typer.Option(help="Estimator; without it the service's default.")] = None,
     option: Annotated[
         list[str] | None,
@@ -69,7 +67,7 @@ def upload(
     console: Console = ctx.obj
     options = parse_assignments(option or [])
     uploads = [Upload(path) for path in files]
-    with _client(server) as client, console.progress() as bars:
+    with service_client(server) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         for one in uploads:
             _send(client, one, method, options, bars, console)
@@ -81,15 +79,6 @@ def upload(
     write_json(json_file, {"server": client.server, "uploads": rows})
     if any(one.failed for one in uploads):
         raise typer.Exit(1)
-
-
-def _client(server: str | None) -> Client:
-    if server is None:
-        return Client(load_settings().server)
-    try:
-        return Client(server)
-    except ClientError as error:
-        raise typer.BadParameter(str(error), param_hint="'--server'") from error
 
 
 def _send(

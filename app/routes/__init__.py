@@ -6,6 +6,7 @@ from fastapi import APIRouter
 
 from app.routes import (
     admin,
+    batches,
     drive_parts,
     drives,
     events,
@@ -19,6 +20,7 @@ from app.routes import (
 
 ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
+    batches.router,  # before drives: its path would else be taken for a drive's
     drives.router,
     events.router,
     drive_parts.router,

@@ -104,7 +104,8 @@ def drive_profile(
 def drive_segments(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Response:
     """Slope and sigma of each segment **from this drive alone**, in the order of driving.
 
-    Besides the usual properties: `passes`, `first_at`, `last_at`, and what all drives together say:
+    Besides the usual properties: `passes`, `first_at`, `last_at`, `in_network` and `accepted` (as among a
+    segment's observations), and what all drives together say:
     `combined_slope_percent`, `combined_slope_sigma_percent`, `combined_drives`. Empty before the first run.
     """
     with service.reading() as session:
@@ -151,6 +152,8 @@ def _estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:
         "passes": estimate.passes,
         "first_at": utc_text(estimate.first_at),
         "last_at": utc_text(estimate.last_at),
+        "in_network": estimate.in_network,
+        "accepted": estimate.accepted,
         "combined_slope_percent": rounded(combined.slope_percent, SLOPE_DIGITS),
         "combined_slope_sigma_percent": rounded(combined.slope_sigma_percent, SLOPE_DIGITS),
         "combined_drives": combined.drives,

@@ -54,7 +54,7 @@ BIND_NOTE = (
 )
 ITEMS_SCHEMA = 1
 """Raise it whenever items change without their data changing, so that caches notice."""
-ITEM_PARAMETERS = frozenset({"bbox", "limit", "driven", "datetime", "after", "f"})
+ITEM_PARAMETERS = frozenset({"bbox", "limit", "driven", "gaps", "datetime", "after", "f"})
 
 FormatQuery = Annotated[str | None, Query(description="Only `json`; for clients that ask for it.")]
 
@@ -147,7 +147,13 @@ def items(
         int | None, Query(ge=1, description="Items per page; reduced to the service's maximum.")
     ] = None,
     driven: Annotated[
-        bool | None, Query(description="Only segments with (true) or without (false) a slope.")
+        bool | None, Query(description="Only segments that were (true) or were not (false) driven.")
+    ] = None,
+    gaps: Annotated[
+        bool | None,
+        Query(
+            description="With true, undriven segments between driven ones come with the slope that follows."
+        ),
     ] = None,
     datetime_: Annotated[
         str | None,
@@ -163,7 +169,8 @@ def items(
 ) -> Response:
     """Follow the `next` link until there is none: every matching segment comes exactly once.
 
-    `numberMatched` is given where it costs nothing: when all matching segments are on one page.
+    `numberMatched` is given where it costs nothing: when all matching segments are on one page. A segment with
+    a slope and 0 drives is a gap (see `gaps`): its slope comes from the roads on both its sides.
     """
     _only_json(request, f, ITEM_PARAMETERS)
     check_datetime(datetime_)
@@ -175,10 +182,12 @@ def items(
         if etag_matches(request, etag):
             return Response(status_code=304, headers=headers)
         # One more than shown tells whether there is a next page.
-        rows = segments.segment_items(session, bbox=box, after_id=after, limit=size + 1, driven=driven)
+        rows = segments.segment_items(
+            session, bbox=box, after_id=after, limit=size + 1, driven=driven, gaps=bool(gaps)
+        )
         source = _attribution(service, session)
     shown, more = rows[:size], len(rows) > size
-    query = {"bbox": bbox, "limit": size, "driven": driven, "datetime": datetime_}
+    query = {"bbox": bbox, "limit": size, "driven": driven, "gaps": gaps, "datetime": datetime_}
     here = f"{base}/collections/{COLLECTION}/items"
     links = [
         link(with_query(here, **query, after=after or None), "self", GEO_JSON),

@@ -9,13 +9,15 @@ from typing import Annotated, Any
 from fastapi import Query
 
 from app.errors import BadRequestError
+from app.settings import Settings
+from fusion.methods import DEFAULT_METHOD
 from fusion.pipeline import parse_options
 
 MethodQuery = Annotated[
     str | None,
     Query(
         description="The estimator (`versant methods` lists them); unset: the service's default.",
-        examples=["particle"],
+        examples=[DEFAULT_METHOD],
     ),
 ]
 OptionsQuery = Annotated[
@@ -26,6 +28,11 @@ OptionQuery = Annotated[
     list[str],
     Query(description="One option as `name:value`; may be repeated.", examples=[["particles:10000"]]),
 ]
+
+
+def default_method(settings: Settings) -> str:
+    """The estimator of who names none: that of the settings, else the library's."""
+    return settings.default_method or DEFAULT_METHOD
 
 
 def asked_options(options: str | None, option: Sequence[str]) -> dict[str, Any] | None:

@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from app import ingest
 from app.routes.deps import BaseUrl, ServiceDep, problems
 from app.routes.drive_links import accepted, drive_address
-from app.routes.options import MethodQuery, OptionQuery, OptionsQuery, asked_options, checked
+from app.routes.options import MethodQuery, OptionQuery, OptionsQuery, asked_options, checked, default_method
 from app.schemas import DriveAccepted
 from app.uploads import receive_upload
 
@@ -71,7 +71,7 @@ async def upload_drive(
     use `reprocess` to compute it anew.
     """
     settings = service.settings
-    wanted = method or settings.default_method
+    wanted = method or default_method(settings)
     chosen = checked(wanted, asked_options(options, option) or {})
     blob, name = await receive_upload(request, service.blobs, settings.max_upload_bytes)
     row, created = await run_in_threadpool(

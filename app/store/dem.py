@@ -25,8 +25,9 @@ from rasterio.warp import transform_bounds
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.store import locks, roads, slopes
+from app.store import locks, roads
 from app.store.rows import DemSet
+from app.store.version import bump_data_version
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
 from fusion.terrain import Dem, dem_slopes, refuse_void
@@ -97,7 +98,8 @@ def add_dem(
 
     A raster that is in the set already changes nothing; one with the name of an active raster but other bytes
     takes its place. Names are compared without regard to case: N50E007.hgt and n50e007.HGT are one tile.
-    Drives processed before keep their estimates. Waits for running writers of estimates.
+    Drives processed before keep their estimates; the network takes the new slopes into account where later
+    drives pass, or by ``rebuild_network``. Waits for running writers of estimates.
     """
     locks.own_network(session)
     active = session.execute(_ACTIVE).one_or_none()
@@ -115,7 +117,7 @@ def add_dem(
         listed = json.dumps([asdict(source) for source in whole])
         session.execute(_ADD, {"sources": listed, "datum": dem.datum})
         _renew_slopes(session, dem, [dem_dir / source.uri for source in [*new, *gone]], progress)
-    slopes.bump_data_version(session)
+    bump_data_version(session)
     found = current_dem(session, dem_dir)
     assert found is not None  # noqa: S101  (inserted above)
     return found

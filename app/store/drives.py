@@ -212,14 +212,11 @@ def delete_drive(session: Session, drive_id: uuid.UUID) -> bool:
 
     The blob is the caller's to delete after the commit (``app.ingest.remove_drive``).
     """
-    locks.share_network(session)
+    locks.own_network(session)
     if session.execute(select(Drive.id).where(Drive.id == drive_id).with_for_update()).scalar() is None:
         return False
-    touched = slopes.lock_segments(session, slopes.estimated_segments(session, drive_id))
+    slopes.remove_result(session, drive_id)
     session.execute(text("DELETE FROM drives WHERE id = :id"), {"id": drive_id})
-    slopes.refresh_aggregates(session, touched)
-    if touched:
-        slopes.bump_data_version(session)
     return True
 
 

@@ -56,6 +56,7 @@ class DrivePlace(NamedTuple):
 class SegmentRow:
     """A segment with its combined slope; undriven: slope, sigma and ``updated_at`` None, counts 0.
 
+    A gap between driven segments, where gaps are asked for, has a slope and counts 0.
     ``coordinates`` are ((lon, lat) of from_node, (lon, lat) of to_node), degrees; ``oneway`` is 1 along the
     way, -1 against it, 0 both.
     """
@@ -81,7 +82,10 @@ class SegmentRow:
 
 @dataclass(frozen=True)
 class DriveSegmentRow:
-    """One drive's estimate of one segment; ``segment`` carries the combination of all drives."""
+    """One drive's estimate of one segment; ``segment`` carries the combination of all drives.
+
+    ``in_network`` and ``accepted``: as in ``ObservationRow``.
+    """
 
     segment: SegmentRow
     slope_percent: float
@@ -90,11 +94,18 @@ class DriveSegmentRow:
     passes: int
     first_at: datetime
     last_at: datetime
+    in_network: bool
+    accepted: bool | None
 
 
 @dataclass(frozen=True)
 class ObservationRow:
-    """One drive behind a segment's slope, with the provenance of its estimate."""
+    """One drive behind a segment's slope, with the provenance of its estimate.
+
+    ``in_network``: the drive contributes factors, which are solved with all others. ``accepted``: whether any
+    of its passes over the segment is heard; None for a slope-only drive. ``weight`` is its share in the slope,
+    0 to 1, by the inverse variance of its own estimate.
+    """
 
     drive_id: uuid.UUID
     drive_time: datetime | None
@@ -104,6 +115,9 @@ class ObservationRow:
     passes: int
     first_at: datetime
     last_at: datetime
+    in_network: bool
+    accepted: bool | None
+    weight: float
     method: str
     options: dict[str, Any]
     code_version: str
@@ -140,7 +154,8 @@ class StoredRoads:
 class ImportCounts:
     """What a road import did: ``kept + moved + added`` is the size of the new network.
 
-    ``measured_lost`` of the moved and dropped segments had measured slopes, from ``drives_affected`` drives.
+    ``measured_lost`` segments lose what ``drives_affected`` drives had measured on them: moved and dropped ones,
+    and such as were measured in dependence on one of those.
     ``skipped`` counts, by reason, the node pairs of the file that are no segment (``RoadTable.skipped``).
     """
 

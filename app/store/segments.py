@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -22,7 +23,10 @@ SEGMENT_COLUMNS = """
     ST_X(ST_StartPoint(s.geom)) AS lon0, ST_Y(ST_StartPoint(s.geom)) AS lat0,
     ST_X(ST_EndPoint(s.geom)) AS lon1, ST_Y(ST_EndPoint(s.geom)) AS lat1
 """
-FROM_SEGMENTS = " FROM segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id "
+FROM_SEGMENTS_AND_GAPS = " FROM segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id "
+
+# A gap's slope comes from the driven segments on both its sides: only who asks for gaps sees it.
+FROM_SEGMENTS = FROM_SEGMENTS_AND_GAPS + "AND a.drives > 0 "
 
 _IN_BOX = " AND ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, :east, :north, 4326))"
 
@@ -31,7 +35,7 @@ _IN_BOX_ACROSS = (
     " AND (ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, 180, :north, 4326))"
     " OR ST_Intersects(s.geom, ST_MakeEnvelope(-180, :south, :east, :north, 4326)))"
 )
-_DRIVEN = {None: "", True: " AND a.segment_id IS NOT NULL", False: " AND a.segment_id IS NULL"}
+_DRIVEN = {None: "", True: " AND a.drives > 0", False: " AND coalesce(a.drives, 0) = 0"}
 
 
 def segment_items(
@@ -41,14 +45,18 @@ def segment_items(
     after_id: int = 0,
     limit: int = 100,
     driven: bool | None = None,
+    gaps: bool = False,
 ) -> list[SegmentRow]:
     """At most ``limit`` segments with an id above ``after_id``, by ascending id.
 
     ``bbox`` keeps those that meet the box (degrees; west > east: across the antimeridian), ``driven`` those
-    with (True) or without (False) an estimate. Going on from the last id reaches every segment once.
+    that were (True) or were not (False) driven. With ``gaps`` undriven segments between driven ones come with
+    the slope that the network gives them, else without one, like all undriven segments. Going on from the last
+    id reaches every segment once.
     """
     where, values = _filters(bbox, driven)
-    query = "SELECT" + SEGMENT_COLUMNS + FROM_SEGMENTS + "WHERE s.id > :after_id" + where
+    source = FROM_SEGMENTS_AND_GAPS if gaps else FROM_SEGMENTS
+    query = "SELECT" + SEGMENT_COLUMNS + source + "WHERE s.id > :after_id" + where
     query += " ORDER BY s.id LIMIT :limit"
     found = session.execute(text(query), {"after_id": after_id, "limit": limit, **values})
     return [segment_row(row) for row in found]
@@ -70,7 +78,19 @@ def get_segment(session: Session, segment_id: int) -> SegmentRow | None:
 
 def segment_observations(session: Session, segment_id: int) -> list[ObservationRow]:
     """The drives behind a segment's slope, latest drive first; empty for an undriven or unknown segment."""
-    return [ObservationRow(**row._mapping) for row in session.execute(_OBSERVATIONS, {"id": segment_id})]
+    rows = [dict(row._mapping) for row in session.execute(_OBSERVATIONS, {"id": segment_id})]
+    information = [_information(row) for row in rows]
+    total = sum(information)
+    return [
+        ObservationRow(**row, weight=part / total if total else 0.0)
+        for row, part in zip(rows, information, strict=True)
+    ]
+
+
+def _information(row: Mapping[str, Any]) -> float:
+    """What an estimate contributes, 1/percent squared: nothing where a drive of the network is not heard."""
+    heard = row["accepted"] if row["in_network"] else True
+    return float(row["slope_sigma_percent"]) ** -2 if heard else 0.0
 
 
 def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegmentRow]:
@@ -84,6 +104,8 @@ def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegme
             passes=row.passes,
             first_at=row.first_at,
             last_at=row.last_at,
+            in_network=row.in_network,
+            accepted=row.accepted,
         )
         for row in session.execute(_OF_DRIVE, {"drive_id": drive_id})
     ]
@@ -95,33 +117,34 @@ def segment_row(row: Row[Any]) -> SegmentRow:
     return SegmentRow(**dict(zip(_PROPERTIES, row, strict=False)), coordinates=ends)
 
 
-# The drives behind a segment, each with how its estimate was made.
+# The drives behind a segment, each with how its estimate was made, and whether any pass of it is heard.
 _OBSERVATIONS = text(
     """
     SELECT d.id AS drive_id, d.drive_time, e.slope_percent, e.slope_sigma_percent, e.observations, e.passes,
-           e.first_at, e.last_at, p.method, p.options, p.code_version, p.road_version_id, p.dem_version_id,
-           p.created_at AS estimated_at
+           e.first_at, e.last_at, e.in_network, h.accepted, p.method, p.options, p.code_version,
+           p.road_version_id, p.dem_version_id, p.created_at AS estimated_at
     FROM drive_segments AS e
     JOIN drives AS d ON d.id = e.drive_id
     JOIN provenances AS p ON p.id = e.provenance_id
+    LEFT JOIN (SELECT drive_id, bool_or(accepted) AS accepted FROM drive_passes WHERE segment_id = :id
+               GROUP BY drive_id) AS h ON h.drive_id = e.drive_id
     WHERE e.segment_id = :id
     ORDER BY e.first_at DESC, d.id
     """
 )
 
 # A drive's own estimates beside the combination of all drives.
-_OF_DRIVE = text(
-    "SELECT"
-    + SEGMENT_COLUMNS
-    + """, e.slope_percent AS own_slope, e.slope_sigma_percent AS own_sigma,
-    e.observations AS own_observations, e.passes, e.first_at, e.last_at
+_OWN = """, e.slope_percent AS own_slope, e.slope_sigma_percent AS own_sigma,
+    e.observations AS own_observations, e.passes, e.first_at, e.last_at, e.in_network, h.accepted
     FROM drive_segments AS e
     JOIN segments AS s ON s.id = e.segment_id
-    LEFT JOIN segment_slopes AS a ON a.segment_id = s.id
+    LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
+    LEFT JOIN (SELECT segment_id, bool_or(accepted) AS accepted FROM drive_passes WHERE drive_id = :drive_id
+               GROUP BY segment_id) AS h ON h.segment_id = s.id
     WHERE e.drive_id = :drive_id
     ORDER BY e.first_at, s.id
-    """
-)
+"""
+_OF_DRIVE = text("SELECT" + SEGMENT_COLUMNS + _OWN)
 
 
 def _filters(bbox: Bounds | None, driven: bool | None) -> tuple[str, dict[str, float]]:

@@ -7,8 +7,9 @@ from typing import Any
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.store import roads, slopes
+from app.store import roads
 from app.store.rows import AdminStats
+from app.store.version import data_version
 
 _BY_STATUS = text("SELECT status, count(*) FROM drives GROUP BY status ORDER BY status")
 
@@ -39,6 +40,7 @@ _DRIVEN_KM = text(
     """
     SELECT s.highway, sum(s.length_m) / 1000
     FROM segment_slopes AS a JOIN segments AS s ON s.id = a.segment_id
+    WHERE a.drives > 0
     GROUP BY s.highway ORDER BY 2 DESC
     """
 )
@@ -47,7 +49,7 @@ _TOTALS = text(
     """
     SELECT (SELECT count(*) FROM segments) AS segments,
            (SELECT coalesce(sum(length_m), 0) / 1000 FROM segments) AS network_km,
-           (SELECT count(*) FROM segment_slopes) AS segments_driven,
+           (SELECT count(*) FROM segment_slopes WHERE drives > 0) AS segments_driven,
            (SELECT count(*) FROM drives) AS drives,
            (SELECT coalesce(sum(distance_m), 0) / 1000 FROM drives) AS driven_distance_km,
            (SELECT coalesce(sum(size_bytes), 0) FROM drives) AS uploaded_bytes,
@@ -75,7 +77,7 @@ def admin_stats(session: Session, *, days: int = 30) -> AdminStats:
         drives=totals.drives,
         driven_distance_km=float(totals.driven_distance_km),
         uploaded_bytes=int(totals.uploaded_bytes),
-        data_version=slopes.data_version(session),
+        data_version=data_version(session),
         road_version=roads.current_road_version(session),
         dem_version_id=totals.dem_version_id,
     )

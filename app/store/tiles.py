@@ -33,7 +33,7 @@ _MVT = text(
         SELECT s.id, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives, s.highway,
                s.oneway, ST_AsMVTGeom(s.geom_3857, box.tile, :extent, :buffer, true) AS geom
         FROM box JOIN segments AS s ON s.geom_3857 && box.wide
-        LEFT JOIN segment_slopes AS a ON a.segment_id = s.id
+        LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
         WHERE CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL
     )
     SELECT ST_AsMVT(feature, :layer, :extent, 'geom', 'id') FROM feature WHERE geom IS NOT NULL

@@ -1,7 +1,7 @@
 """A linear Gaussian filter and smoother over steps with scalar measurements, in plain arrays.
 
-The smoother is the disturbance form of the fixed-interval smoother (Bryson & Frazier 1969; Durbin & Koopman 2012, 4.4-4.5
-and 6.4): it inverts nothing, so states that are constant or that nobody measures do no harm, and it yields the
+The smoother is the disturbance form of the fixed-interval smoother (Bryson & Frazier 1969; Durbin & Koopman 2012,
+4.4-4.5 and 6.4): it inverts nothing, so states that are constant or that nobody measures do no harm, and it yields the
 leave-one-out residual of every measurement on the way.
 """
 
@@ -46,11 +46,14 @@ class LinearModel:
         """Means and covariances of every state given all measurements."""
         mean, covariance, innovation, scale, gain, likelihood = self._filtered()
         residual, precision = np.empty(len(self.step)), np.empty(len(self.step))
+        break_score = np.zeros(mean.shape)
         run_backward(
             self.transition, self.first_row, self.design, mean, covariance, innovation, scale, gain,
-            residual, precision,
+            residual, precision, break_score,
         )  # fmt: skip
-        return Smoothed(mean, covariance, residual / precision, 1.0 / precision, float(likelihood))
+        return Smoothed(
+            mean, covariance, residual / precision, 1.0 / precision, break_score, float(likelihood)
+        )
 
     def _filtered(self) -> tuple[Floats, Floats, Floats, Floats, Floats, float]:
         n, d = self.transition.shape[:2]
@@ -67,18 +70,20 @@ class LinearModel:
 @dataclass(frozen=True, eq=False)
 class Smoothed:
     """``mean`` (n, d) and ``covariance`` (n, d, d) of the states; of each measurement the ``residual`` (m,) that it has
-    against an estimate made without it, with the ``residual_variance`` it should have.
+    against an estimate made without it, with the ``residual_variance`` it should have. ``break_score`` (n, d): how many
+    sigmas speak for a sudden change of a state on the way to a step (de Jong & Penzer 1998).
     """
 
     mean: Floats
     covariance: Floats
     residual: Floats
     residual_variance: Floats
+    break_score: Floats
     log_likelihood: float
 
 
 @compiled
-def run_forward(
+def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many arrays cost more than the sums)
     transition: Floats,
     noise: Floats,
     start_mean: Floats,
@@ -135,7 +140,7 @@ def run_forward(
 
 
 @compiled
-def run_backward(
+def run_backward(  # noqa: C901, PLR0912
     transition: Floats,
     first_row: Ints,
     design: Floats,
@@ -146,8 +151,9 @@ def run_backward(
     gain: Floats,
     residual: Floats,
     precision: Floats,
+    break_score: Floats,
 ) -> None:
-    """Turn predicted means and covariances into smoothed ones; fill each measurement's smoothing error and precision."""
+    """Turn predicted means and covariances into smoothed ones; fill smoothing errors, their precisions and scores."""
     n, d = mean.shape
     r, big = np.zeros(d), np.zeros((d, d))
     work, along, moved = np.empty((d, d)), np.empty(d), np.empty(d)
@@ -171,6 +177,9 @@ def run_backward(
                     change = design[i, a] * design[i, b] * square
                     change -= (design[i, a] * along[b] + along[a] * design[i, b]) / s
                     big[a, b] = big[b, a] = big[a, b] + change
+        for a in range(d):
+            if big[a, a] > 0.0:
+                break_score[k, a] = r[a] / np.sqrt(big[a, a])
         p = covariance[k].copy()
         for a in range(d):
             for b in range(d):

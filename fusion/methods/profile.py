@@ -88,8 +88,7 @@ class ProfileMethod:
         progress("smooth", 0.3)
         drive = _smooth(log, path, dem, options)
         progress("factors", 0.7)
-        epochs_s = path.fix.time_s
-        factors = tuple(pass_factors(drive.rows, drive.steps, drive.learned, path, epochs_s))
+        factors = tuple(pass_factors(drive.rows, drive.steps, drive.learned, path))
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
         track = build_track(path, drive.rows, drive.steps, drive.learned)

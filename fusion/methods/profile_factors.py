@@ -19,6 +19,8 @@ from fusion.knots import (
 )
 from fusion.methods.profile_model import (
     BIAS,
+    DRIFT,
+    JUMP_SIGMA,
     MOUNT,
     SQUAT,
     Steps,
@@ -53,13 +55,13 @@ class _Prepared:
     value: Floats
     variance: Floats
     time_s: Floats
+    clock: Floats
+    """(2, m) variance by which the two drifting errors, GNSS height and barometer, have moved since the beginning"""
 
 
-def pass_factors(
-    rows: Rows, steps: Steps, learned: Learned, path: DrivenPath, epochs_s: Floats
-) -> list[PassFactor]:
+def pass_factors(rows: Rows, steps: Steps, learned: Learned, path: DrivenPath) -> list[PassFactor]:
     """The factors of all traversals that are probably right, in driving order."""
-    prepared = _prepare(rows, learned, path)
+    prepared = _prepare(rows, steps, learned, path)
     match = path.match
     first = np.searchsorted(prepared.traversal, np.arange(len(match) + 1))
     back_s = _history_s(rows, learned)
@@ -68,11 +70,11 @@ def pass_factors(
         if match.confidence[k] < MIN_CONFIDENCE or match.enter_m[k] == match.leave_m[k]:
             continue
         start = _history_start(path, k, back_s)
-        found.append(_factor(prepared, steps, learned, path, first, start, k, epochs_s))
+        found.append(_factor(prepared, steps, learned, path, first, start, k))
     return found
 
 
-def _prepare(rows: Rows, learned: Learned, path: DrivenPath) -> _Prepared:
+def _prepare(rows: Rows, steps: Steps, learned: Learned, path: DrivenPath) -> _Prepared:
     clean, share = decorrelated(rows, learned.noise)
     traversal, distance = path.match.position_on(rows.along_m)
     seen = design(rows, share)
@@ -80,16 +82,22 @@ def _prepare(rows: Rows, learned: Learned, path: DrivenPath) -> _Prepared:
     keep = keep[np.lexsort((rows.time_s[keep], traversal[keep]))]
     heights = np.isin(rows.sensor, (ALTITUDE, BARO))
     lead = np.where(heights, 1.0, 1.0 - share)
+    elapsed = rows.time_s - rows.time_s[0]
+    clock = np.outer([learned.noise.drift, learned.noise.baro_drift], elapsed)
+    for k, state in learned.jumps:
+        if state == DRIFT:
+            clock[0] += np.where(rows.time_s >= steps.time_s[k], JUMP_SIGMA[DRIFT] ** 2, 0.0)
     return _Prepared(
         rows.sensor[keep],
         traversal[keep],
         distance[keep],
         np.where(path.match.forward[traversal[keep]], 1.0, -1.0),
-        seen[np.ix_(keep, CONSTANTS)],
+        seen[np.ix_(keep, np.array(CONSTANTS))],
         lead[keep],
         clean.value[keep],
         learned.variance[keep],
         rows.time_s[keep],
+        clock[:, keep],
     )
 
 
@@ -129,13 +137,14 @@ def _factor(
     first: Ints,
     start: int,
     k: int,
-    epochs_s: Floats,
 ) -> PassFactor:
     match = path.match
     middle = 0.5 * (match.enter_time_s[k] + match.leave_time_s[k])
     at = int(np.clip(np.searchsorted(steps.time_s, middle), 0, len(steps.time_s) - 1))
     mean = learned.smoothed.mean[at, list(CONSTANTS)]
-    covariance = learned.smoothed.covariance[at][np.ix_(CONSTANTS, CONSTANTS)]
+    covariance = learned.smoothed.covariance[at][np.ix_(CONSTANTS, CONSTANTS)].copy()
+    if _mount_moves(steps, learned, match.enter_time_s[k], match.leave_time_s[k]):
+        covariance[0, 0] += JUMP_SIGMA[MOUNT] ** 2
     lengths = np.maximum(path.network.table.length_m[match.segment[start : k + 1]], 0.1)
     scale = lengths / np.maximum(path.network.length_m[match.segment[start : k + 1]], 1e-9)
     information, vector = _likelihood(p, learned, first, start, k + 1, lengths, scale, mean, covariance)
@@ -148,7 +157,6 @@ def _factor(
     length = float(lengths[-1])
     part = np.sort([match.enter_m[k] * scale[-1], match.leave_m[k] * scale[-1]])
     slope, sigma = _lone_slope(weight * information, weight * vector, length, part)
-    seen = np.searchsorted(epochs_s, [match.enter_time_s[k], match.leave_time_s[k]])
     return PassFactor(
         segments=tuple(int(s) for s in match.segment[start : k + 1]),
         information=weight * information,
@@ -158,10 +166,21 @@ def _factor(
         start_m=float(part[0]),
         end_m=float(part[1]),
         roughness=learned.noise.roughness,
-        observations=max(1, int(seen[1] - seen[0])),
+        observations=_epochs(p.time_s[first[k] : first[k + 1]]),
         first_time_s=float(match.enter_time_s[k]),
         last_time_s=float(match.leave_time_s[k]),
     )
+
+
+def _epochs(time_s: Floats) -> int:
+    """Instants at which anything was measured; at least 1, as the measurements around a short segment count as well."""
+    return 1 + int(np.count_nonzero(np.diff(np.sort(time_s)) > 0.2)) if len(time_s) else 1
+
+
+def _mount_moves(steps: Steps, learned: Learned, begin_s: float, end_s: float) -> bool:
+    """Whether the sensor's mount changed during (or within a second of) a stretch of time."""
+    times = [steps.time_s[k] for k, state in learned.jumps if state == MOUNT]
+    return any(begin_s - 1 <= t <= end_s + 1 for t in times)
 
 
 def _likelihood(
@@ -199,7 +218,7 @@ def _likelihood(
     vector[size : size + 3] = known @ mean
     accumulate(
         information, vector, full, kind.astype(np.int64), p.value[whole], p.variance[whole] + extra,
-        p.time_s[whole], learned.noise.drift, learned.noise.baro_drift,
+        np.ascontiguousarray(p.clock[:, whole]),
     )  # fmt: skip
     return information[:size, :size].copy(), vector[:size].copy()
 
@@ -227,20 +246,19 @@ def _knot_rows(
 
 
 @compiled
-def accumulate(
+def accumulate(  # noqa: C901 (one loop nest)
     information: Floats,
     vector: Floats,
     design: Floats,
     kind: Ints,
     value: Floats,
     variance: Floats,
-    time_s: Floats,
-    drift: float,
-    baro_drift: float,
+    clock: Floats,
 ) -> None:
-    """Add rows in the order of time; the last two unknowns drift between rows of their kind; then marginalise the last 5.
+    """Add rows in the order of time, the last two unknowns drifting in between; then marginalise the last five.
 
-    ``kind`` is 1 for rows that see the first drifting unknown, 2 for the second, 0 for neither.
+    ``kind`` is 1 for rows that see the first drifting unknown, 2 for the second, 0 for neither; ``clock``
+    (2, m) is the variance that each has moved by.
     """
     n = len(vector)
     last = np.full(2, np.nan)
@@ -248,9 +266,8 @@ def accumulate(
         if kind[i] > 0:
             which = kind[i] - 1
             if np.isfinite(last[which]):
-                rate = drift if which == 0 else baro_drift
-                _walk(information, vector, n - 2 + which, rate * (time_s[i] - last[which]))
-            last[which] = time_s[i]
+                _walk(information, vector, n - 2 + which, clock[which, i] - last[which])
+            last[which] = clock[which, i]
         for a in range(n):
             if design[i, a] != 0.0:
                 weight = design[i, a] / variance[i]
@@ -303,4 +320,4 @@ def _lone_slope(information: Floats, vector: Floats, length: float, part: Floats
     row = np.zeros(len(vector))
     row[-own:] = slope_row(low, high, length)
     solved = np.linalg.solve(total, np.column_stack([row, vector]))
-    return 100 * float(row @ solved[:, 1]), 100 * float(np.sqrt(max(row @ solved[:, 0], 0.0)))
+    return 100 * float(row @ solved[:, 1]), 100 * float(np.sqrt(max(float(row @ solved[:, 0]), 0.0)))

@@ -26,7 +26,8 @@ SLOW_MPS = 2.0
 _START_SIGMA = (1e3, 0.1, 30.0, 0.3, 0.03, 0.005, 1e3, 30.0)
 _NEW_RUN = (1e4, 0.1**2)
 _MOUNT_WALK = 1e-10
-_MOUNT_JUMP = 0.05**2
+JUMP_SIGMA = {MOUNT: 0.05, DRIFT: 30.0}
+"""Size of sudden changes where the drive shows them: a phone slides in its holder, a receiver converges anew."""
 _STEP_S = 1e-3
 
 
@@ -34,8 +35,8 @@ _STEP_S = 1e-3
 class Noise:
     """Noise levels of a drive, one sigma unless said otherwise.
 
-    ``roughness``: variance of the grade's change per metre of road (1/m). ``altitude_m``: white part of the GNSS height;
-    ``drift``: variance per second by which its error changes (m^2/s). ``doppler``: factor on the stated accuracy.
+    ``roughness``: variance of the grade's change per metre of road (1/m). ``altitude_m``: white part of the GNSS
+    height; ``drift``: variance per second by which its error changes (m^2/s). ``doppler``: factor on the stated one.
     ``pitch``, ``force``: grade seen by the sensor against the road's, springs included; ``shared``: the part of a
     pitch error that the force shows as well. ``baro_m``, ``baro_drift`` (m^2/s) as for the altitude. ``dem_m``: DEM.
     """
@@ -120,6 +121,10 @@ def design(rows: Rows, share: Floats) -> Floats:
     return out
 
 
+Jumps = tuple[tuple[int, int], ...]
+"""(step, state) of sudden changes."""
+
+
 @dataclass(frozen=True, eq=False)
 class Steps:
     """The times at which anything is measured, shape (n,), and the row-to-step table (m,)."""
@@ -132,7 +137,7 @@ class Steps:
 
 
 def build_steps(rows: Rows, path: DrivenPath) -> Steps:
-    """Rows closer than a millisecond share a step; ``kink`` is the variance of grade changes at nodes since the last."""
+    """Rows closer than a millisecond share a step; ``kink``: variance of grade changes at nodes since the last."""
     new = np.concatenate([[True], np.diff(rows.time_s) > _STEP_S])
     time, along, run = rows.time_s[new], rows.along_m[new], rows.run[new]
     total = np.concatenate([[0.0], np.cumsum(path.kinks())])
@@ -141,10 +146,8 @@ def build_steps(rows: Rows, path: DrivenPath) -> Steps:
     return Steps(time, along, run, kink, np.cumsum(new) - 1)
 
 
-def linear_model(
-    rows: Rows, steps: Steps, noise: Noise, variance: Floats, mount_jumps_s: tuple[float, ...] = ()
-) -> LinearModel:
-    """The model for the filter; ``variance`` is that of each row."""
+def linear_model(rows: Rows, steps: Steps, noise: Noise, variance: Floats, jumps: Jumps = ()) -> LinearModel:
+    """The model for the filter; ``variance`` is that of each row, ``jumps`` are sudden changes of states at steps."""
     n = len(steps.time_s)
     dt = np.diff(steps.time_s, prepend=steps.time_s[:1])
     ds = np.maximum(np.diff(steps.along_m, prepend=steps.along_m[:1]), 0.0)
@@ -159,10 +162,8 @@ def linear_model(
     q[:, GRADE, GRADE] = noise.roughness * ds + steps.kink + np.where(fresh, _NEW_RUN[1], 0.0)
     q[:, DRIFT, DRIFT] = 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))
     q[:, MOUNT, MOUNT] = _MOUNT_WALK * dt
-    for moment in mount_jumps_s:
-        k = int(np.searchsorted(steps.time_s, moment))
-        if 0 < k < n:
-            q[k, MOUNT, MOUNT] += _MOUNT_JUMP
+    for k, state in jumps:
+        q[k, state, state] += JUMP_SIGMA[state] ** 2
     q[:, BARO_DRIFT, BARO_DRIFT] = noise.baro_drift * dt
     q[:, DEM_ERROR, DEM_ERROR] = noise.dem_m**2 * (1 - np.exp(-2 * ds / DEM_LENGTH_M))
     clean, share = decorrelated(rows, noise)

@@ -1,7 +1,8 @@
 """Learning a drive's noise levels from the drive itself.
 
 Receivers differ by ten times, and accuracy columns may be wrong. White levels come from smoothed residuals (EM with
-Student-t weights), the rates of drifting states from the likelihood; priors by what the log states keep short drives sane.
+Student-t weights), the rates of drifting states from the likelihood; priors by what the log states keep short drives
+sane.
 """
 
 from __future__ import annotations
@@ -9,10 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fusion.filters.kalman import LinearModel, Smoothed
+from fusion.filters.kalman import Smoothed
 from fusion.methods.profile_model import (
     DRIFT_TAU_S,
+    JUMP_SIGMA,
+    Jumps,
     Noise,
     Steps,
     linear_model,
@@ -23,7 +27,11 @@ from fusion.methods.profile_model import (
 from fusion.methods.profile_rows import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Rows
 from fusion.types import Floats
 
-ROUNDS = 5
+ROUNDS = 6
+FIRST_JUMP_ROUND = 1
+MAX_JUMPS = 4
+JUMP_SCORE = 6.0
+JUMP_SPACING_S = 5.0
 FREEDOM = 5.0
 """Degrees of freedom of the Student-t errors: springs, kerbs and reflections have heavy tails."""
 OUTLIER_SIGMAS = 4.0
@@ -35,12 +43,13 @@ _RATE_SPREAD = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """The levels, each row's variance with its robust weight (m,), which rows are outliers, and the smoothed drive."""
+    """The levels, each row's variance with its robust weight (m,), which rows are outliers, the sudden
+    changes found, and the smoothed drive."""
 
     noise: Noise
     variance: Floats
-    outlier: np.ndarray
-    model: LinearModel
+    outlier: NDArray[np.bool_]
+    jumps: Jumps
     smoothed: Smoothed
 
 
@@ -67,25 +76,40 @@ def _dem_sigma(rows: Rows) -> float:
     return float(np.clip(spread, 3.0, 100.0))
 
 
-def learn(
-    rows: Rows, steps: Steps, start: Noise, mount_jumps_s: tuple[float, ...] = (), rounds: int = ROUNDS
-) -> Learned:
-    """Alternate between smoothing, residual levels and rates."""
+def learn(rows: Rows, steps: Steps, start: Noise) -> Learned:
+    """Noise levels, sudden changes and the smoothed drive."""
+    jumps: Jumps = ()
     noise, weight = start, np.ones(len(rows))
-    for _ in range(rounds):
+    for number in range(ROUNDS):
         variance = row_variance(rows, noise) / weight
-        model = linear_model(rows, steps, noise, variance, mount_jumps_s)
-        smoothed = model.smooth()
-        z2 = smoothed.residual**2 / smoothed.residual_variance
+        smoothed = linear_model(rows, steps, noise, variance, jumps).smooth()
+        if number >= FIRST_JUMP_ROUND:
+            jumps = _with_jump(steps, smoothed, jumps)
         second = _second_moment(smoothed, variance)
         noise = _levels(rows, noise, start, second * weight, smoothed, variance)
-        weight = (FREEDOM + 1) / (FREEDOM + z2)
-        noise = _rates(rows, steps, noise, start, weight, mount_jumps_s)
+        weight = (FREEDOM + 1) / (FREEDOM + smoothed.residual**2 / smoothed.residual_variance)
+        noise = _rates(rows, steps, noise, start, weight, jumps)
     variance = row_variance(rows, noise) * _repetition(rows, smoothed, variance) / weight
-    model = linear_model(rows, steps, noise, variance, mount_jumps_s)
-    smoothed = model.smooth()
+    smoothed = linear_model(rows, steps, noise, variance, jumps).smooth()
     outlier = smoothed.residual**2 > OUTLIER_SIGMAS**2 * smoothed.residual_variance
-    return Learned(noise, variance, outlier, model, smoothed)
+    return Learned(noise, variance, outlier, jumps, smoothed)
+
+
+def _with_jump(steps: Steps, smoothed: Smoothed, jumps: Jumps) -> Jumps:
+    """The sudden changes known so far, and for each kind of state the clearest further one."""
+    found = list(jumps)
+    for state in JUMP_SIGMA:
+        known = [k for k, s in jumps if s == state]
+        if len(known) >= MAX_JUMPS:
+            continue
+        score = np.abs(smoothed.break_score[:, state])
+        score[0] = 0.0
+        for k in known:
+            score[np.abs(steps.time_s - steps.time_s[k]) < JUMP_SPACING_S] = 0.0
+        k = int(np.argmax(score))
+        if score[k] > JUMP_SCORE:
+            found.append((k, state))
+    return tuple(found)
 
 
 def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
@@ -119,9 +143,7 @@ def _levels(
     return noise.with_(**changes)
 
 
-def _rates(
-    rows: Rows, steps: Steps, noise: Noise, start: Noise, weight: Floats, jumps: tuple[float, ...]
-) -> Noise:
+def _rates(rows: Rows, steps: Steps, noise: Noise, start: Noise, weight: Floats, jumps: Jumps) -> Noise:
     """One step of a parabola through three log-likelihoods, for each rate in turn."""
     wanted = {"roughness": _ROUGHNESS_PRIOR}
     if (rows.sensor == ALTITUDE).any():

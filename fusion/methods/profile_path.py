@@ -12,7 +12,7 @@ from fusion.frames import wrap_angle
 from fusion.node_couplings import grade_change_sigma
 from fusion.roads.matching import DriveMatcher, MatchOptions, PathMatch
 from fusion.roads.network import RoadNetwork
-from fusion.types import DriveLog, Floats, GnssFix, Ints, SensorTable
+from fusion.types import DriveLog, Floats, GnssFix, Ints
 
 FIX_PERIOD_S = 0.5
 POSITION_SIGMA_M = 1.0
@@ -21,6 +21,8 @@ SPEED_SIGMA_MPS = 0.5
 ACCELERATION_MPS2 = 1.0
 """Usual change of speed, where the log has no speeds."""
 LONGEST_HOLE_S = 120.0
+OUTAGE_S = 3.0
+"""Positions farther apart than this leave the matcher to the speeds in between."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +30,12 @@ class DrivenPath:
     """The matched path of a drive, with the distance along it as a function of time.
 
     ``time_s``, ``along_m`` and ``run`` have one entry a knot of that function; ``run`` is the number of the connected
-    stretch. ``fix`` are the positions used, ``matched`` says which lie on the path.
+    stretch. ``fix_time_s`` are the times of the positions used, ``matched`` says which of them lie on the path.
     """
 
     match: PathMatch
     network: RoadNetwork
-    fix: GnssFix
+    fix_time_s: Floats
     matched: NDArray[np.bool_]
     time_s: Floats
     along_m: Floats
@@ -74,8 +76,8 @@ class DrivenPath:
         return np.concatenate([[0.0], np.where(np.diff(match.run) == 0, sigma**2, 0.0)])
 
 
-def thinned(table: SensorTable, period_s: float) -> SensorTable:
-    """The samples of a table at least 0.95 ``period_s`` apart."""
+def thinned(table: GnssFix, period_s: float) -> GnssFix:
+    """The positions at least 0.95 ``period_s`` apart."""
     time = table.time_s
     if len(time) < 2 or np.median(np.diff(time)) >= 0.95 * period_s:
         return table
@@ -117,33 +119,53 @@ def _nearest(time_s: Floats, wanted_s: Floats) -> Ints:
 def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> DrivenPath | None:
     """Match the drive and smooth its way along the path; None where nothing lies on a road."""
     fix = thinned(log.fix, FIX_PERIOD_S)
-    assert isinstance(fix, GnssFix)
     speed_time, speed, _ = ground_speed(log)
     x, y = network.projection.to_xy(fix.lon_deg, fix.lat_deg)
-    course = np.full(len(fix), np.nan)
-    own_speed = np.full(len(fix), np.nan)
-    if len(speed_time):
-        near = _nearest(speed_time, fix.time_s)
-        own_speed = np.where(np.abs(speed_time[near] - fix.time_s) < 1.0, speed[near], np.nan)
-    velocity = log.velocity
-    if len(velocity):
-        near = _nearest(velocity.time_s, fix.time_s)
-        angle = np.arctan2(velocity.vel_n_mps[near], velocity.vel_e_mps[near])
-        course = np.where(np.abs(velocity.time_s[near] - fix.time_s) < 0.6, angle, np.nan)
+    # In an outage the speeds go on: they say how far it is to where the positions come back.
+    hole = np.interp(speed_time, fix.time_s, np.arange(len(fix)))
+    before = np.minimum(hole.astype(np.int64), max(len(fix) - 2, 0))
+    silent = (hole % 1 > 0) & (np.diff(fix.time_s)[before] > OUTAGE_S)
+    time = np.concatenate([fix.time_s, speed_time[silent]])
+    order = np.argsort(time, kind="stable")
+    blind = np.full(int(silent.sum()), np.nan)
+
+    def merged(column: Floats) -> Floats:
+        return np.concatenate([column, blind])[order]
+
+    time = time[order]
     match = DriveMatcher(network, options).match(
-        fix.time_s, x, y, heading_rad=course, speed_mps=own_speed, sigma_m=fix.h_acc_m
+        time,
+        merged(x),
+        merged(y),
+        heading_rad=_course(log, time),
+        speed_mps=_known_near(speed_time, speed, time),
+        sigma_m=merged(fix.h_acc_m),
     )
     matched = match.traversal >= 0
-    for gap in log.gaps_s.tolist():
-        _ = gap  # a stated gap is a break of the recording: the matcher decides by time and distance
     if matched.sum() < 2:
         return None
     parts = [
-        _smoothed_run(match, fix.time_s, matched, number, speed_time, speed)
+        _smoothed_run(match, time, matched, number, speed_time, speed)
         for number in np.unique(match.run[match.traversal[matched]]).tolist()
     ]
-    time, along, run = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return DrivenPath(match, network, fix, matched, time, along, run)
+    knots, along, run = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return DrivenPath(match, network, fix.time_s, matched[np.argsort(order)][: len(fix)], knots, along, run)
+
+
+def _known_near(known_time: Floats, value: Floats, time: Floats, reach_s: float = 1.0) -> Floats:
+    """The nearest known value at each time, NaN where there is none within ``reach_s``."""
+    if not len(known_time):
+        return np.full(len(time), np.nan)
+    near = _nearest(known_time, time)
+    return np.where(np.abs(known_time[near] - time) < reach_s, value[near], np.nan)
+
+
+def _course(log: DriveLog, time: Floats) -> Floats:
+    """Course by Doppler (from east, anticlockwise) at times, NaN unknown."""
+    v = log.velocity
+    angle = np.arctan2(v.vel_n_mps, v.vel_e_mps)
+    known = np.isfinite(angle)
+    return _known_near(v.time_s[known], angle[known], time, 0.6)
 
 
 def _smoothed_run(

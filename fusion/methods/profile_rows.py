@@ -1,4 +1,4 @@
-"""What a drive's sensors say about the height and the grade of its path, one row a measurement, each at its own time."""
+"""What a drive's sensors say about height and grade of its path, one row a measurement, each at its own time."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _ATMOSPHERE = (44_330.77, 101_325.0, 0.190263)
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """m measurements ordered by time: ``sensor`` code, ``value`` (m or grade), ``hint`` (one sigma as the log states it,
-    NaN unknown), ``along_m`` and ``run`` on the path, ``speed_mps``, ``acceleration_mps2`` along the path (0 unknown), ``turn``: 1 -
-    cosine of the angle between course and path (0 unknown).
+    """m measurements ordered by time: ``sensor`` code, ``value`` (m or grade), ``hint`` (one sigma as the log
+    states it, NaN unknown), ``along_m`` and ``run`` on the path, ``speed_mps``, ``acceleration_mps2`` along the path (0
+    unknown), ``turn``: 1 - cosine of the angle between course and path (0 unknown).
     """
 
     time_s: Floats

@@ -60,7 +60,7 @@ def _spaced(time: Floats, period_s: float) -> np.ndarray:
 
 def _has_fix(path: DrivenPath, time: Floats) -> np.ndarray:
     """Whether a position was measured within a second."""
-    fixes = path.fix.time_s[np.isfinite(path.fix.lat_deg)]
+    fixes = path.fix_time_s
     right = np.clip(np.searchsorted(fixes, time), 0, len(fixes) - 1)
     nearest = np.minimum(np.abs(fixes[right] - time), np.abs(fixes[np.maximum(right - 1, 0)] - time))
     return nearest < 1.0

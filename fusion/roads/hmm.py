@@ -31,8 +31,10 @@ class MatchOptions:
     ``beta_share`` of the length beyond 50 m. ``spacing_m``: distance between kept samples, m. ``radius_m``: how far
     from a road a sample may be, m. ``slack_m``: a step may be this much longer than the straight line, m.
     ``back_m``: a sample may lie this far behind the one before, m. ``u_turn``: cost of turning round.
-    ``off_point``, ``off_enter``, ``off_leave``: cost of a kept sample off the road, of leaving the road and
-    of coming back. ``bridge_m``: samples off the road are taken for outliers up to this distance, m.
+    ``off_point``: cost of a kept sample off the road, ``off_far`` where no road is as near as that; ``off_switch``
+    and ``off_switch_far``: cost of leaving the road at such a sample, and of coming back from one: high where
+    a road is near, or the path would jump between carriageways. ``bridge_m``: samples off the road are
+    taken for outliers up to this distance, m. ``beam``: candidates so much worse than the best are given up.
     ``gap_s``, ``gap_m``: a longer gap between positions breaks the path, s and m. ``dwell_s``: without a
     kept sample for so long, the vehicle is taken to stand or creep: the spacing then grows by ``dwell_mps``
     (m/s) up to ``widest_m``. ``heading_weight`` and ``heading_cap``: the course costs
@@ -51,8 +53,8 @@ class MatchOptions:
     u_turn: float = 15.0
     off_point: float = 9.0
     off_far: float = 3.0
-    off_enter: float = 130.0
-    off_leave: float = 130.0
+    off_switch: float = 130.0
+    off_switch_far: float = 15.0
     bridge_m: float = 200.0
     beam: float = 200.0
     gap_s: float = 180.0
@@ -74,8 +76,6 @@ class MatchOptions:
             slack_m=self.slack_m,
             back_m=self.back_m,
             u_turn=self.u_turn,
-            off_enter=self.off_enter,
-            off_leave=self.off_leave,
             bridge_m=self.bridge_m,
             beam=self.beam,
             fastest_mps=self.fastest_mps,
@@ -178,7 +178,7 @@ class DriveMatcher:
             o.off_point,
             o.off_far,
         )
-        steps = self._steps(drive, kept)
+        steps = self._steps(drive, kept, cand)
         problem = Problem(self._graph, cand, steps, _working_memory(self._graph), o.costs())
         lattice, links, final = viterbi(problem)
         state = trace(lattice, final)
@@ -195,7 +195,7 @@ class DriveMatcher:
         """Noise across the road: the receiver's and the map's."""
         return np.where(np.isfinite(given), np.hypot(given, _MAP_SIGMA_M), self.options.sigma_m)
 
-    def _steps(self, drive: _Drive, kept: Ints) -> Steps:
+    def _steps(self, drive: _Drive, kept: Ints, cand: Candidates) -> Steps:
         """Straight and driven distances from each kept sample to the next."""
         o = self.options
         chord, driven, lapse = (np.zeros(len(kept)) for _ in range(3))
@@ -206,7 +206,8 @@ class DriveMatcher:
         driven[lapse <= LONG_STEP_S] = np.nan
         gap = (lapse > o.gap_s) | (chord > o.gap_m)
         gap &= ~(chord <= 2 * o.widest_m)
-        return Steps(chord, driven, lapse, gap)
+        switch = np.where(cand.off > o.off_far, o.off_switch, o.off_switch_far)
+        return Steps(chord, driven, lapse, gap, switch)
 
     def _result(
         self, drive: _Drive, kept: Ints, stays: Stays, along: Floats, run: Ints, breaks: tuple[Break, ...]
@@ -332,6 +333,8 @@ def _times(
         mine = samples[borders[r] : borders[r + 1]]
         way = np.maximum.accumulate(known[mine])
         here = slice(rows[r], rows[r + 1])
-        enter[here] = np.interp(stays.start_m[here], way, time[mine])
-        leave[here] = np.interp(stays.start_m[here] + span[here], way, time[mine])
+        ends = np.append(stays.start_m[here], stays.start_m[rows[r + 1] - 1] + span[rows[r + 1] - 1])
+        # Where the vehicle stands a distance has many times, and rounding must not turn their order round.
+        at = np.maximum.accumulate(np.interp(ends, way, time[mine]))
+        enter[here], leave[here] = at[:-1], at[1:]
     return enter, leave

@@ -123,7 +123,9 @@ def find_candidates(
     for k in range(m):
         px, py, reach, square = x[k], y[k], radius[k], radius[k] * radius[k]
         scale = 0.5 / (sigma[k] * sigma[k])
-        cosine, sine = math.cos(heading[k]), math.sin(heading[k])
+        cosine, sine = np.nan, np.nan
+        if not math.isnan(heading[k]):
+            cosine, sine = math.cos(heading[k]), math.sin(heading[k])
         low = _cell(px - reach - grid.west, grid.cell_m, grid.columns)
         high = _cell(px + reach - grid.west, grid.cell_m, grid.columns)
         bottom = _cell(py - reach - grid.south, grid.cell_m, grid.rows)

@@ -47,8 +47,6 @@ class Costs(NamedTuple):
     slack_m: float
     back_m: float
     u_turn: float
-    off_enter: float
-    off_leave: float
     bridge_m: float
     beam: float
     fastest_mps: float
@@ -57,13 +55,14 @@ class Costs(NamedTuple):
 
 class Steps(NamedTuple):
     """The way from kept sample k - 1 to k: straight ``chord_m``, ``driven_m`` by the speeds (NaN: unknown), time
-    ``lapse_s``; ``gap``: not to be followed.
+    ``lapse_s``; ``gap``: not to be followed; ``switch``: cost of being the first or last sample off the road.
     """
 
     chord_m: Floats
     driven_m: Floats
     lapse_s: Floats
     gap: NDArray[np.bool_]
+    switch: Floats
 
 
 class Lattice(NamedTuple):

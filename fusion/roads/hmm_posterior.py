@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from fusion.compiled import compiled
@@ -21,9 +19,9 @@ def posterior(cand: Candidates, steps: Steps, links: Links, state: Ints, costs: 
     weight = np.exp(-cool * links.cost[: links.start[-1]])
     likelihood = np.exp(-cool * cand.cost)
     off = np.exp(-cool * cand.off)
-    enter, leave = math.exp(-cool * costs.off_enter), math.exp(-cool * costs.off_leave)
-    alpha, alpha_off = _forward(cand, steps, links, weight, likelihood, off, enter, leave)
-    beta, beta_off = _backward(cand, steps, links, weight, likelihood, off, enter, leave)
+    switch = np.exp(-cool * steps.switch)
+    alpha, alpha_off = _forward(cand, steps, links, weight, likelihood, off, switch)
+    beta, beta_off = _backward(cand, steps, links, weight, likelihood, off, switch)
     return _of_path(cand, steps, links, state, weight, likelihood, alpha, alpha_off, beta, beta_off)
 
 
@@ -35,8 +33,7 @@ def _forward(
     weight: Floats,
     likelihood: Floats,
     off: Floats,
-    enter: float,
-    leave: float,
+    switch: Floats,
 ) -> tuple[Floats, Floats]:
     """Alpha of every candidate and of being off the road."""
     m = len(off)
@@ -52,9 +49,9 @@ def _forward(
             total = 0.0
             for a in range(a0, b0):
                 total += alpha[a]
-            alpha_off[k] = off[k] * (alpha_off[k - 1] + total * enter)
+            alpha_off[k] = off[k] * (alpha_off[k - 1] + total * switch[k])
             for b in range(b0, b1):
-                alpha[b] = (alpha[b] + alpha_off[k - 1] * leave) * likelihood[b]
+                alpha[b] = (alpha[b] + alpha_off[k - 1] * switch[k - 1]) * likelihood[b]
         _scale(alpha, b0, b1, alpha_off, k)
     return alpha, alpha_off
 
@@ -67,8 +64,7 @@ def _backward(
     weight: Floats,
     likelihood: Floats,
     off: Floats,
-    enter: float,
-    leave: float,
+    switch: Floats,
 ) -> tuple[Floats, Floats]:
     """Beta of every candidate and of being off the road."""
     m = len(off)
@@ -83,9 +79,9 @@ def _backward(
                 beta[links.source[i]] += weight[i] * likelihood[b] * beta[b]
             beta_off[k] = off[k + 1] * beta_off[k + 1]
             for b in range(b1, cand.start[k + 2]):
-                beta_off[k] += leave * likelihood[b] * beta[b]
+                beta_off[k] += switch[k] * likelihood[b] * beta[b]
             for a in range(b0, b1):
-                beta[a] += enter * off[k + 1] * beta_off[k + 1]
+                beta[a] += switch[k + 1] * off[k + 1] * beta_off[k + 1]
         _scale(beta, b0, b1, beta_off, k)
     return beta, beta_off
 
@@ -138,7 +134,7 @@ def _of_path(
         if state[k] == OFF:
             continue
         edge = cand.edge[state[k]]
-        at[k] = _on_chain(cand, k, edge, gamma)
+        at[k] = min(_on_chain(cand, k, edge, gamma), 1.0)
         if k == 0 or steps.gap[k] or state[k - 1] == OFF or cand.edge[state[k - 1]] == edge:
             continue
         left = cand.edge[state[k - 1]]

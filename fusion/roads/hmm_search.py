@@ -263,15 +263,15 @@ def _begin(cand: Candidates, lattice: Lattice, k: int) -> None:
 
 
 @inlined
-def _finish(cand: Candidates, costs: Costs, lattice: Lattice, k: int) -> None:
+def _finish(cand: Candidates, steps: Steps, costs: Costs, lattice: Lattice, k: int) -> None:
     """Steps between road and off-road, the likelihood of sample k everywhere; the far worse candidates go."""
     point = cand.off[k]
     lattice.off_cost[k], lattice.off_back[k] = lattice.off_cost[k - 1] + point, OFF
     for a in range(cand.start[k - 1], cand.start[k]):
-        total = lattice.cost[a] + costs.off_enter + point
+        total = lattice.cost[a] + steps.switch[k] + point
         if total < lattice.off_cost[k]:
             lattice.off_cost[k], lattice.off_back[k] = total, a
-    back_on, least = lattice.off_cost[k - 1] + costs.off_leave, np.inf
+    back_on, least = lattice.off_cost[k - 1] + steps.switch[k - 1], np.inf
     for b in range(cand.start[k], cand.start[k + 1]):
         if back_on < lattice.cost[b]:
             lattice.cost[b], lattice.back[b] = back_on, OFF
@@ -317,7 +317,7 @@ def viterbi(p: Problem) -> tuple[Lattice, Links, int]:
             if now > count:
                 break
         count = now
-        _finish(cand, costs, lattice, k)
+        _finish(cand, steps, costs, lattice, k)
     links.start[m] = count
     return lattice, links, _best(cand, lattice, m - 1)[0]
 

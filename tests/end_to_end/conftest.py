@@ -14,12 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from fast import FAST_OPTIONS
 
 from fusion.simulate import Bundle, write_all
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 START_S, STOP_S, COMMAND_S = 90.0, 40.0, 120.0
-FEW_PARTICLES = ("--option", "particles=2000")
+FAST = tuple(word for name, value in FAST_OPTIONS.items() for word in ("--option", f"{name}={value}"))
 PROC = Path("/proc")
 
 

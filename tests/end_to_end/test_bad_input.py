@@ -9,6 +9,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+from fast import FAST_OPTIONS
 
 from app.client import Client, ClientError
 from fusion.simulate import Bundle
@@ -78,7 +79,7 @@ def test_worker_goes_on_after_all_of_them(client: Client, simulated: Bundle, tmp
             waiting.append(client.upload(path))
         except ClientError:
             continue
-    good = client.upload(simulated.drives[2], options={"particles": 2000})
+    good = client.upload(simulated.drives[2], options=FAST_OPTIONS)
     assert client.wait(good.id, timeout_s=WAIT_S).status == "done"
     assert {client.wait(drive.id, timeout_s=WAIT_S).status for drive in waiting} == {"failed"}
 

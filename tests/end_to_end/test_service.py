@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from fusion.simulate import Bundle
-from tests.end_to_end.conftest import FEW_PARTICLES, Up, versant
+from tests.end_to_end.conftest import FAST, Up, versant
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +37,7 @@ def uploaded(running: Up, simulated: Bundle, tmp_path_factory: pytest.TempPathFa
         "--wait",
         "--json",
         report,
-        *FEW_PARTICLES,
+        *FAST,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     figures = json.loads(report.read_text())
@@ -127,7 +127,7 @@ def test_fuse_gives_the_numbers_of_the_service(
         "fuse",
         *simulated.drives,
         *("--roads", simulated.osm, "--dem", simulated.dem, "-o", out),
-        *FEW_PARTICLES,
+        *FAST,
     )
     assert done.returncode == 0, done.stderr
     fused = {key(f): f["properties"] for f in json.loads(out.read_text())["features"]}
@@ -135,9 +135,13 @@ def test_fuse_gives_the_numbers_of_the_service(
     served = {key(f): f["properties"] for f in features if f["properties"]["drives"]}
     assert fused.keys() == served.keys()
     own = {"id", "updated_at"}  # a number of the database, and when it was computed
+    # The service solves the network drive by drive around what each touches, ``fuse`` all of it at once.
+    close = {"slope_percent": {"abs": 0.006}, "slope_sigma_percent": {"rel": 0.02}}
     for identity, properties in fused.items():
         for name, value in properties.items():
-            if name not in own:
+            if name in close:
+                assert served[identity][name] == pytest.approx(value, **close[name]), (identity, name)
+            elif name not in own:
                 assert served[identity][name] == value, (identity, name)
 
 

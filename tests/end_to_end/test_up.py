@@ -24,7 +24,7 @@ def test_ctrl_c_leaves_nothing_running_and_the_drive_is_taken_up_again(idle: Up,
         assert versant(command, "--data-dir", idle.data_dir, file).returncode == 0
     with Client(idle.address) as client:
         # Large enough to be still at work when the interrupt comes.
-        drive = client.upload(simulated.drives[0], options={"particles": 100_000})
+        drive = client.upload(simulated.drives[0], method="particle", options={"particles": 100_000})
         await_true(lambda: client.drive(drive.id).status == "running", 30, "the drive never began")
     assert idle.interrupt() == 0, idle.said()
     assert idle.processes() == []

@@ -17,8 +17,8 @@ def test_lost_slopes_and_unused_nodes_are_told() -> None:
     )  # fmt: skip
     lost, unused = remarks(counts)
     assert lost == (
-        "2 of the 3 moved or dropped segments had slopes, from 4 drive(s); "
-        "reprocess those drives to measure again."
+        "2 segments lost measured slopes, because they or the roads that lead to them were moved or dropped, "
+        "from 4 drive(s); reprocess those drives to measure again."
     )
     assert unused == (
         "7 node pairs of the file's roads are no segments (no length: 1, node missing from the file: 6)."

@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 
 import pytest
+from fast import FAST_OPTIONS
 
 from app.cli.console import Console
 from app.demo import DemoError, demo_service, run_demo
@@ -74,7 +75,7 @@ def test_small_demo_from_end_to_end(tmp_path: Path) -> None:
             bars,
             drives=2,
             duration_s=90.0,
-            options={"particles": 2000},
+            options=FAST_OPTIONS,
         )
     files = write_files(result, tmp_path)
     assert all(path.stat().st_size > 0 for path in files.values())
@@ -105,4 +106,4 @@ def test_a_drive_that_fails_ends_the_demo_in_words(tmp_path: Path) -> None:
         console.progress() as bars,
         pytest.raises(DemoError, match="ended as failed"),
     ):
-        run_demo(service, settings, tmp_path, bars, drives=1, duration_s=2.0, options={"particles": 2000})
+        run_demo(service, settings, tmp_path, bars, drives=1, duration_s=2.0, options=FAST_OPTIONS)

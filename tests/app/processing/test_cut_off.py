@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 from processing_support import Send, drive_now
+from procrastinate.jobs import Job
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from app import ingest, worker
 from app.process import Workbench
 from app.settings import Settings
+from app.store.queue import BEHIND
 from app.worker import MAX_ATTEMPTS, MAX_DEATHS, make_queue, run_worker
 
 PATIENCE_S = 120.0
@@ -60,6 +62,13 @@ def test_a_drive_that_its_workers_die_of_is_given_up_sooner(
     else:
         assert (found.status, found.failure_kind) == ("failed", "interrupted")
         assert f"died {MAX_DEATHS} times" in str(found.failure_reason)
+
+
+@pytest.mark.parametrize("priority", [0, BEHIND])
+@pytest.mark.parametrize("deaths", range(MAX_DEATHS + 1))
+def test_deaths_are_counted_behind_uploads_as_well(priority: int, deaths: int) -> None:
+    job = Job(queue="q", lock=None, queueing_lock=None, task_name="t", priority=priority - deaths)
+    assert worker._deaths(job) == deaths
 
 
 def test_a_worker_cut_off_from_the_database_did_not_die(

@@ -113,7 +113,7 @@ def test_a_lost_connection_is_no_failure_of_the_drive(
     drive = send(0)
     genuine = slopes.save_result
 
-    def save(session: Any, *args: Any) -> int:
+    def save(session: Any, *args: Any) -> slopes.Hearing:
         cut()
         return genuine(session, *args)
 

@@ -12,6 +12,7 @@ import pytest
 from app.db import Sessions, make_engine, session_factory
 from app.store import drives, locks, roads, slopes
 from fusion.roads.table import RoadTable
+from fusion.simulate import Town
 from fusion.types import Ints, SegmentSlope
 
 AddDrive = Callable[..., uuid.UUID]
@@ -63,6 +64,16 @@ def segment_ids(sessions: Sessions, chain: Callable[..., RoadTable]) -> Ints:
 
 
 @pytest.fixture
+def streets(sessions: Sessions, town: Town) -> tuple[RoadTable, Ints]:
+    """The town's roads, imported, and their ids."""
+    with sessions.begin() as session:
+        roads.replace_roads(
+            session, town.roads, "town.osm", "0" * 64, dem_slope_percent=town.true_slope_percent + 1.0
+        )
+        return roads.all_roads(session)
+
+
+@pytest.fixture
 def add_drive(sessions: Sessions) -> AddDrive:
     """``add_drive(ids, {index: (slope, sigma)})`` stores a done drive with these estimates; returns its id."""
     return lambda ids, estimates, **options: _add_drive(sessions, ids, estimates, **options)
@@ -87,7 +98,7 @@ def _add_drive(
         )
         drives.mark_running(session, drive.id, drive.generation)
     with sessions.begin() as session:
-        locks.share_network(session)
+        locks.own_network(session)
         assert drives.lock_running(session, drive.id, drive.generation)
         drives.mark_done(
             session,

@@ -205,7 +205,7 @@ def test_an_import_waits_for_writers_of_estimates(
         done.set()
 
     with sessions.begin() as session:
-        locks.share_network(session)
+        locks.own_network(session)
         thread = threading.Thread(target=run)
         thread.start()
         assert not done.wait(0.5)

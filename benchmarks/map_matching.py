@@ -1,0 +1,201 @@
+#!/usr/bin/env python3
+"""Map matching against hand-corrected routes, beside the thesis's rule and LeuvenMapMatching in the same run.
+
+    python benchmarks/map_matching.py DATA_DIR [--out DIR] [--leuven N] [--skip-leuven] [--json FILE]
+
+DATA_DIR holds tracks of the collection of Kubicka et al. (2015), in subfolders or flat: X.track (lon lat time),
+X.nodes (lon lat), X.arcs (from to, directed, 0-based), X.route (rows of arcs). Tracks 0 to 18 served for tuning and
+are shown apart from the rest.
+
+E = (missed + added) / true length, of directed arcs, by the heaviest common subsequence of the true and the matched
+route: Newson & Krumm 2009, made aware of order, direction and repeats. Points per second: all raw points, one
+thread, second pass, median over the tracks; preparing the matcher for a network is counted apart (median seconds).
+
+    drive    fusion.roads.matching.DriveMatcher, default settings
+    thesis   nearest segment by Mahalanobis distance over x, y, course; gate 2.55, sigma 10 m and 0.3 rad;
+             points thinned to 14 m
+    leuven   LeuvenMapMatching, DistanceMatcher (thinned to 14 m, obs_noise 15, non-emitting, lattice 10, max_dist 50);
+             slow, one pass; ``--leuven N`` takes the first N tracks of each part only
+
+``--out DIR`` writes the matched arc rows of ``drive``, one a line, as X.arcs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import matching_leuven
+import numpy as np
+from matching_tracks import Track, error, find_tracks, read_track
+
+from fusion.roads.hmm_candidates import thin
+from fusion.roads.matching import DriveMatcher, PointMatches, match_points
+
+LAST_TUNED = 18
+THESIS_COVARIANCE = np.diag([10.0**2, 10.0**2, 0.3**2])
+
+Result = tuple[np.ndarray, float, float]
+"""Matched arc rows, seconds of preparation, seconds of matching."""
+
+
+def arc_rows(track: Track, segment: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """The arcs of segments as they are driven, without those that no arc allows."""
+    rows = track.arc_of[segment, np.where(forward, 0, 1)]
+    return rows[rows >= 0]
+
+
+def second_pass(work: Callable[[], object]) -> float:
+    """Seconds of the second of two calls."""
+    work()
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def by_drive(track: Track) -> Result:
+    """The matcher of the whole drive."""
+    DriveMatcher(track.network)  # compiled or read from disk
+    start = time.perf_counter()
+    matcher = DriveMatcher(track.network)
+    prepared = time.perf_counter() - start
+    given = track.time_s, track.x_m, track.y_m
+    seconds = second_pass(lambda: matcher.match(*given))
+    match = matcher.match(*given)
+    return arc_rows(track, match.segment, match.forward), prepared, seconds
+
+
+def by_thesis(track: Track) -> Result:
+    """Each point for itself, 14 m apart (without that E is twice as large); the course is the neighbours'."""
+
+    def match_thinned() -> PointMatches:
+        kept = thin(
+            track.time_s, track.x_m, track.y_m, np.full(len(track.x_m), np.nan), 14.0, np.inf, 0.0, 14.0
+        )
+        x, y = track.x_m[kept], track.y_m[kept]
+        heading = np.arctan2(np.gradient(y), np.gradient(x)) if len(x) > 1 else np.full(len(x), np.nan)
+        return match_points(track.network, x, y, heading, THESIS_COVARIANCE)
+
+    start = time.perf_counter()
+    _ = track.network.grid
+    prepared = time.perf_counter() - start
+    seconds = second_pass(match_thinned)
+    match = match_thinned()
+    found = match.segment >= 0
+    return arc_rows(track, match.segment[found], match.forward[found]), prepared, seconds
+
+
+def by_leuven(track: Track) -> Result:
+    """LeuvenMapMatching."""
+    rows, seconds = matching_leuven.match(track)
+    return rows, float("nan"), seconds
+
+
+METHODS: dict[str, Callable[[Track], Result]] = {"drive": by_drive, "thesis": by_thesis, "leuven": by_leuven}
+
+
+def part_of(path: Path) -> str:
+    """Whether a track served for tuning."""
+    return "0-18" if path.stem.isdigit() and int(path.stem) <= LAST_TUNED else "rest"
+
+
+def run(args: argparse.Namespace) -> list[dict[str, object]]:
+    """One row per track and method."""
+    paths = find_tracks(args.data_dir)
+    if not paths:
+        sys.exit(f"{args.data_dir}: no *.track")
+    methods = list(METHODS)
+    if args.skip_leuven:
+        methods.remove("leuven")
+    elif not matching_leuven.available():
+        methods.remove("leuven")
+        print("leuvenmapmatching and rtree are not installed: no comparison with it", file=sys.stderr)
+    if args.out:
+        args.out.mkdir(parents=True, exist_ok=True)
+    rows: list[dict[str, object]] = []
+    taken = {"0-18": 0, "rest": 0}
+    for number, path in enumerate(paths):
+        track, part = read_track(path), part_of(path)
+        taken[part] += 1
+        for method in methods:
+            if method == "leuven" and args.leuven is not None and taken[part] > args.leuven:
+                continue
+            arcs, prepared, seconds = METHODS[method](track)
+            rows.append(
+                {
+                    "track": track.name,
+                    "part": part,
+                    "method": method,
+                    "error": error(track, arcs),
+                    "points": len(track.time_s),
+                    "points_per_s": len(track.time_s) / seconds,
+                    "prepare_s": prepared,
+                }
+            )
+            if method == "drive" and args.out:
+                (args.out / f"{track.name}.arcs").write_text("".join(f"{a}\n" for a in arcs))
+        if sys.stderr.isatty():
+            print(f"\r{number + 1}/{len(paths)} tracks ", end="", file=sys.stderr)
+    return rows
+
+
+def summarise(rows: list[dict[str, object]]) -> list[dict[str, object]]:
+    """One row per part and method."""
+    out: list[dict[str, object]] = []
+    for part in ("0-18", "rest"):
+        for method in METHODS:
+            mine = [r for r in rows if r["part"] == part and r["method"] == method]
+            if mine:
+                e, speed, prepared = (
+                    np.array([r[k] for r in mine], float) for k in ("error", "points_per_s", "prepare_s")
+                )
+                out.append(
+                    {
+                        "part": part,
+                        "method": method,
+                        "tracks": len(mine),
+                        "error_median": float(np.median(e)),
+                        "error_mean": float(e.mean()),
+                        "points_per_s": float(np.median(speed)),
+                        "prepare_s": float(np.median(prepared)),
+                    }
+                )
+    return out
+
+
+def show(summary: list[dict[str, object]]) -> None:
+    """The table a person reads."""
+    print(
+        f"{'tracks':7} {'method':7} {'n':>3} {'E median %':>11} {'E mean %':>9} {'points/s':>11} {'prepare s':>10}"
+    )
+    for r in summary:
+        print(
+            f"{r['part']:7} {r['method']:7} {r['tracks']:3} {100 * r['error_median']:11.2f} "
+            f"{100 * r['error_mean']:9.2f} {r['points_per_s']:11,.0f} {r['prepare_s']:10.3f}"
+        )
+
+
+def main() -> None:
+    """Parse the command line, run, print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("data_dir", type=Path)
+    parser.add_argument("--out", type=Path, metavar="DIR")
+    parser.add_argument("--leuven", type=int, metavar="N", help="LeuvenMapMatching on N tracks of each part")
+    parser.add_argument("--skip-leuven", action="store_true")
+    parser.add_argument("--json", type=Path)
+    args = parser.parse_args()
+    rows = run(args)
+    summary = summarise(rows)
+    show(summary)
+    if args.json:
+        args.json.write_text(json.dumps({"summary": summary, "tracks": rows}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
