@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.factors import PassFactor, symmetric
+from fusion.factors import PassFactor, decode_many, symmetric
 from fusion.types import Floats, Ints
 
 REJECT_SIGMAS = 4.0
@@ -49,16 +49,32 @@ class SegmentEvidence:
     @classmethod
     def build(cls, passes: Sequence[tuple[int, PassFactor]]) -> Self:
         """Condense (key, factor) pairs; the same pairs in any order give the same bits. Keys must differ."""
+        return cls.build_encoded([(key, factor.segments, factor.encode()) for key, factor in passes])
+
+    @classmethod
+    def build_encoded(cls, passes: Sequence[tuple[int, tuple[int, ...], bytes]]) -> Self:
+        """``build`` from (key, segments, encoded factor), as they are stored: thousands at a time."""
         ordered = sorted(passes, key=lambda item: item[0])
-        table = _judged(_table(ordered))
-        return cls(table, _summed({}, ordered, table["accepted"], 1.0))
+        rows_of: dict[tuple[int, ...], list[int]] = {}
+        for row, (_, history, _) in enumerate(ordered):
+            rows_of.setdefault(history, []).append(row)
+        table = np.zeros(len(ordered), _PASS)
+        table["key"] = [key for key, _, _ in ordered]
+        stacks = {h: decode_many([ordered[row][2] for row in rows]) for h, rows in rows_of.items()}
+        for history, rows in rows_of.items():
+            _fill(table, rows, stacks[history][0])
+        table = _judged(table)
+        groups = {}
+        for history, rows in rows_of.items():
+            heard, (_, vectors, uppers) = table["accepted"][rows], stacks[history]
+            if heard.any():
+                upper, vector = uppers[heard].sum(axis=0), vectors[heard].sum(axis=0)
+                groups[history] = (symmetric(upper, len(vector)), vector)
+        return cls(table, groups)
 
     def missing_for(self, added: Sequence[tuple[int, PassFactor]]) -> list[int]:
         """Keys of passes that are heard now and not with ``added``, or the reverse: ``with_passes`` needs them."""
-        table = self._joined(added)
-        before = dict(zip(self.keys.tolist(), self.accepted.tolist(), strict=True))
-        now = zip(table["key"].tolist(), table["accepted"].tolist(), strict=True)
-        return [key for key, heard in now if key in before and before[key] != heard]
+        return [int(key) for key in self._turned(self._joined(added))]
 
     def with_passes(
         self, added: Sequence[tuple[int, PassFactor]], flipped: Mapping[int, PassFactor] | None = None
@@ -69,15 +85,26 @@ class SegmentEvidence:
         """
         table = self._joined(added)
         heard = dict(zip(table["key"].tolist(), table["accepted"].tolist(), strict=True))
-        changed = [(key, (flipped or {})[key]) for key in self.missing_for(added)]
-        groups = _summed(self.groups, added, np.array([heard[k] for k, _ in added], bool), 1.0)
-        for key, factor in changed:
-            groups = _summed(groups, [(key, factor)], np.ones(1, bool), 1.0 if heard[key] else -1.0)
+        groups = dict(self.groups)
+        for key, factor in added:
+            if heard[key]:
+                _add(groups, factor, 1.0)
+        for key in self._turned(table).tolist():
+            _add(groups, (flipped or {})[key], 1.0 if heard[key] else -1.0)
         return type(self)(table, groups)
 
     def _joined(self, added: Sequence[tuple[int, PassFactor]]) -> NDArray[np.void]:
-        table = np.concatenate([self.passes, _table(added)])
+        new = np.zeros(len(added), _PASS)
+        new["key"] = [key for key, _ in added]
+        for row, (_, factor) in enumerate(added):
+            _fill(new, [row], decode_many([factor.encode()])[0])
+        table = np.concatenate([self.passes, new])
         return _judged(table[np.argsort(table["key"], kind="stable")])
+
+    def _turned(self, joined: NDArray[np.void]) -> Ints:
+        """Keys of the passes whose verdict is another one in ``joined``, which holds them all."""
+        now = joined["accepted"][np.searchsorted(joined["key"], self.keys)]
+        return np.asarray(self.keys[now != self.accepted])
 
     @property
     def keys(self) -> Ints:
@@ -155,13 +182,12 @@ class SegmentEvidence:
         return cls(passes.copy(), found)
 
 
-def _table(passes: Sequence[tuple[int, PassFactor]]) -> NDArray[np.void]:
-    table = np.zeros(len(passes), _PASS)
-    for row, (key, f) in zip(table, passes, strict=True):
-        row["key"], row["slope"], row["sigma"] = key, f.slope_percent, f.slope_sigma_percent
-        row["start"], row["end"], row["log_roughness"] = f.start_m, f.end_m, np.log(f.roughness)
-        row["observations"] = f.observations
-    return table
+def _fill(table: NDArray[np.void], rows: list[int], numbers: Floats) -> None:
+    """Set rows of the table of passes from the numbers of their factors (``decode_many``)."""
+    for column, name in enumerate(("slope", "sigma", "start", "end")):
+        table[name][rows] = numbers[:, column]
+    table["log_roughness"][rows] = np.log(numbers[:, 4])
+    table["observations"][rows] = numbers[:, 5]
 
 
 def _judged(table: NDArray[np.void]) -> NDArray[np.void]:
@@ -178,18 +204,6 @@ def _judged(table: NDArray[np.void]) -> NDArray[np.void]:
     return table
 
 
-def _summed(
-    groups: Mapping[tuple[int, ...], Group],
-    passes: Sequence[tuple[int, PassFactor]],
-    heard: NDArray[np.bool_],
-    sign: float,
-) -> dict[tuple[int, ...], Group]:
-    out = dict(groups)
-    for (_, factor), wanted in zip(passes, heard, strict=True):
-        if wanted:
-            information, vector = out.get(factor.segments, (0.0, 0.0))
-            out[factor.segments] = (
-                information + sign * factor.information,
-                vector + sign * factor.vector,
-            )
-    return out
+def _add(groups: dict[tuple[int, ...], Group], factor: PassFactor, sign: float) -> None:
+    information, vector = groups.get(factor.segments, (0.0, 0.0))
+    groups[factor.segments] = (information + sign * factor.information, vector + sign * factor.vector)

@@ -8,6 +8,7 @@ measured on the segments just before (Vecchia's approximation of the drive's lik
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -62,6 +63,16 @@ class PassFactor:
         return cls(
             segments, information, vector, slope, sigma, start, end, roughness, int(observations), first, last
         )
+
+
+def decode_many(data: Sequence[bytes]) -> tuple[Floats, Floats, Floats]:
+    """Encoded factors over the same segments, stacked: (numbers (n, 8), vectors (n, k), upper triangles (n, ...)).
+
+    The numbers are those of ``PassFactor`` in the order of its fields, from ``slope_percent`` on.
+    """
+    stacked = np.frombuffer(b"".join(data), "<f8").reshape(len(data), -1)
+    count = int(stacked[0, _NUMBERS - 1])
+    return stacked[:, : _NUMBERS - 1], stacked[:, _NUMBERS : _NUMBERS + count], stacked[:, _NUMBERS + count :]
 
 
 def symmetric(upper: Floats, size: int) -> Floats:

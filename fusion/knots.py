@@ -14,8 +14,16 @@ from fusion.types import Floats, Ints
 
 SPACING_M = 20.0
 MAX_INTERVALS = 16
+SHORTEST_M = 1.0
+"""Shorter segments count as this long: their own equations would drown all others in rounding, and a grade over less
+than a step says nothing."""
 
 _GAUSS_NODES, _GAUSS_WEIGHTS = (v.tolist() for v in np.polynomial.legendre.leggauss(3))
+
+
+def knot_length(length_m: ArrayLike) -> Floats:
+    """The length that a segment's knots assume: at least ``SHORTEST_M``."""
+    return np.asarray(np.maximum(np.asarray(length_m, float), SHORTEST_M))
 
 
 def interval_count(length_m: ArrayLike) -> Ints:

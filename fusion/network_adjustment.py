@@ -1,7 +1,7 @@
 """The slopes of a road network from all drives together: one sparse least-squares solution for the heights.
 
 Unknowns are the heights and grades at the knots of ``fusion.knots`` along each segment, and a height at every node,
-at which the segments that meet there agree to centimetres. Every drive's passes enter as likelihoods
+at which the segments that meet there agree to decimetres. Every drive's passes enter as likelihoods
 (``fusion.evidence``), the smoothness of roads enters once, the elevation model as a weak slope. The idea is geodesy's
 network adjustment; what it buys over averaging slopes is in ``spec/7-slope-notes``.
 """
@@ -18,13 +18,16 @@ from scipy.sparse.csgraph import connected_components
 
 from fusion.evidence import SegmentEvidence
 from fusion.filters.sparse_inverse import NormalEquations
-from fusion.knots import interval_count, slope_rows, smoothness_block
+from fusion.knots import interval_count, knot_length, slope_rows, smoothness_block
 from fusion.node_couplings import couplings
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
 
 DEFAULT_ROUGHNESS = 3e-5
 """Variance of the grade's change per metre where no drive has learned it: between flat towns and hills."""
+
+ROUGHNESS_BOUNDS = (3e-7, 1e-3)
+"""The flattest of towns and the roughest of tracks."""
 
 ROUGHNESS_FACTOR = 2.0
 """Grades change more at a few places than elsewhere: a drive's likelihood finds the quiet stretches' strength."""
@@ -35,13 +38,16 @@ TAIL_ROUNDS = 3
 STEEPEST = 0.2
 """One sigma of the weak belief that a road's grade is near 0; keeps unmeasured unknowns in bounds."""
 
+RIDGE = 1e-7
+"""Share of the diagonal that is added where rounding has left the equations not quite positive definite."""
+
 DEM_SIGMA_PERCENT = 6.0
 DEM_LENGTH_M = 90.0
 """A DEM's slope is this wrong over a stretch of the spacing of its posts; over longer ones less, in proportion."""
 
-NODE_SIGMA_M = 0.07
-"""How well the heights of segments agree where they meet: lanes and camber. What small errors that all drives share sum
-up to around a loop must not be forced into its slopes."""
+NODE_SIGMA_M = 0.3
+"""How well the heights of segments agree where they meet. Camber and lanes are a tenth of it; the rest lets go of loops,
+around which small errors that all drives share sum up, and so keeps the influence of a drive in its surroundings."""
 
 FLOOR_PERCENT = 0.15
 """What the definition of a segment's slope leaves open, however often it is driven (spec 7: 0.12 to 0.18 %)."""
@@ -102,7 +108,7 @@ class _Layout:
     """Where each segment's knot variables stand among the unknowns."""
 
     def __init__(self, network: RoadTable) -> None:
-        self.length_m = np.maximum(network.length_m, 0.1)
+        self.length_m = knot_length(network.length_m)
         self.intervals = interval_count(self.length_m)
         ends = np.concatenate([network.from_node, network.to_node])
         _, node = np.unique(ends, return_inverse=True)
@@ -154,7 +160,11 @@ class _System:
         matrix = sparse.csc_matrix((values, (rows, columns)), shape=(self.size, self.size))
         _, part = connected_components(matrix, directed=False)
         _, first = np.unique(part, return_index=True)
-        return matrix + sparse.csc_matrix((np.ones(len(first)), (first, first)), shape=matrix.shape)
+        # In place: a sum of sparse matrices would drop entries that happen to be 0, and their covariances with them.
+        diagonal = matrix.diagonal()
+        diagonal[first] += 1.0
+        matrix.setdiag(diagonal)
+        return matrix
 
 
 class _Roughness:
@@ -162,7 +172,7 @@ class _Roughness:
 
     def __init__(self, layout: _Layout, evidence: Sequence[SegmentEvidence | None]) -> None:
         learned = [DEFAULT_ROUGHNESS if e is None else e.roughness for e in evidence]
-        usual = ROUGHNESS_FACTOR * np.array(learned)
+        usual = ROUGHNESS_FACTOR * np.clip(learned, *ROUGHNESS_BOUNDS)
         self._parts = []
         for intervals in np.unique(layout.intervals).tolist():
             rows = layout.rows_with(intervals)
@@ -188,21 +198,33 @@ class _Roughness:
 
 def _solve(system: _System, roughness: _Roughness) -> tuple[NormalEquations, Floats]:
     """The solution with the strength of the prior found on the way."""
+    order: Ints | None = None
     for last in [False] * TAIL_ROUNDS + [True]:
         whole = system.copy()
         roughness.add_to(whole)
-        equations = NormalEquations(whole.matrix())
+        equations = _factorised(whole.matrix(), order)
+        order = equations.order
         solution = equations.solve(whole.vector)
         if not last:
             roughness.learn(equations, solution)
     return equations, solution
 
 
+def _factorised(matrix: sparse.csc_matrix, order: Ints | None) -> NormalEquations:
+    """The factorised equations; rounding in long sums of factors may ask for a hair more."""
+    try:
+        return NormalEquations(matrix, order)
+    except ValueError:
+        matrix.setdiag((1 + RIDGE) * matrix.diagonal())
+        return NormalEquations(matrix, order)
+
+
 def _add_bounds(system: _System, layout: _Layout) -> None:
-    """Weakly believe that roads are not steep."""
+    """Weakly believe that roads are not steep; all of a segment's unknowns meet here, so that covariances are found."""
     for intervals in np.unique(layout.intervals).tolist():
-        grades = layout.variables(layout.rows_with(intervals))[:, 1::2].reshape(-1, 1)
-        system.add(grades, np.full((len(grades), 1, 1), STEEPEST**-2))
+        variables = layout.variables(layout.rows_with(intervals))
+        block = np.diag(np.tile([0.0, STEEPEST**-2], intervals + 1))
+        system.add(variables, np.broadcast_to(block, (len(variables), *block.shape)))
 
 
 def _add_nodes(system: _System, layout: _Layout, network: RoadTable) -> None:

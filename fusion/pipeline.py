@@ -15,7 +15,7 @@ from fusion.methods import DEFAULT_METHOD, METHODS
 from fusion.methods.base import Options
 from fusion.roads.network import RoadNetwork, RoadTable
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, DriveResult, Progress, no_progress
+from fusion.types import DriveLog, DriveResult, Progress, Track, no_progress
 
 ROAD_MARGIN_M = 250.0
 MIN_EPOCHS = 4
@@ -117,8 +117,10 @@ def _report(
         "options": options.model_dump(mode="json"),
         "epochs": len(track),
         "duration_s": float(np.ptp(track.time_s)) if len(track) else 0.0,
-        "matched_share": float(np.mean(track.segment >= 0)) if len(track) else 0.0,
-        "segments_driven": len(np.unique(track.segment[track.segment >= 0])),
+        "matched_share": result.report.get("matched_share", _matched_share(track)),
+        "segments_driven": len(
+            {*track.segment[track.segment >= 0].tolist(), *(s.segment for s in result.slopes)}
+        ),
         "segments_estimated": len(result.slopes),
         "dem": None if dem is None else dem.description,
         "dem_datum": None if dem is None else dem.datum,
@@ -126,6 +128,10 @@ def _report(
         "missing": list(log.missing),
         "skipped": dict(log.skipped),
         "repaired": dict(log.repaired),
-        "warnings": [*log.warnings, *_warnings(result)],
-        **{name: value for name, value in result.report.items() if name != "matched_share"},
+        "warnings": [*log.warnings, *result.report.get("warnings", ()), *_warnings(result)],
+        **{k: v for k, v in result.report.items() if k not in ("matched_share", "warnings")},
     }
+
+
+def _matched_share(track: Track) -> float:
+    return float(np.mean(track.segment >= 0)) if len(track) else 0.0

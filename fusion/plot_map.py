@@ -123,8 +123,8 @@ def slope_figure(
 
 def _size_in(lines: Floats) -> tuple[float, float]:
     """Width and height of a figure in which the map, of the roads' own shape, leaves no empty margins."""
-    width, height = np.maximum(np.ptp(lines.reshape(-1, 2), axis=0), 0.4 * _extent_m(lines))
-    scale = MAP_IN / max(width, height, 1e-9)
+    width, height = np.maximum(np.ptp(lines.reshape(-1, 2), axis=0), 0.4 * max(_extent_m(lines), 1.0))
+    scale = MAP_IN / max(width, height)
     return max(width * scale, LEAST_IN) + BESIDE_IN, height * scale + BELOW_IN
 
 

@@ -158,7 +158,10 @@ def _limit(axes: Axes, ends: tuple[float, float] | None, dots: Sequence[Dots]) -
     outside = int(np.sum((value < ends[0]) | (value > ends[1])))
     if outside:
         text = f"{outside} of {len(value)} dots lie outside"
-        axes.text(0.995, 0.02, text, transform=axes.transAxes, ha="right", fontsize=8.5, color=MUTED)
+        axes.text(
+            0.995, 0.02, text, transform=axes.transAxes, ha="right", fontsize=8.5, color=MUTED, zorder=6,
+            bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 1.5},
+        )  # fmt: skip
 
 
 def _dress(axes: Axes, profile: Profile, dots: Sequence[Dots], *, keyed: bool) -> None:

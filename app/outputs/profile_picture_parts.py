@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.outputs.profile import Profile
-from fusion.types import Floats
+from fusion.types import Floats, Ints
 
 NORMAL_95 = 1.96
 Mask = NDArray[np.bool_]
@@ -36,49 +36,35 @@ def broken(column: Floats, profile: Profile) -> Floats:
 
 
 def steps_of(profile: Profile) -> Steps:
-    """One step for each stay on a segment with a slope, to halfway between its last epoch and the next's first."""
-    if not len(profile):
-        return Steps(*(np.empty(0) for _ in range(4)))
-    first = np.flatnonzero(np.r_[True, (np.diff(profile.segment_id) != 0) | profile.gap[1:]])
-    last = np.r_[first[1:], len(profile)] - 1
-    start, stop = profile.distance_m[first], profile.distance_m[last]
-    touching = ~profile.gap[first[1:]]
-    middle = 0.5 * (stop[:-1] + start[1:])
-    start = np.r_[start[:1], np.where(touching, middle, start[1:])]
-    stop = np.r_[np.where(touching, middle, stop[:-1]), stop[-1:]]
+    """One step for each stay on a segment with a slope."""
+    first, _, from_m, to_m = _runs(profile, profile.segment_id)
     known = np.isfinite(profile.slope_percent[first])
-    columns = (start, stop, profile.slope_percent[first], profile.slope_sigma_percent[first])
+    columns = (from_m, to_m, profile.slope_percent[first], profile.slope_sigma_percent[first])
     return Steps(*(column[known] for column in columns))
 
 
 def stretches(profile: Profile, mask: Mask, least_s: float = 0.0) -> Floats:
-    """(from_m, to_m) of each run of epochs in ``mask`` that lasts ``least_s``, shape (k, 2); up to its neighbours'.
+    """(from_m, to_m) of each run of epochs in ``mask`` that lasts ``least_s``, shape (k, 2)."""
+    first, last, from_m, to_m = _runs(profile, mask)
+    chosen = mask[first] & (profile.time_s[last] - profile.time_s[first] >= least_s)
+    return np.column_stack([from_m, to_m])[chosen]
 
-    A run ends at an interruption.
+
+def _runs(profile: Profile, column: Ints | Mask) -> tuple[Ints, Ints, Floats, Floats]:
+    """First and last epoch of each run of equal values, and from where to where it reaches on the distance axis.
+
+    Runs meet halfway between the last epoch of one and the first of the next, but not across an interruption.
     """
-    edges = (
-        np.flatnonzero(np.r_[True, (np.diff(mask) != 0) | profile.gap[1:]]) if len(mask) else np.empty(0, int)
-    )
-    runs = [
-        (first, last)
-        for first, last in zip(edges, np.r_[edges[1:], len(mask)] - 1, strict=True)
-        if mask[first] and profile.time_s[last] - profile.time_s[first] >= least_s
-    ]
-    return np.array(
-        [
-            (_edge(profile, int(first) - 1, int(first)), _edge(profile, int(last), int(last) + 1))
-            for first, last in runs
-        ]
-    ).reshape(-1, 2)
-
-
-def _edge(profile: Profile, before: int, after: int) -> float:
-    """Halfway between two epochs that follow each other; else the place of the one that exists or belongs."""
-    if before < 0:
-        return float(profile.distance_m[after])
-    if after >= len(profile) or profile.gap[after]:
-        return float(profile.distance_m[before])
-    return float(profile.distance_m[[before, after]].mean())
+    if not len(profile):
+        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0)
+    first = np.flatnonzero(np.r_[True, (column[1:] != column[:-1]) | profile.gap[1:]])
+    last = np.r_[first[1:], len(profile)] - 1
+    from_m, to_m = profile.distance_m[first], profile.distance_m[last]
+    touching = ~profile.gap[first[1:]]
+    border = 0.5 * (to_m[:-1] + from_m[1:])
+    from_m = np.r_[from_m[0], np.where(touching, border, from_m[1:])]
+    to_m = np.r_[np.where(touching, border, to_m[:-1]), to_m[-1]]
+    return first, last, from_m, to_m
 
 
 def interruptions(profile: Profile) -> Floats:

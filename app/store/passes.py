@@ -21,6 +21,8 @@ from fusion.factors import PassFactor
 
 Keyed = tuple[int, PassFactor]
 """A pass with its row's id."""
+Encoded = tuple[int, tuple[int, ...], bytes]
+"""A pass as it is stored: its row's id, its segments, its factor."""
 Added = Mapping[int, Sequence[Keyed]]
 """New passes by their own segment."""
 Evidence = dict[int, SegmentEvidence | None]
@@ -113,13 +115,15 @@ def rebuild_evidence(session: Session, segment_ids: Sequence[int], added: Added 
     verdicts: dict[int, bool] = {}
     for start in range(0, len(segment_ids), _SEGMENTS_PER_READ):
         part = segment_ids[start : start + _SEGMENTS_PER_READ]
-        passes: dict[int, list[Keyed]] = {s: list((added or {}).get(s, ())) for s in part}
+        passes: dict[int, list[Encoded]] = {
+            s: [(key, f.segments, f.encode()) for key, f in (added or {}).get(s, ())] for s in part
+        }
         stored: dict[int, bool] = {}
         for segment_id, key, segments, factor, accepted in fetch_binary(session, _PASSES_OVER, {"ids": part}):
-            passes[segment_id].append((key, PassFactor.decode(factor, tuple(segments))))
+            passes[segment_id].append((key, tuple(segments), factor))
             stored[key] = accepted
         for segment_id, keyed in passes.items():
-            built = SegmentEvidence.build(keyed) if keyed else None
+            built = SegmentEvidence.build_encoded(keyed) if keyed else None
             evidence[segment_id] = built
             verdicts |= _flipped(built, stored)
     _set_verdicts(session, verdicts)

@@ -172,11 +172,16 @@ def run_backward(  # noqa: C901, PLR0912
             residual[i], precision[i] = u, square
             for a in range(d):
                 r[a] += design[i, a] * u
+            # L' N L in two steps, with L = 1 - gain design' / s: multiplied out, a vague start would cost all digits.
+            for b in range(d):
+                moved[b] = 0.0
+                for a in range(d):
+                    work[a, b] = big[a, b] - along[a] * design[i, b] / s
+                    moved[b] += gain[i, a] * work[a, b]
             for a in range(d):
                 for b in range(a + 1):
-                    change = design[i, a] * design[i, b] * square
-                    change -= (design[i, a] * along[b] + along[a] * design[i, b]) / s
-                    big[a, b] = big[b, a] = big[a, b] + change
+                    total = work[a, b] + design[i, a] * (design[i, b] - moved[b]) / s
+                    big[a, b] = big[b, a] = total
         for a in range(d):
             if big[a, a] > 0.0:
                 break_score[k, a] = r[a] / np.sqrt(big[a, a])

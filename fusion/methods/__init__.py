@@ -11,6 +11,6 @@ METHODS.add(ParticleMethod.name, ParticleMethod())
 METHODS.add(RawMethod.name, RawMethod())
 METHODS.add(DemMethod.name, DemMethod())
 
-DEFAULT_METHOD = ParticleMethod.name
+DEFAULT_METHOD = ProfileMethod.name
 
 __all__ = ["DEFAULT_METHOD", "METHODS"]

@@ -182,7 +182,6 @@ class DriveFilter:
         return {
             "particles": self.options.particles,
             "epochs_filtered": self.counts["filtered"],
-            "matched_share": self.counts["matched"] / filtered,
             "resampled_share": self.counts["resampled"] / filtered,
             "dem_share": self.counts["dem"] / filtered,
             "mean_n_eff": self.n_eff_sum / filtered,

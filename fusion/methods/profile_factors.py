@@ -13,6 +13,7 @@ from fusion.knots import (
     grade_variance,
     height_rows,
     height_variance,
+    knot_length,
     slope_row,
     smoothness,
     variable_count,
@@ -145,7 +146,7 @@ def _factor(
     covariance = learned.smoothed.covariance[at][np.ix_(CONSTANTS, CONSTANTS)].copy()
     if _mount_moves(steps, learned, match.enter_time_s[k], match.leave_time_s[k]):
         covariance[0, 0] += JUMP_SIGMA[MOUNT] ** 2
-    lengths = np.maximum(path.network.table.length_m[match.segment[start : k + 1]], 0.1)
+    lengths = knot_length(path.network.table.length_m[match.segment[start : k + 1]])
     scale = lengths / np.maximum(path.network.length_m[match.segment[start : k + 1]], 1e-9)
     information, vector = _likelihood(p, learned, first, start, k + 1, lengths, scale, mean, covariance)
     if start < k:

@@ -23,7 +23,7 @@ ASKEW_SIGMA = 0.2
 """Grade that a vehicle sees across the road: times 1 - cosine of the angle between its course and the road."""
 SLOW_MPS = 2.0
 """At this speed springs double the variance of pitch and force."""
-_START_SIGMA = (1e3, 0.1, 30.0, 0.3, 0.03, 0.005, 1e3, 30.0)
+_START_SIGMA = (100.0, 0.1, 30.0, 0.3, 0.03, 0.005, 100.0, 30.0)
 _NEW_RUN = (1e4, 0.1**2)
 _MOUNT_WALK = 1e-10
 JUMP_SIGMA = {MOUNT: 0.05, DRIFT: 30.0}
@@ -170,6 +170,9 @@ def linear_model(rows: Rows, steps: Steps, noise: Noise, variance: Floats, jumps
     mean = np.zeros(STATES)
     heights = rows.value[np.isin(rows.sensor, (ALTITUDE, TERRAIN))]
     mean[HEIGHT] = float(np.median(heights[:50])) if len(heights) else 0.0
+    pressed = rows.value[rows.sensor == BARO]
+    if len(pressed):
+        mean[BARO_DRIFT] = float(np.median(pressed[:50])) - mean[HEIGHT]
     return LinearModel(
         transition, q, mean, np.diag(np.square(_START_SIGMA)), steps.step, design(rows, share),
         clean.value, variance,

@@ -8,8 +8,6 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -17,12 +15,11 @@ from PIL import Image
 
 from app.outputs.profile import Profile, RoadFacts, build_profile, table_facts
 from app.outputs.profile_picture import profile_figure
-from app.outputs.profile_picture_dots import MOST_DOTS, dots_of, placed_m
+from app.outputs.profile_picture_dots import MOST_DOTS, dots_of
 from app.outputs.profile_picture_parts import (
     LEAST_HEIGHT_M,
     MOST_SLOPE_PERCENT,
     NORMAL_95,
-    limits,
     steps_of,
     stretches,
 )
@@ -31,7 +28,7 @@ from fusion.roads.network import RoadTable
 from fusion.types import Floats, Measurements, Track
 
 UNKNOWN = float("nan")
-NAMES = ("altitude", "doppler", "unheard of")
+NAMES = ("altitude", "doppler")
 
 
 def hill(n: int = 40, *, gap_at: int | None = 20) -> Track:
@@ -65,7 +62,7 @@ SLOPES = {0: (6.0, 0.5), 1: (-4.0, 0.4), 2: (0.0, 0.3), 3: (3.0, UNKNOWN)}
 
 
 def profile(track: Track | None = None) -> Profile:
-    track = track or hill()
+    track = hill() if track is None else track
     return build_profile(track, track.segment, SLOPES)
 
 
@@ -178,21 +175,6 @@ def test_one_epoch_on_a_segment_goes_as_the_vehicle_heads(heading: float, forwar
     assert p.slope_percent[15] == 5 * forward or (not forward and np.isnan(p.slope_percent[15]))
 
 
-@pytest.mark.parametrize(
-    ("end", "bearing"),
-    [((8.0, 49.0), 0.0), ((9.0, 48.0), np.pi / 2), ((8.0, 47.0), np.pi), ((7.0, 48.0), -np.pi / 2)],
-)
-def test_the_bearing_is_clockwise_from_north(end: tuple[float, float], bearing: float) -> None:
-    assert RoadFacts.between((8.0, 48.0), end, bridge=False, tunnel=False).bearing_rad == pytest.approx(
-        bearing
-    )
-
-
-def test_the_bearing_across_the_date_line() -> None:
-    facts = RoadFacts.between((179.999, 10.0), (-179.999, 10.0), bridge=True, tunnel=False)
-    assert (facts.bearing_rad, facts.bridge) == (pytest.approx(np.pi / 2), True)
-
-
 def test_bridges_and_outages_are_shaded_where_they_are(small_table: RoadTable) -> None:
     track = hill(gap_at=None)
     has_gnss = ~((np.arange(40) >= 32) & (np.arange(40) < 38))
@@ -236,21 +218,6 @@ def small_table() -> RoadTable:
     )
 
 
-def test_measurements_lie_on_the_axis_of_the_estimate() -> None:
-    p = profile()
-    assert placed_m(p, p.time_s) == pytest.approx(p.distance_m)
-    halves = placed_m(p, p.time_s[:18] + 0.5)
-    assert halves == pytest.approx(0.5 * (p.distance_m[:18] + p.distance_m[1:19]))
-
-
-def test_measurements_in_an_interruption_are_not_placed_across_it() -> None:
-    p = profile()
-    at = placed_m(p, np.array([19.4, 60.0, 119.5, 120.0, -50.0, 1e9, p.time_s[-1] + 0.4]))
-    nowhere = np.isnan(at)
-    assert nowhere.tolist() == [False, True, False, False, True, True, False]
-    assert at[~nowhere].tolist() == [p.distance_m[19], p.distance_m[20], p.distance_m[20], p.distance_m[-1]]
-
-
 def test_heights_of_another_datum_are_moved_and_said_to_be() -> None:
     p = profile()
     near, far = (
@@ -272,12 +239,6 @@ def test_grades_are_drawn_in_percent_and_below() -> None:
     assert not dots(height)
     (drawn,) = dots(slope)
     assert drawn == pytest.approx(np.column_stack([p.distance_m / 1000, np.full(40, 3.0)]))
-
-
-def test_a_sensor_without_a_look_is_drawn_by_its_name() -> None:
-    p = profile()
-    (one,) = dots_of(p, measured(p.time_s, np.full(40, 0.03), sensor=2))
-    assert one.label == "unheard of"
 
 
 def test_without_measurements_there_are_no_dots() -> None:
@@ -317,27 +278,6 @@ def test_zero_is_always_on_the_grade_axis() -> None:
     assert 10 < high <= 2 * MOST_SLOPE_PERCENT
 
 
-numbers = st.floats(-1e4, 1e4)
-
-
-@given(
-    st.lists(st.tuples(numbers, st.floats(0, 1e6) | st.just(UNKNOWN)), min_size=1, max_size=20),
-    st.lists(numbers, max_size=5),
-)
-def test_the_axis_holds_every_estimate_and_stays_near(
-    rows: list[tuple[float, float]], behind: list[float]
-) -> None:
-    value, sigma = np.array(rows).T
-    ends = limits(value, sigma, 5.0, np.array(behind, float))
-    assert ends is not None
-    assert ends[0] <= value.min() <= value.max() <= ends[1]
-    assert 5.0 <= ends[1] - ends[0] <= 5 * max(np.ptp(value), 5.0)
-
-
-def test_no_estimate_has_no_axis() -> None:
-    assert limits(np.full(3, UNKNOWN), np.ones(3), 1.0, np.ones(2)) is None
-
-
 def test_only_segment_slopes_can_be_drawn() -> None:
     nothing = np.full(40, UNKNOWN)
     track = replace(hill(), pitch_rad=nothing, pitch_sigma_rad=nothing, alt_m=nothing)
@@ -370,8 +310,8 @@ def test_the_png_is_a_picture_of_its_size() -> None:
         pixels = np.asarray(image.convert("RGB"), int)
     coloured = np.ptp(pixels, axis=-1) > 40
     upper, lower = coloured[:400], coloured[400:]
-    assert upper.sum() > 3000
-    assert lower.sum() > 3000
+    assert upper.sum() > 1500
+    assert lower.sum() > 1500
     assert coloured.mean() < 0.5
 
 

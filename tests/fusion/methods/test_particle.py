@@ -111,7 +111,9 @@ def test_the_result_does_not_depend_on_the_number_of_threads(
     try:
         for threads in {1, before}:
             numba.set_num_threads(threads)
-            results.append(run_drive(log, town.roads, town_dem, options={"particles": 40_000})[1])
+            results.append(
+                run_drive(log, town.roads, town_dem, method="particle", options={"particles": 40_000})[1]
+            )
     finally:
         numba.set_num_threads(before)
     first, last = results[0], results[-1]
@@ -125,7 +127,9 @@ def test_another_seed_changes_the_result_within_its_sigma(
 ) -> None:
     log = make_log(1, duration_s=240)
     one, two = (
-        run_drive(log, town.roads, town_dem, options={"particles": 20_000, "seed": seed})[1].slopes
+        run_drive(log, town.roads, town_dem, method="particle", options={"particles": 20_000, "seed": seed})[
+            1
+        ].slopes
         for seed in (1, 2)
     )
     assert one != two
@@ -141,8 +145,10 @@ def test_another_seed_changes_the_result_within_its_sigma(
 def test_a_mount_that_is_askew_is_levelled_and_reported(make_log: MakeLog, town: Town, town_dem: Dem) -> None:
     log = make_log(3, duration_s=300)
     options = {"particles": 5000}
-    _, plain = run_drive(log, town.roads, town_dem, options=options)
-    _, off = run_drive(log, town.roads, town_dem, options={**options, "level_pitch": False})
+    _, plain = run_drive(log, town.roads, town_dem, method="particle", options=options)
+    _, off = run_drive(
+        log, town.roads, town_dem, method="particle", options={**options, "level_pitch": False}
+    )
     assert plain.report["mount_pitch_sigma_deg"] < 0.5
     assert off.report["mount_pitch_deg"] is None
     assert plain.slopes != off.slopes

@@ -1,0 +1,151 @@
+"""Solutions and selected covariances against numpy's dense inverse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import sparse
+
+from fusion.filters.sparse_inverse import NormalEquations
+
+
+def from_pairs(
+    size: int, pairs: np.ndarray, rng: np.random.Generator, hold: float = 0.3
+) -> sparse.csc_matrix:
+    """Observed differences of random weight between unknowns, and a weak hold on each."""
+    matrix = hold * np.eye(size)
+    for (a, b), weight in zip(pairs, rng.uniform(0.1, 10.0, len(pairs)), strict=True):
+        row = np.zeros(size)
+        row[a], row[b] = 1.0, -rng.uniform(0.5, 1.5)
+        matrix += weight * np.outer(row, row)
+    return sparse.csc_matrix(matrix)
+
+
+def grid_pairs(width: int, height: int) -> np.ndarray:
+    number = np.arange(width * height).reshape(height, width)
+    across = np.column_stack([number[:, :-1].ravel(), number[:, 1:].ravel()])
+    down = np.column_stack([number[:-1].ravel(), number[1:].ravel()])
+    return np.concatenate([across, down])
+
+
+def check(matrix: sparse.csc_matrix, rng: np.random.Generator) -> None:
+    """Solution, variances and the covariances of all pairs that share an equation."""
+    size = matrix.shape[0]
+    inverse = np.linalg.inv(matrix.toarray())
+    equations = NormalEquations(matrix)
+    vector = rng.normal(size=size)
+    assert equations.solve(vector) == pytest.approx(inverse @ vector, rel=1e-8, abs=1e-10)
+    scale = np.abs(inverse).max()
+    alone = equations.covariance(np.arange(size)[:, None])
+    assert alone.ravel() == pytest.approx(np.diag(inverse), rel=1e-8)
+    pairs = np.argwhere(np.triu(matrix.toarray(), 1) != 0)
+    blocks = equations.covariance(pairs)
+    expected = inverse[pairs[:, :, None], pairs[:, None, :]]
+    assert blocks == pytest.approx(expected, rel=1e-8, abs=1e-10 * scale)
+    assert np.array_equal(blocks, blocks.transpose(0, 2, 1))
+
+
+@given(seed=st.integers(0, 2**31), size=st.integers(1, 40), density=st.floats(0.0, 3.0))
+def test_any_network_of_differences(seed: int, size: int, density: float) -> None:
+    rng = np.random.default_rng(seed)
+    pairs = rng.integers(0, size, (int(density * size), 2))
+    check(from_pairs(size, pairs[pairs[:, 0] != pairs[:, 1]], rng), rng)
+
+
+def test_grids_where_much_is_filled_in() -> None:
+    for width, height in ((1, 1), (2, 9), (12, 11)):
+        rng = np.random.default_rng(width)
+        check(from_pairs(width * height, grid_pairs(width, height), rng), rng)
+
+
+def test_trees_chains_and_stars_where_nothing_is() -> None:
+    rng = np.random.default_rng(2)
+    size = 60
+    tree = np.column_stack([np.arange(1, size), [rng.integers(0, k) for k in range(1, size)]])
+    chain = np.column_stack([np.arange(1, size), np.arange(size - 1)])
+    star = np.column_stack([np.arange(1, size), np.zeros(size - 1, np.int64)])
+    for pairs in (tree, chain, star):
+        check(from_pairs(size, pairs, rng), rng)
+
+
+def test_a_block_over_all_unknowns_of_an_equation_comes_out_whole() -> None:
+    """As factors do: an equation over five unknowns makes all their covariances available at once."""
+    rng = np.random.default_rng(3)
+    size, matrix = 30, 0.2 * np.eye(30)
+    groups = np.array([rng.choice(size, 5, replace=False) for _ in range(12)])
+    for group in groups:
+        row = np.zeros(size)
+        row[group] = rng.normal(size=5)
+        matrix += np.outer(row, row)
+    inverse = np.linalg.inv(matrix)
+    blocks = NormalEquations(sparse.csc_matrix(matrix)).covariance(groups)
+    assert blocks == pytest.approx(inverse[groups[:, :, None], groups[:, None, :]], rel=1e-8, abs=1e-9)
+
+
+def test_separate_parts_know_nothing_of_each_other() -> None:
+    rng = np.random.default_rng(4)
+    parts = [from_pairs(4, grid_pairs(2, 2), rng) for _ in range(2)]
+    together = NormalEquations(sparse.block_diag(parts, format="csc"))
+    alone = NormalEquations(parts[1]).covariance(np.arange(4)[None])
+    assert together.covariance(np.arange(4, 8)[None]) == pytest.approx(alone, nan_ok=True)
+    assert np.isnan(together.covariance(np.array([[0, 5]]))[0, 0, 1]), "not in the pattern, so not known"
+
+
+def test_no_rows_give_no_blocks() -> None:
+    equations = NormalEquations(sparse.csc_matrix(np.eye(3)))
+    assert equations.covariance(np.empty((0, 4), np.int64)).shape == (0, 4, 4)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        [[1.0, 2.0], [2.0, 1.0]],
+        [[-1.0, 0.0], [0.0, 1.0]],
+        [[1.0, 1.0], [1.0, 1.0]],
+        [[1.0, 0.0], [0.0, 0.0]],
+        [[0.0, 1.0], [1.0, 0.0]],
+        [[2.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 2.0]],
+    ],
+    ids=["indefinite", "negative", "rank one", "unknown in no equation", "zero diagonal", "level not held"],
+)
+def test_what_is_not_positive_definite_is_refused(matrix: list[list[float]]) -> None:
+    with pytest.raises(ValueError, match="normal equations are"):
+        NormalEquations(sparse.csc_matrix(np.array(matrix)))
+
+
+def test_an_unknown_in_no_equation_is_found_in_a_large_network() -> None:
+    rng = np.random.default_rng(5)
+    matrix = from_pairs(50, grid_pairs(10, 5), rng).tolil()
+    matrix[17, :] = matrix[:, 17] = 0.0
+    held = sparse.csc_matrix(matrix)
+    held.eliminate_zeros()
+    with pytest.raises(ValueError, match="normal equations are"):
+        NormalEquations(held)
+
+
+def test_a_covariance_is_there_even_where_the_matrix_holds_a_zero() -> None:
+    """Two equations over the same pair may cancel to exactly 0; what the pair shares with others still counts."""
+    size, hub = 8, 2
+    matrix = np.diag(np.full(size, 4.0))
+    for leaf in (0, 1, 3, 4, 5, 6, 7):
+        matrix[leaf, hub] = matrix[hub, leaf] = 1.0
+    stored = sparse.coo_matrix(matrix)
+    rows, columns = (np.append(v, extra) for v, extra in ((stored.row, [0, 1]), (stored.col, [1, 0])))
+    cancelled = sparse.csc_matrix((np.append(stored.data, [0.0, 0.0]), (rows, columns)), shape=matrix.shape)
+    assert cancelled.nnz == stored.nnz + 2
+    expected = np.linalg.inv(matrix)[np.ix_([0, 1, 2], [0, 1, 2])]
+    assert NormalEquations(cancelled).covariance(np.array([[0, 1, 2]]))[0] == pytest.approx(expected)
+
+
+def test_an_order_serves_another_matrix_of_the_same_pattern() -> None:
+    rng = np.random.default_rng(6)
+    first, second = (from_pairs(20, grid_pairs(5, 4), rng) for _ in range(2))
+    order = NormalEquations(first).order
+    again = NormalEquations(second, order)
+    vector = rng.normal(size=20)
+    assert again.solve(vector) == pytest.approx(np.linalg.solve(second.toarray(), vector))
+    assert again.covariance(np.arange(20)[:, None]).ravel() == pytest.approx(
+        np.diag(np.linalg.inv(second.toarray()))
+    )
