@@ -256,12 +256,14 @@ class NetworkSlope(Base):
 
 
 class DriveTrack(Base):
-    """A drive's estimated track: an Arrow IPC stream, zstd, written and read by ``app.store.tracks``."""
+    """A drive's estimated track and what its sensors said along it: Arrow IPC streams (``app.store.tracks``)."""
 
     __tablename__ = "drive_tracks"
 
     drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
     track: Mapped[bytes]
+    measurements: Mapped[bytes | None]
+    """Drawn behind the profile; NULL where the method offers none."""
 
 
 class SegmentSlope(Base):

@@ -218,7 +218,7 @@ def _publish(
         current = roads.current_road_version(session)
         if current is None or current.id != around.roads.version_id:
             return False
-        tracks.save_track(session, drive.id, result.track, ids)
+        tracks.save_track(session, drive.id, result.track, ids, result.measurements)
         heard = slopes.save_result(session, drive.id, ids, result.slopes, provenance, result.factors)
         drives.mark_done(
             session,

@@ -25,12 +25,12 @@ import argparse
 import json
 import os
 import statistics
-import sys
 import time
 import tracemalloc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from adjustment_drives import Copies, Synthetic, town_drives
@@ -50,7 +50,8 @@ REGION_DRIVES, REGION_ROUTE_M = 100, 10_000.0
 AIM_UPDATE_S, AIM_REGION_S = 1.0, 60.0
 
 Encoded = list[tuple[int, tuple[int, ...], bytes]]
-Figures = dict[str, object]
+Figures = dict[str, Any]
+T = TypeVar("T")
 
 
 @dataclass
@@ -73,10 +74,10 @@ class Store:
         """The evidence of all stored passes, from scratch."""
         return {row: SegmentEvidence.build_encoded(encoded) for row, encoded in self.passes.items()}
 
-    def mask(self, rows: object) -> np.ndarray:
+    def mask(self, rows: Iterable[int]) -> np.ndarray:
         """Rows as a mask."""
         out = np.zeros(len(self.roads), bool)
-        out[list(rows)] = True  # type: ignore[call-overload]
+        out[list(rows)] = True
         return out
 
 
@@ -86,7 +87,7 @@ class Clock:
 
     steps: dict[str, float] = field(default_factory=dict)
 
-    def time(self, name: str, work: Callable[[], object]) -> object:
+    def time(self, name: str, work: Callable[[], T]) -> T:
         """Do it and note how long it took."""
         start = time.perf_counter()
         result = work()
@@ -121,9 +122,9 @@ def update(store: Store, factors: Sequence[PassFactor], clock: Clock) -> tuple[i
             neighbourhood(store.roads, open_rows, touched, PUBLISH_RADIUS_M),
         )
 
-    window, published = clock.time("window", around)  # type: ignore[misc]
+    window, published = clock.time("window", around)
     found = clock.time("solve", lambda: solve(store, evidence, window))
-    clock.time("select", lambda: found.slope_percent[published[window]])  # type: ignore[attr-defined]
+    clock.time("select", lambda: found.slope_percent[published[window]])
     return int(window.sum()), int(published.sum())
 
 
@@ -151,7 +152,7 @@ def scratch(store: Store, clock: Clock) -> Adjustment:
     evidence = clock.time("evidence", store.condense)
     driven = store.mask(evidence)
     use = clock.time("gaps", lambda: driven | gap_rows(store.roads, driven))
-    return clock.time("solve", lambda: solve(store, evidence, use))  # type: ignore[arg-type, return-value]
+    return clock.time("solve", lambda: solve(store, evidence, use))
 
 
 def peak_mb(work: Callable[[], object]) -> float:
@@ -243,9 +244,9 @@ def show_library(name: str, of: str, f: Figures) -> None:
     print(
         f"{name}: {f['drives']} drives{of}, {f['driven_segments']:,} segments driven, {f['passes']:,} passes\n"
         f"  update   {f['update_s']:7.3f} s  {f['update_mb']:7.1f} MB  {f['drive_segments']} segments driven, "
-        f"{f['window_segments']} solved, {f['published_segments']} published ({steps(f['update_steps_s'])})\n"  # type: ignore[arg-type]
-        f"  scratch  {f['scratch_s']:7.3f} s  {f['scratch_mb']:7.1f} MB  {f['scratch_s'] / f['update_s']:.1f} updates "  # type: ignore[operator]
-        f"({steps(f['scratch_steps_s'])}); stored: evidence {f['evidence_mb']:.1f} MB, passes {f['passes_mb']:.1f} MB",  # type: ignore[arg-type]
+        f"{f['window_segments']} solved, {f['published_segments']} published ({steps(f['update_steps_s'])})\n"
+        f"  scratch  {f['scratch_s']:7.3f} s  {f['scratch_mb']:7.1f} MB  {f['scratch_s'] / f['update_s']:.1f} updates "
+        f"({steps(f['scratch_steps_s'])}); stored: evidence {f['evidence_mb']:.1f} MB, passes {f['passes_mb']:.1f} MB",
         flush=True,
     )
 
@@ -282,4 +283,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -31,9 +31,11 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 
 ROUGHNESS_FACTOR = 2.0
 """Grades change more at a few places than elsewhere: a drive's likelihood finds the quiet stretches' strength."""
-TAIL_FREEDOM = 3.0
+TAIL_FREEDOM = 2.0
 TAIL_ROUNDS = 3
-"""Changes of grade follow Student's t with so many degrees of freedom (kinks, kerbs), found in so many rounds."""
+TAIL_START = 10.0
+"""Changes of grade follow Student's t with so many degrees of freedom (kinks, kerbs), found in so many rounds, which
+begin with a prior so many times weaker: what is smoothed away at first is never found again."""
 
 STEEPEST = 0.2
 """One sigma of the weak belief that a road's grade is near 0; keeps unmeasured unknowns in bounds."""
@@ -46,8 +48,8 @@ DEM_LENGTH_M = 90.0
 """A DEM's slope is this wrong over a stretch of the spacing of its posts; over longer ones less, in proportion."""
 
 NODE_SIGMA_M = 0.3
-"""How well the heights of segments agree where they meet. Camber and lanes are a tenth of it; the rest lets go of loops,
-around which small errors that all drives share sum up, and so keeps the influence of a drive in its surroundings."""
+"""How well the heights of segments agree where they meet. Camber and lanes are a tenth of it; the rest lets go of
+loops, around which small errors that all drives share sum up, and so keeps a drive's influence in its surroundings."""
 
 FLOOR_PERCENT = 0.15
 """What the definition of a segment's slope leaves open, however often it is driven (spec 7: 0.12 to 0.18 %)."""
@@ -180,7 +182,7 @@ class _Roughness:
             unit = np.array([smoothness_block(d) for d in layout.length_m[rows] / intervals])
             for j in range(intervals):
                 self._parts.append((variables[:, 2 * j : 2 * j + 4], unit, usual[rows]))
-        self._strength = [usual for _, _, usual in self._parts]
+        self._strength = [TAIL_START * usual for _, _, usual in self._parts]
 
     def add_to(self, system: _System) -> None:
         """Add the prior at its present strength."""

@@ -16,6 +16,8 @@ JUNCTION_SIGMA = 0.003
 """The same at a junction: the camber of the crossing road."""
 TURN_SIGMA, JUNCTION_TURN_SIGMA = 0.02, 0.06
 """What a turn by 90 degrees adds, on one road and from road to road."""
+STRUCTURE_SIGMA = 0.012
+"""What the beginning or end of a bridge or tunnel adds: ramps and abutments."""
 MAX_ARMS = 8
 
 
@@ -30,11 +32,16 @@ class Couplings:
     sigma: Floats
 
 
-def grade_change_sigma(cosine: Floats, arms: Ints) -> Floats:
-    """One sigma of the change of grade at nodes of so many arms; ``cosine`` of the turn, 1 straight ahead."""
+def grade_change_sigma(cosine: Floats, arms: Ints, structure_ends: NDArray[np.bool_]) -> Floats:
+    """One sigma of the change of grade at nodes of so many arms; ``cosine`` of the turn, 1 straight ahead.
+
+    ``structure_ends``: whether a bridge or tunnel begins or ends there.
+    """
     plain = arms <= 2
     straight = np.where(plain, PLAIN_SIGMA, JUNCTION_SIGMA)
-    return np.hypot(straight, np.where(plain, TURN_SIGMA, JUNCTION_TURN_SIGMA) * (1 - cosine))
+    turn = np.where(plain, TURN_SIGMA, JUNCTION_TURN_SIGMA) * (1 - cosine)
+    structure = np.where(structure_ends, STRUCTURE_SIGMA, 0.0)
+    return np.asarray(np.sqrt(straight**2 + turn**2 + structure**2))
 
 
 def couplings(network: RoadTable) -> Couplings:
@@ -57,7 +64,8 @@ def couplings(network: RoadTable) -> Couplings:
     b = np.concatenate([np.empty(0, np.int64), *second])
     east, north = _outward(network, row, at_end)
     cosine = -(east[a] * east[b] + north[a] * north[b])
-    sigma = grade_change_sigma(cosine, degree[a])
+    kind = 2 * network.bridge.astype(int) + network.tunnel
+    sigma = grade_change_sigma(cosine, degree[a], kind[row[a]] != kind[row[b]])
     return Couplings(row[a], at_end[a], row[b], at_end[b], sigma)
 
 

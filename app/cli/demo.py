@@ -16,6 +16,12 @@ from app.demo.files import figures, write_files
 from app.demo.score import Score, examples
 
 EXAMPLES = 24
+LABELS = {
+    "service": "Versant",
+    "raw": "raw altitudes",
+    "dem": "DEM alone",
+    "straight": "straight line",
+}
 
 app = typer.Typer(add_completion=False)
 
@@ -77,10 +83,25 @@ def _show(console: Console, result: DemoResult) -> None:
         title=f"{len(rows)} of {len(result.truth)} driven segments, chosen by their true slope",
     )
     typer.echo()
-    labels = {"service": "Versant", "raw": "raw altitudes", "dem": "DEM alone"}
-    _scores(console, "All driven segments", {labels[n]: s for n, s in result.scores().items()})
+    _scores(console, "All driven segments", {LABELS[n]: s for n, s in result.scores().items()})
+    typer.echo()
+    _structures(console, result.scores_by_structure())
     typer.echo()
     _scores(console, "Versant by class of road", result.scores_by_kind())
+
+
+def _structures(console: Console, scores: dict[str, dict[str, Score]]) -> None:
+    rows = [
+        [kind, of["service"].segments, *(_with_coverage(of[name]) for name in LABELS)]
+        for kind, of in scores.items()
+    ]
+    title = "Bridges and tunnels beside the open road: RMSE % (coverage)"
+    console.table(["", "segments", *LABELS.values()], rows, title=title)
+    typer.echo("Straight line: between the true heights of the road at the two ends of the structure.")
+
+
+def _with_coverage(one: Score) -> str:
+    return f"{one.rmse_percent:.2f} ({100 * one.coverage:.0f} %)" if one.estimated else "–"
 
 
 def _scores(console: Console, title: str, scores: dict[str, Score]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,9 +15,10 @@ from app.cli.fuse_files import FusedLog, Fusion, summary
 from app.cli.options import JsonFile, in_a_folder, parse_assignments
 from app.outputs import output_for, write
 from app.outputs.attribution import attribution
-from app.outputs.features import collection_chunks
+from app.outputs.features import SegmentFeature, collection_chunks
 from app.outputs.profile import build_profile, table_facts
-from app.outputs.profile_png import profile_png
+from app.outputs.profile_png import printable, profile_png
+from app.outputs.slope_map import slope_map_png
 from app.outputs.track import track_chunks
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.methods import DEFAULT_METHOD
@@ -74,6 +76,15 @@ def fuse(
             callback=in_a_folder,
         ),
     ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            metavar="OUT.png",
+            help="Map of the slopes, with all roads around the drives.",
+            callback=in_a_folder,
+        ),
+    ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Fuse logs with roads and terrain into segment slopes, without a server or a database.
@@ -88,13 +99,18 @@ def fuse(
         table = read_roads(roads, bars.work(roads.name))
         fusion = Fusion(method, chosen, table, terrain)
         outcomes = [_one(fusion, path, console, bars) for path in logs]
-        features = fusion.features(gaps=gaps)
+        features, rejected = fusion.solve(gaps=gaps)
+    done = [outcome for outcome in outcomes if outcome["status"] == "done"]
+    for outcome, count in zip(done, rejected, strict=True):
+        outcome["rejected_segments"] = count
     source = attribution(path.name for path in dem or ())
     if fusion.fused and out is None:
         sys.stdout.writelines(collection_chunks(features, {"attribution": source}))
     elif fusion.fused and out is not None:
         write(features, out, source=source)
         console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(logs)} logs.")
+    if fusion.fused and map_file is not None:
+        _map(fusion, features, map_file, source, console)
     for number, one in enumerate(fusion.fused, 1):
         _pictures(one, number if len(fusion.fused) > 1 else None, profile, track, console)
     write_json(json_file, {"method": method, "segments": len(features), "logs": outcomes})
@@ -129,6 +145,15 @@ def _one(fusion: Fusion, path: Path, console: Console, bars: Bars) -> dict[str, 
             raise
         reason = console.complain_of(path, error)
         return {"file": str(path), "status": "failed", "reason": reason, "segments": 0}
+
+
+def _map(
+    fusion: Fusion, features: Sequence[SegmentFeature], path: Path, source: str, console: Console
+) -> None:
+    count = len(fusion.fused)
+    title = f"Slopes from {fusion.fused[0].path.name}" if count == 1 else f"Slopes from {count} drives"
+    slope_map_png(path, fusion.surroundings(), features, title=printable(title), credit=source)
+    console.note(f"{path}: map of the slopes.")
 
 
 def _pictures(

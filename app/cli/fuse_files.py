@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from app.cli.fuse_network import network_parts
+from app.cli.fuse_network import solve_network, surroundings
 from app.outputs.features import SegmentFeature
 from app.published import Part, published
 from app.window import rows_of
@@ -34,6 +34,14 @@ class FusedLog:
     rows: Ints
     result: DriveResult
     seconds: float
+
+
+class Together(NamedTuple):
+    """What the logs of a ``Fusion`` say together."""
+
+    features: list[SegmentFeature]
+    rejected: list[int]
+    """For each log, on how many segments it contradicts the others and is not heard."""
 
 
 @dataclass
@@ -71,7 +79,11 @@ class Fusion:
 
         ``gaps``: also undriven segments between driven ones, with 0 drives.
         """
-        parts = network_parts(self.roads, self.dem, self.fused)
+        return self.solve(now, gaps=gaps).features
+
+    def solve(self, now: datetime | None = None, *, gaps: bool = False) -> Together:
+        """The ``features``, and how the logs agree."""
+        parts, rejected = solve_network(self.roads, self.dem, self.fused)
         for one in self.fused:
             for slope in () if one.result.factors else one.result.slopes:
                 said = Part(slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations)
@@ -80,7 +92,12 @@ class Fusion:
         table = self.roads.subset(np.array(shown, np.int64))
         terrain = dem_slopes(self.dem, table) if self.dem else np.full(len(table), np.nan)
         now = now or datetime.now(UTC)
-        return [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
+        features = [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
+        return Together(features, rejected)
+
+    def surroundings(self) -> RoadTable:
+        """The roads of the file around the logs that were fused (at least one)."""
+        return self.roads.subset(surroundings(self.fused))
 
 
 def _feature(

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from app.demo.run import DemoResult, feature_key
+from app.demo.baselines import feature_key
+from app.demo.run import DemoResult
 from app.demo.score import Score
 from fusion.plot_map import MapSegments, draw_slope_map
 
@@ -71,6 +72,10 @@ def figures(result: DemoResult) -> dict[str, Any]:
     return {
         "scores": {name: _figures(s) for name, s in result.scores().items()},
         "by_kind": {name: _figures(s) for name, s in result.scores_by_kind().items()},
+        "by_structure": {
+            kind: {name: _figures(s) for name, s in scores.items()}
+            for kind, scores in result.scores_by_structure().items()
+        },
         "drives": [
             {"file": path.name, "drive": drive.id, "report": drive.document.get("report")}
             for path, drive in zip(result.bundle.drives, result.drives, strict=True)

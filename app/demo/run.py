@@ -14,17 +14,15 @@ import numpy as np
 
 from app import ingest, migrate
 from app.cli.console import Bars, Console
-from app.cli.fuse_files import Fusion
 from app.cli.supervisor import Service
 from app.client import Client, RemoteDrive, shown
 from app.db import make_engine, session_factory
-from app.demo.score import Estimate, Score, SegmentKey, Truth, by_kind, score
+from app.demo.baselines import baselines, feature_key
+from app.demo.score import Estimate, Score, SegmentKey, Truth, by_kind, by_structure, score
 from app.embedded import EmbeddedPostgres
 from app.settings import Settings
 from fusion.errors import FusionError
-from fusion.pipeline import parse_options
 from fusion.simulate import Bundle, write_all
-from fusion.terrain.dem import Dem
 
 DRIVES, SEED, DURATION_S = 6, 1, 600.0
 DRIVE_TIMEOUT_S = 600.0
@@ -59,15 +57,21 @@ class DemoResult:
         }
 
     def scores(self) -> dict[str, Score]:
-        """The service's score, then each baseline's."""
-        return {
-            "service": score(self.truth, self.estimates),
-            **{n: score(self.truth, e) for n, e in self.baselines.items()},
-        }
+        """The service's score, then each baseline's that is for all roads."""
+        return {name: score(self.truth, e) for name, e in self._compared.items() if name != "straight"}
 
     def scores_by_kind(self) -> dict[str, Score]:
         """The service's score by class of road."""
         return by_kind(self.truth, self.estimates)
+
+    def scores_by_structure(self) -> dict[str, dict[str, Score]]:
+        """For the open road, bridges and tunnels: the service's score, then each baseline's."""
+        scored = {name: by_structure(self.truth, e) for name, e in self._compared.items()}
+        return {kind: {name: of[kind] for name, of in scored.items()} for kind in scored["service"]}
+
+    @property
+    def _compared(self) -> dict[str, dict[SegmentKey, Estimate]]:
+        return {"service": self.estimates, **self.baselines}
 
 
 @contextmanager
@@ -111,17 +115,11 @@ def run_demo(
         with _timed("fuse", seconds):
             done = _upload(client, bundle.drives, options or {}, bars)
         features = list(client.segments())
-        longest = max(done, key=lambda drive: drive.document["distance_m"] or 0)
-        profile = client.get(f"/v1/drives/{longest.id}/profile", accept="image/png").content
+        shown_drive = done[_drive_to_show(bundle)]
+        profile = client.get(f"/v1/drives/{shown_drive.id}/profile", accept="image/png").content
     with _timed("baselines", seconds):
-        baselines = _baselines(bundle, features, bars)
-    return DemoResult(bundle, done, features, driven_truth(bundle), baselines, profile, seconds)
-
-
-def feature_key(feature: Mapping[str, Any]) -> SegmentKey:
-    """The identity of a segment."""
-    properties = feature["properties"]
-    return int(properties["osm_way_id"]), int(properties["from_node"]), int(properties["to_node"])
+        beside = baselines(bundle, features, bars)
+    return DemoResult(bundle, done, features, driven_truth(bundle), beside, profile, seconds)
 
 
 def driven_truth(bundle: Bundle) -> dict[SegmentKey, Truth]:
@@ -138,6 +136,13 @@ def driven_truth(bundle: Bundle) -> dict[SegmentKey, Truth]:
         )
         for k in sorted({p.segment for p in passes})
     }
+
+
+def _drive_to_show(bundle: Bundle) -> int:
+    """Number of the drive through most of the tunnels and bridges: there its profile shows most."""
+    roads = bundle.town.roads
+    driven = [np.unique([p.segment for p in drive.passes()]) for drive in bundle.simulated]
+    return int(np.argmax([roads.tunnel[k].sum() * len(roads) + roads.bridge[k].sum() for k in driven]))
 
 
 def _import(settings: Settings, bundle: Bundle, bars: Bars) -> None:
@@ -166,35 +171,6 @@ def _upload(
             raise DemoError(f"{path.name} ended as {final.status}: {final.reason}")
         done.append(final)
     return done
-
-
-def _baselines(
-    bundle: Bundle, features: Sequence[Mapping[str, Any]], bars: Bars
-) -> dict[str, dict[SegmentKey, Estimate]]:
-    """What one has without us: a line through the raw altitudes, the DEM's heights at a segment's ends."""
-    terrain = {
-        feature_key(f): Estimate(f["properties"]["dem_slope_percent"], float("nan"))
-        for f in features
-        if f["properties"]["dem_slope_percent"] is not None
-    }
-    with Dem.open([bundle.dem]) as dem:
-        raw = Fusion("raw", parse_options("raw"), bundle.town.roads, dem)
-        show = bars.work("baseline raw")
-        for k, path in enumerate(bundle.drives):
-            show(path.name, k / len(bundle.drives))
-            raw.add(path)
-        slopes = raw.features()
-    lines = {
-        (s.osm_way_id, s.from_node, s.to_node): Estimate(
-            _number(s.slope_percent), _number(s.slope_sigma_percent)
-        )
-        for s in slopes
-    }
-    return {"raw": lines, "dem": terrain}
-
-
-def _number(value: float | None) -> float:
-    return float(np.nan) if value is None else value
 
 
 @contextmanager

@@ -72,13 +72,21 @@ def score(truth: Mapping[SegmentKey, Truth], estimates: Mapping[SegmentKey, Esti
 
 
 def by_kind(truth: Mapping[SegmentKey, Truth], estimates: Mapping[SegmentKey, Estimate]) -> dict[str, Score]:
-    """A score for each road class, then for bridges and for tunnels, where there are any."""
+    """A score for each road class, bridges and tunnels among them."""
+    classes = sorted({road.highway for road in truth.values()})
+    parts = {name: {k: t for k, t in truth.items() if t.highway == name} for name in classes}
+    return {name: score(part, estimates) for name, part in parts.items()}
+
+
+def by_structure(
+    truth: Mapping[SegmentKey, Truth], estimates: Mapping[SegmentKey, Estimate]
+) -> dict[str, Score]:
+    """A score for the open road, for bridges and for tunnels; kinds that were not driven are missing."""
     kinds: dict[str, Callable[[Truth], bool]] = {
-        highway: lambda road, highway=highway: road.highway == highway  # type: ignore[misc]
-        for highway in sorted({road.highway for road in truth.values()})
+        "open road": lambda road: not (road.bridge or road.tunnel),
+        "bridges": lambda road: road.bridge,
+        "tunnels": lambda road: road.tunnel,
     }
-    kinds["bridges"] = lambda road: road.bridge
-    kinds["tunnels"] = lambda road: road.tunnel
     parts = {name: {k: t for k, t in truth.items() if chosen(t)} for name, chosen in kinds.items()}
     return {name: score(part, estimates) for name, part in parts.items() if part}
 

@@ -132,9 +132,12 @@ def profile_json(profile: Profile) -> dict[str, Any]:
         "alt_sigma_m": column(profile.alt_sigma_m, LENGTH_DIGITS),
         "slope_percent": column(profile.slope_percent, SLOPE_DIGITS),
         "slope_sigma_percent": column(profile.slope_sigma_percent, SLOPE_DIGITS),
+        "grade_percent": column(profile.grade_percent, SLOPE_DIGITS),
+        "grade_sigma_percent": column(profile.grade_sigma_percent, SLOPE_DIGITS),
         "segment_id": [int(s) if s >= 0 else None for s in profile.segment_id],
         "forward": [bool(f > 0) if f else None for f in profile.forward],
         "gap": [bool(g) for g in profile.gap],
+        "has_gnss": [bool(g) for g in profile.has_gnss],
     }
 
 

@@ -41,9 +41,9 @@ LEAST_SHARE = 0.0015
 """Share of the axis below which a stretch is widened to be seen, and a step has no room for its error bar."""
 
 _LOOKS: dict[str, dict[str, Any]] = {
-    "no GNSS": {"color": "#7a8288", "alpha": 0.17},
+    "no GNSS": {"color": "#7a8288", "alpha": 0.14},
     "bridge": {"color": "#3c7fb8", "alpha": 0.22},
-    "tunnel": {"color": "#3a3f44", "alpha": 0.30},
+    "tunnel": {"color": "#3a3f44", "alpha": 0.20},
     "nothing recorded": {"facecolor": "none", "edgecolor": "#b9bfc4", "hatch": "////"},
 }
 

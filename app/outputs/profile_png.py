@@ -17,12 +17,12 @@ def profile_png(
     ``measurements``: what the sensors said, drawn as pale dots behind.
     """
     buffer = BytesIO()
-    figure = profile_figure(profile, _printable(title), measurements, dpi=dpi)
+    figure = profile_figure(profile, printable(title), measurements, dpi=dpi)
     figure.savefig(buffer, format="png", metadata={"Software": "Versant"})
     return buffer.getvalue()
 
 
-def _printable(text: str) -> str:
-    # A file's name is anyone's text: no mathtext, no control characters, no missing glyph.
+def printable(text: str) -> str:
+    """A file's name, which is anyone's text, as a title: no mathtext, no control characters, no missing glyph."""
     kept = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in text)
     return kept.replace("$", r"\$")[:90]

@@ -15,14 +15,20 @@ from sqlalchemy.orm import Session
 from app.errors import NotAcceptableError, NotFoundError
 from app.outputs.attribution import attribution
 from app.outputs.features import GEO_JSON, SLOPE_DIGITS, rounded, utc_text
-from app.outputs.profile import Profile, build_profile, profile_json
+from app.outputs.profile import Profile, RoadFacts, build_profile, profile_json
 from app.outputs.profile_png import profile_png
 from app.outputs.track import track_chunks
 from app.routes.accept import preferred
 from app.routes.deps import JSON, BaseUrl, ServiceDep, feature_of, found, geojson_response, link, problems
 from app.routes.deps import link_documents as documents
 from app.routes.drive_links import drive_address
-from app.routes.examples import PROFILE_EXAMPLE, SEGMENT_EXAMPLE, TRACK_EXAMPLE, geojson_answer
+from app.routes.examples import (
+    PROFILE_EXAMPLE,
+    PROFILE_SCHEMA,
+    SEGMENT_EXAMPLE,
+    TRACK_EXAMPLE,
+    geojson_answer,
+)
 from app.store import drives, tracks
 from app.store.rows import DriveRow, DriveSegmentRow, StoredTrack
 
@@ -59,7 +65,7 @@ def drive_track(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Stre
         200: {
             "description": "Columns over the distance driven, or a picture.",
             "content": {
-                JSON: {"schema": {"type": "object"}, "example": PROFILE_EXAMPLE},
+                JSON: {"schema": PROFILE_SCHEMA, "example": PROFILE_EXAMPLE},
                 PNG: {"schema": {"type": "string", "format": "binary"}},
             },
         },
@@ -72,7 +78,7 @@ def drive_profile(
     service: ServiceDep,
     f: Annotated[Literal["json", "png"] | None, Query(description="Overrides the Accept header.")] = None,
 ) -> Response:
-    """Height and slope over the distance driven; slopes here are in the direction of travel.
+    """Height, grade and segment slopes over the distance driven; slopes here are in the direction of travel.
 
     JSON, or a PNG where the Accept header prefers `image/png` or `f=png` asks for it.
     """
@@ -84,12 +90,13 @@ def drive_profile(
     with service.reading() as session:
         row, stored = _drive_and_track(session, drive_id)
         estimates = drives.drive_slopes(session, drive_id)
+        measurements = tracks.read_measurements(session, drive_id) if wanted == PNG else None
     profile = _profile(stored, estimates)
     vary = {"Vary": "Accept"}
     if wanted == JSON:
         return JSONResponse({"drive_id": str(row.id), **profile_json(profile)}, headers=vary)
     with _drawing:
-        return Response(profile_png(profile, row.filename), media_type=PNG, headers=vary)
+        return Response(profile_png(profile, row.filename, measurements), media_type=PNG, headers=vary)
 
 
 @router.get(
@@ -136,7 +143,13 @@ def _drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[DriveRow, S
 
 def _profile(stored: StoredTrack, estimates: list[DriveSegmentRow]) -> Profile:
     slopes = {e.segment.id: (e.slope_percent, e.slope_sigma_percent) for e in estimates}
-    return build_profile(stored.track, stored.segment_id, slopes)
+    roads = {
+        e.segment.id: RoadFacts.between(
+            *e.segment.coordinates, bridge=e.segment.bridge, tunnel=e.segment.tunnel
+        )
+        for e in estimates
+    }
+    return build_profile(stored.track, stored.segment_id, slopes, roads)
 
 
 def _estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from app.routes.deps import (
 from app.routes.examples import FEATURE_EXAMPLE, ITEMS_EXAMPLE, geojson_answer, json_answer
 from app.routes.extent import cached_extent
 from app.routes.query import check_datetime, parse_bbox, refuse_unknown
-from app.routes.segments import MAX_ID, SegmentId
+from app.routes.segments import MAX_ID, GapsQuery, SegmentId
 from app.schemas import Link
 from app.store import dem, segments
 from app.store.http_version import data_version_tag
@@ -149,12 +149,7 @@ def items(
     driven: Annotated[
         bool | None, Query(description="Only segments that were (true) or were not (false) driven.")
     ] = None,
-    gaps: Annotated[
-        bool | None,
-        Query(
-            description="With true, undriven segments between driven ones come with the slope that follows."
-        ),
-    ] = None,
+    gaps: GapsQuery = None,
     datetime_: Annotated[
         str | None,
         Query(
@@ -214,14 +209,20 @@ def items(
     responses={200: geojson_answer("The segment.", FEATURE_EXAMPLE), **problems(400, 404, 503)},
 )
 def item(
-    segment_id: SegmentId, request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuery = None
+    segment_id: SegmentId,
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    gaps: GapsQuery = None,
+    f: FormatQuery = None,
 ) -> Response:
-    """The segment with the slope that all its drives together give."""
-    _only_json(request, f)
+    """The segment with the slope that all its drives together give; `gaps` as for many segments."""
+    _only_json(request, f, frozenset({"f", "gaps"}))
     with service.reading() as session:
-        row = found(segments.get_segment(session, segment_id), "segment", segment_id)
+        row = found(segments.get_segment(session, segment_id, gaps=bool(gaps)), "segment", segment_id)
+    here = f"{base}/collections/{COLLECTION}/items/{segment_id}"
     links = [
-        link(f"{base}/collections/{COLLECTION}/items/{segment_id}", "self", GEO_JSON),
+        link(with_query(here, gaps=gaps), "self", GEO_JSON),
         link(f"{base}/collections/{COLLECTION}", "collection"),
         link(f"{base}/v1/segments/{segment_id}/observations", "observations", title="The drives behind it"),
     ]

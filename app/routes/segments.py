@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import APIRouter, Path, Query, Response
 
 from app.outputs.features import GEO_JSON
 from app.routes.deps import (
@@ -16,6 +16,7 @@ from app.routes.deps import (
     link,
     link_documents,
     problems,
+    with_query,
 )
 from app.routes.examples import FEATURE_EXAMPLE, geojson_answer
 from app.schemas import Observation, ObservationList
@@ -24,6 +25,10 @@ from app.store import segments
 MAX_ID = 2**63 - 1
 
 SegmentId = Annotated[int, Path(ge=1, le=MAX_ID, description="The segment's number.", examples=[17])]
+GapsQuery = Annotated[
+    bool | None,
+    Query(description="With true, undriven segments between driven ones come with the slope that follows."),
+]
 
 router = APIRouter(prefix="/v1/segments", tags=["segments"])
 
@@ -32,17 +37,24 @@ router = APIRouter(prefix="/v1/segments", tags=["segments"])
     "/{segment_id}",
     summary="One segment",
     response_class=Response,
-    responses={200: geojson_answer("The segment.", FEATURE_EXAMPLE), **problems(404, 503)},
+    responses={200: geojson_answer("The segment.", FEATURE_EXAMPLE), **problems(404, 422, 503)},
 )
-def get_segment(segment_id: SegmentId, service: ServiceDep, base: BaseUrl) -> Response:
-    """The segment with the slope that all its drives together give."""
+def get_segment(
+    segment_id: SegmentId, service: ServiceDep, base: BaseUrl, gaps: GapsQuery = None
+) -> Response:
+    """The segment with the slope that all its drives together give.
+
+    With `gaps` an undriven segment between driven ones has the slope that follows from the roads on both its sides,
+    and 0 drives.
+    """
     with service.reading() as session:
-        row = found(segments.get_segment(session, segment_id), "segment", segment_id)
+        row = found(segments.get_segment(session, segment_id, gaps=bool(gaps)), "segment", segment_id)
     here = f"{base}/v1/segments/{segment_id}"
+    item = f"{base}/collections/segments/items/{segment_id}"
     links = [
-        link(here, "self", GEO_JSON),
+        link(with_query(here, gaps=gaps), "self", GEO_JSON),
         link(f"{here}/observations", "observations", title="The drives behind it"),
-        link(f"{base}/collections/segments/items/{segment_id}", "alternate", GEO_JSON),
+        link(with_query(item, gaps=gaps), "alternate", GEO_JSON),
     ]
     return geojson_response({**feature_of(row).geojson(), "links": link_documents(links)})
 

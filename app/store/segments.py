@@ -69,9 +69,10 @@ def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool
     return int(session.execute(text(query), values).scalar_one())
 
 
-def get_segment(session: Session, segment_id: int) -> SegmentRow | None:
-    """The segment, or None."""
-    query = text("SELECT" + SEGMENT_COLUMNS + FROM_SEGMENTS + "WHERE s.id = :id")
+def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> SegmentRow | None:
+    """The segment, or None; ``gaps`` as in ``segment_items``."""
+    source = FROM_SEGMENTS_AND_GAPS if gaps else FROM_SEGMENTS
+    query = text("SELECT" + SEGMENT_COLUMNS + source + "WHERE s.id = :id")
     row = session.execute(query, {"id": segment_id}).one_or_none()
     return None if row is None else segment_row(row)
 

@@ -1,9 +1,16 @@
-"""A drive's track as one compressed Arrow stream: a row per epoch, columns as in ``fusion.types.Track``."""
+"""A drive's track and its measurements as compressed Arrow streams.
+
+The track has a row per epoch, columns as in ``fusion.types.Track``; the measurements have a row each, and the sensors'
+names and kinds in the schema's metadata. Only a picture wants the measurements, so that they are read apart.
+"""
 
 from __future__ import annotations
 
+import json
 import uuid
+from collections.abc import Mapping
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -13,15 +20,27 @@ from sqlalchemy.orm import Session
 
 from app.models import DriveTrack
 from app.store.rows import StoredTrack
-from fusion.types import Ints, Track
+from fusion.types import Ints, Measurements, Track
+
+_SENSORS = b"sensors"
+"""Metadata: a JSON list of the sensors, [name, is_height] each; ``sensor`` is an index into it."""
 
 
-def save_track(session: Session, drive_id: uuid.UUID, track: Track, segment_ids: Ints) -> None:
+def save_track(
+    session: Session,
+    drive_id: uuid.UUID,
+    track: Track,
+    segment_ids: Ints,
+    measurements: Measurements | None = None,
+) -> None:
     """Store the track; ``segment_ids`` maps its ``segment`` (index into the run's network) to stored ids."""
-    row = insert(DriveTrack).values(drive_id=drive_id, track=encode(track, segment_ids))
-    session.execute(
-        row.on_conflict_do_update(index_elements=["drive_id"], set_={"track": row.excluded.track})
+    row = insert(DriveTrack).values(
+        drive_id=drive_id,
+        track=encode(track, segment_ids),
+        measurements=None if measurements is None else encode_measurements(measurements),
     )
+    renewed = {"track": row.excluded.track, "measurements": row.excluded.measurements}
+    session.execute(row.on_conflict_do_update(index_elements=["drive_id"], set_=renewed))
 
 
 def read_track(session: Session, drive_id: uuid.UUID) -> StoredTrack | None:
@@ -30,18 +49,19 @@ def read_track(session: Session, drive_id: uuid.UUID) -> StoredTrack | None:
     return None if data is None else decode(data)
 
 
+def read_measurements(session: Session, drive_id: uuid.UUID) -> Measurements | None:
+    """What the sensors said in a drive's last successful run; None where its method offers none."""
+    data = session.execute(select(DriveTrack.measurements).where(DriveTrack.drive_id == drive_id)).scalar()
+    return None if data is None else decode_measurements(data)
+
+
 def encode(track: Track, segment_ids: Ints) -> bytes:
     """The track as an Arrow IPC stream; ``segment`` becomes database ids, -1 where unmatched."""
     columns = {spec.name: getattr(track, spec.name) for spec in fields(track)}
     columns["segment"] = np.full(len(track), -1, np.int64)
     matched = track.segment >= 0
     columns["segment"][matched] = segment_ids[track.segment[matched]]
-    batch = pa.record_batch([pa.array(column) for column in columns.values()], names=list(columns))
-    sink = pa.BufferOutputStream()
-    options = pa.ipc.IpcWriteOptions(compression="zstd")
-    with pa.ipc.new_stream(sink, batch.schema, options=options) as writer:
-        writer.write_batch(batch)
-    return bytes(sink.getvalue().to_pybytes())
+    return _stream(columns)
 
 
 def decode(data: bytes) -> StoredTrack:
@@ -49,3 +69,42 @@ def decode(data: bytes) -> StoredTrack:
     table = pa.ipc.open_stream(data).read_all()
     columns = {spec.name: table.column(spec.name).to_numpy().copy() for spec in fields(Track)}
     return StoredTrack(track=Track(**columns), segment_id=columns["segment"])
+
+
+def encode_measurements(measurements: Measurements) -> bytes:
+    """The measurements as an Arrow IPC stream; values and distances in single precision, enough to draw."""
+    heights = {int(s) for s in np.unique(measurements.sensor[measurements.is_height])}
+    sensors = [[name, code in heights] for code, name in enumerate(measurements.names)]
+    columns = {
+        "sensor": measurements.sensor.astype(np.int8),
+        "time_s": measurements.time_s.astype(np.float64),
+        "value": measurements.value.astype(np.float32),
+        "along_m": measurements.along_m.astype(np.float32),
+    }
+    return _stream(columns, {_SENSORS: json.dumps(sensors).encode()})
+
+
+def decode_measurements(data: bytes) -> Measurements:
+    """The inverse of ``encode_measurements``, up to single precision."""
+    table = pa.ipc.open_stream(data).read_all()
+    sensors = json.loads(table.schema.metadata[_SENSORS])
+    sensor = table.column("sensor").to_numpy().astype(np.int64)
+    return Measurements(
+        names=tuple(name for name, _ in sensors),
+        sensor=sensor,
+        time_s=table.column("time_s").to_numpy().copy(),
+        along_m=table.column("along_m").to_numpy().astype(np.float64),
+        value=table.column("value").to_numpy().astype(np.float64),
+        is_height=np.array([is_height for _, is_height in sensors], bool)[sensor],
+    )
+
+
+def _stream(columns: Mapping[str, Any], metadata: Mapping[bytes, bytes] | None = None) -> bytes:
+    """One record batch of these columns as a stream, compressed by zstd."""
+    batch = pa.record_batch([pa.array(column) for column in columns.values()], names=list(columns))
+    batch = batch.replace_schema_metadata(metadata)
+    sink = pa.BufferOutputStream()
+    options = pa.ipc.IpcWriteOptions(compression="zstd")
+    with pa.ipc.new_stream(sink, batch.schema, options=options) as writer:
+        writer.write_batch(batch)
+    return bytes(sink.getvalue().to_pybytes())

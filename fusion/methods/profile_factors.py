@@ -39,7 +39,9 @@ MIN_CONFIDENCE = 0.5
 LONE_ROUGHNESS = 1e-3
 """What a pass may assume by itself: that no road's grade changes faster."""
 HISTORY_RATIO = 8.0
-MAX_HISTORY = 4
+MAX_HISTORY = 12
+SILENCE_S = 3.0
+LONGEST_SILENCE_S = 120.0
 _WEAKEST = 1e-7
 
 
@@ -66,11 +68,12 @@ def pass_factors(rows: Rows, steps: Steps, learned: Learned, path: DrivenPath) -
     match = path.match
     first = np.searchsorted(prepared.traversal, np.arange(len(match) + 1))
     back_s = _history_s(rows, learned)
+    silent_s = _silence(prepared, match.enter_time_s)
     found = []
     for k in range(len(match)):
         if match.confidence[k] < MIN_CONFIDENCE or match.enter_m[k] == match.leave_m[k]:
             continue
-        start = _history_start(path, k, back_s)
+        start = _history_start(path, k, max(back_s, silent_s[k]))
         found.append(_factor(prepared, steps, learned, path, first, start, k))
     return found
 
@@ -113,6 +116,24 @@ def _history_s(rows: Rows, learned: Learned) -> float:
     if learned.noise.drift * by_slopes > HISTORY_RATIO:
         return 0.0
     return 4 * learned.noise.altitude_m / float(np.sqrt(learned.noise.drift))
+
+
+def _silence(p: _Prepared, enter_s: Floats) -> Floats:
+    """How long before each pass the last height or climb was measured, s, where that is the end of an outage; else 0.
+
+    The heights on both sides of a tunnel tell of all of it: the pass after it is conditional on those inside.
+    """
+    seen = np.sort(p.time_s[np.isin(p.sensor, (ALTITUDE, DOPPLER, BARO))])
+    if not len(seen):
+        return np.zeros(len(enter_s))
+    after = np.searchsorted(seen, enter_s)
+    before = np.clip(after - 1, 0, len(seen) - 1)
+    pause = enter_s - seen[before]
+    # Longer ones are no outage that heights bridge; and only the first pass that hears again needs to look back.
+    leave = np.concatenate([enter_s[1:], [np.inf]])
+    hears = (after < len(seen)) & (seen[np.minimum(after, len(seen) - 1)] <= leave)
+    wanted = (after > 0) & hears & (pause > SILENCE_S) & (pause < LONGEST_SILENCE_S)
+    return np.where(wanted, pause + 1.0, 0.0)
 
 
 def _history_start(path: DrivenPath, k: int, back_s: float) -> int:

@@ -35,6 +35,9 @@ JUMP_SPACING_S = 5.0
 FREEDOM = 5.0
 """Degrees of freedom of the Student-t errors: springs, kerbs and reflections have heavy tails."""
 OUTLIER_SIGMAS = 4.0
+REPEATING_S = 0.8
+"""Springs swing for about a second: errors farther apart than this are taken for independent (what is left between
+those of neighbouring seconds is mostly road that the knots have not followed)."""
 _PRIOR_COUNT = 15.0
 _RATE_STEP = np.log(2.5)
 _ROUGHNESS_PRIOR = (np.log(3e-5), 1.5)
@@ -177,7 +180,7 @@ def _repetition(rows: Rows, smoothed: Smoothed, variance: Floats) -> Floats:
         mine = np.flatnonzero(rows.sensor == sensor)
         if len(mine) < 30:
             continue
-        near = np.diff(rows.time_s[mine]) < 1.6
+        near = np.diff(rows.time_s[mine]) < REPEATING_S
         first, second = np.clip(error[mine[:-1][near]], -3, 3), np.clip(error[mine[1:][near]], -3, 3)
         if len(first) < 20:
             continue

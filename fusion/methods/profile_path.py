@@ -17,7 +17,9 @@ from fusion.types import DriveLog, Floats, GnssFix, Ints
 FIX_PERIOD_S = 0.5
 POSITION_SIGMA_M = 1.0
 """Error of a matched position along the road that is not shared with its neighbours."""
-SPEED_SIGMA_MPS = 0.5
+SPEED_SIGMA_MPS = 0.2
+CORNER_M = 5.0
+"""How much a right angle of the map is cut short by a vehicle, and how far around it, m."""
 ACCELERATION_MPS2 = 1.0
 """Usual change of speed, where the log has no speeds."""
 LONGEST_HOLE_S = 120.0
@@ -72,7 +74,8 @@ class DrivenPath:
             np.concatenate([table.from_node, table.to_node]), return_inverse=True, return_counts=True
         )
         entry = np.where(match.forward, inverse[match.segment], inverse[len(table) + match.segment])
-        sigma = grade_change_sigma(cosine, arms[entry[1:]])
+        kind = (2 * table.bridge.astype(int) + table.tunnel)[match.segment]
+        sigma = grade_change_sigma(cosine, arms[entry[1:]], np.diff(kind) != 0)
         return np.concatenate([[0.0], np.where(np.diff(match.run) == 0, sigma**2, 0.0)])
 
 
@@ -144,8 +147,9 @@ def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> Dri
     matched = match.traversal >= 0
     if matched.sum() < 2:
         return None
+    corners = corner_variance(match, network)
     parts = [
-        _smoothed_run(match, time, matched, number, speed_time, speed)
+        _smoothed_run(match, corners, time, matched, number, speed_time, speed)
         for number in np.unique(match.run[match.traversal[matched]]).tolist()
     ]
     knots, along, run = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -170,6 +174,7 @@ def _course(log: DriveLog, time: Floats) -> Floats:
 
 def _smoothed_run(
     match: PathMatch,
+    corners: Floats,
     fix_time: Floats,
     matched: NDArray[np.bool_],
     number: int,
@@ -183,33 +188,55 @@ def _smoothed_run(
     high = float(match.start_m[rows[-1]] + abs(match.leave_m[rows[-1]] - match.enter_m[rows[-1]]))
     between = (speed_time > fix_time[mine][0]) & (speed_time < fix_time[mine][-1])
     time = np.union1d(fix_time[mine], speed_time[between])
-    keep = np.concatenate([[True], np.diff(time) > 1e-3])
-    time = time[keep]
-    n = len(time)
-    bands = np.zeros((3, n))  # upper form: second, first off-diagonal, diagonal
-    vector = np.zeros(n)
+    time = time[np.concatenate([[True], np.diff(time) > 1e-3])]
+    n, placed = len(time), match.distance_m[mine]
+    if n < 3:
+        return time, np.maximum.accumulate(np.clip(placed[:n], low, high)), np.full(n, number)
     at = np.clip(np.searchsorted(time, fix_time[mine] - 1e-3), 0, n - 1)
-    np.add.at(bands[2], at, POSITION_SIGMA_M**-2)
-    np.add.at(vector, at, match.distance_m[mine] / POSITION_SIGMA_M**2)
-    step = np.diff(time)
-    _add_speeds(bands, vector, time, step, speed_time, speed)
-    _add_inertia(bands, step)
-    bands[2] += 1e-9
-    along = solveh_banded(bands, vector) if n > 2 else match.distance_m[mine][:n]
-    return time, np.maximum.accumulate(np.clip(along, low, high)), np.full(n, number)
+    along = np.interp(time, fix_time[mine], placed)
+    slack = np.zeros(n - 1)
+    # Where the corners are passed is known only once the way has been laid along the path.
+    for _ in range(2):
+        bands, vector = np.zeros((3, n)), np.zeros(n)  # upper form: second and first off-diagonal, diagonal
+        np.add.at(bands[2], at, POSITION_SIGMA_M**-2)
+        np.add.at(vector, at, placed / POSITION_SIGMA_M**2)
+        _add_speeds(bands, vector, time, slack, speed_time, speed)
+        _add_inertia(bands, np.diff(time), slack)
+        bands[2] += 1e-9
+        along = np.maximum.accumulate(np.clip(solveh_banded(bands, vector), low, high))
+        slack = _corner_slack(along, match.start_m[rows], corners[rows])
+    return time, along, np.full(n, number)
+
+
+def corner_variance(match: PathMatch, network: RoadNetwork) -> Floats:
+    """Variance (m^2) of the way that a vehicle cuts short at the entry of each traversal, shape (m,)."""
+    heading = network.heading_rad[match.segment] + np.where(match.forward, 0.0, np.pi)
+    turn = 1 - np.cos(np.diff(heading, prepend=heading[:1]))
+    return np.asarray((CORNER_M * turn) ** 2)
+
+
+def _corner_slack(along: Floats, corner_m: Floats, variance: Floats) -> Floats:
+    """Variance of each step of the way for the corners near it, each shared by the steps that may hold it."""
+    slack = np.zeros(len(along) - 1)
+    first = np.clip(np.searchsorted(along, corner_m - CORNER_M, side="right") - 1, 0, len(slack) - 1)
+    last = np.clip(np.searchsorted(along, corner_m + CORNER_M, side="left"), first + 1, len(slack))
+    for begin, end, total in zip(first.tolist(), last.tolist(), variance.tolist(), strict=True):
+        slack[begin:end] += total / (end - begin)
+    return slack
 
 
 def _add_speeds(
-    bands: Floats, vector: Floats, time: Floats, step: Floats, speed_time: Floats, speed: Floats
+    bands: Floats, vector: Floats, time: Floats, slack: Floats, speed_time: Floats, speed: Floats
 ) -> None:
     """The way between two knots is mean speed times time, where speeds are known on both sides."""
     if not len(speed_time):
         return
+    step = np.diff(time)
     near = np.abs(speed_time[_nearest(speed_time, time)] - time) < 1.0
     known = near[1:] & near[:-1]
     at = np.interp(time, speed_time, speed)
     way = 0.5 * (at[1:] + at[:-1]) * step
-    weight = np.where(known, 1 / (SPEED_SIGMA_MPS**2 * step * np.maximum(step, 1.0)), 0.0)
+    weight = np.where(known, 1 / (SPEED_SIGMA_MPS**2 * step * np.maximum(step, 1.0) + slack), 0.0)
     bands[2, 1:] += weight
     bands[2, :-1] += weight
     bands[1, 1:] -= weight
@@ -217,11 +244,12 @@ def _add_speeds(
     vector[:-1] -= weight * way
 
 
-def _add_inertia(bands: Floats, step: Floats) -> None:
+def _add_inertia(bands: Floats, step: Floats, slack: Floats) -> None:
     """Speeds change by ``ACCELERATION_MPS2`` a second: what holds a path without measured speeds together."""
     a, b = 1 / step[:-1], 1 / step[1:]
     middle = 0.5 * (step[:-1] + step[1:])
-    weight = 1 / (ACCELERATION_MPS2**2 * middle * np.maximum(middle, 1.0))
+    jump = slack[:-1] / step[:-1] ** 2 + slack[1:] / step[1:] ** 2
+    weight = 1 / (ACCELERATION_MPS2**2 * middle * np.maximum(middle, 1.0) + jump)
     rows = np.array([a, -(a + b), b])
     n = len(step) + 1
     for i in range(3):

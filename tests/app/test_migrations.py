@@ -105,6 +105,28 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     engine.dispose()
 
 
+def test_tracks_from_before_measurements_were_kept_stay(blank_database_url: str) -> None:
+    migrate.upgrade(blank_database_url, "0002")
+    engine = create_engine(blank_database_url)
+    with engine.begin() as connection:
+        connection.execute(text(_DATA_OF_0001))
+        connection.execute(
+            text("INSERT INTO drive_tracks (drive_id, track) SELECT id, decode('00ff', 'hex') FROM drives")
+        )
+
+    def track_row() -> list[object]:
+        with engine.connect() as connection:
+            return list(connection.execute(text("SELECT * FROM drive_tracks")).one())
+
+    before = track_row()
+    assert before[1] == b"\x00\xff"
+    migrate.upgrade(blank_database_url)
+    assert track_row() == [*before, None]
+    migrate.downgrade(blank_database_url, "0002")
+    assert track_row() == before
+    engine.dispose()
+
+
 def test_bytes_that_do_not_compress_are_not_compressed(database_url: str) -> None:
     engine = create_engine(database_url)
     query = text(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fusion.evidence import COMMON_SIGMA_PERCENT, MIN_JURY, REJECT_SIGMAS, SegmentEvidence
@@ -69,7 +69,6 @@ def test_the_order_of_arrival_does_not_change_a_bit(passes: list[Keyed], random:
     assert SegmentEvidence.build(passes).encode() == SegmentEvidence.build(shuffled).encode()
 
 
-@settings(max_examples=200)
 @given(pass_lists(min_size=1), st.integers(0, 9), st.integers(1, 4))
 def test_passes_that_come_later_make_what_all_make_at_once(
     passes: list[Keyed], first: int, batch: int

@@ -81,7 +81,7 @@ def test_a_decoded_factor_may_be_changed_like_any_other() -> None:
 
 def test_numpy_numbers_are_stored_like_pythons() -> None:
     plain = factor_of(3, 4)
-    numpy = factor_of(3, 4, slope_percent=np.float64(3.1), observations=np.int64(4))
+    numpy = factor_of(3, 4, slope_percent=np.float64(3.1), roughness=np.float64(3e-5))
     assert plain.encode() == numpy.encode()
 
 

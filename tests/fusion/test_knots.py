@@ -33,7 +33,7 @@ def walk_covariance(h_at: np.ndarray, g_at: np.ndarray) -> np.ndarray:
 
     def heights(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         low, high = np.minimum(x, y), np.maximum(x, y)
-        return low**3 / 3 + low**2 * (high - low) / 2
+        return np.asarray(low**3 / 3 + low**2 * (high - low) / 2)
 
     def across(x: np.ndarray, y: np.ndarray) -> np.ndarray:  # height at x, grade at y
         return np.where(x <= y, x**2 / 2, x * y - y**2 / 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -68,6 +68,11 @@ def same(left: Adjustment, right: Adjustment, digits: float = 1e-7) -> bool:
 def hilly(row: int, at: np.ndarray) -> np.ndarray:
     """Grades of a road that waves, another wave on every row."""
     return np.asarray(0.05 * np.sin(row + at / 40))
+
+
+def along(start: float, at: np.ndarray, grade: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """The grade of a segment that begins at ``start`` of a road given at many places."""
+    return lambda distance: np.interp(start + distance, at, grade)
 
 
 def waves(
@@ -348,11 +353,7 @@ def test_true_slopes_lie_within_sigma_as_often_as_sigma_says() -> None:
             inside = (at >= edge[row]) & (at <= edge[row + 1])
             truth.append(100 * np.polyfit(at[inside], height[inside], 1)[0])
             for _ in range(int(rng.integers(0, 3)) if row not in (0, 11) else 1):
-                passes.append(
-                    graded(
-                        table, row, lambda x, e=edge[row], a=at, g=grade: np.interp(e + x, a, g), 0.03, rng
-                    )  # type: ignore[misc]
-                )
+                passes.append(graded(table, row, along(edge[row], at, grade), 0.03, rng))
         found = adjust(table, in_rows(table, passes), unknown(table))
         ratio.append((found.slope_percent - truth) / found.slope_sigma_percent)
     share = np.mean(np.abs(ratio) <= 1.96)

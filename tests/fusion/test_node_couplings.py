@@ -11,6 +11,7 @@ from fusion.node_couplings import (
     JUNCTION_TURN_SIGMA,
     MAX_ARMS,
     PLAIN_SIGMA,
+    STRUCTURE_SIGMA,
     TURN_SIGMA,
     couplings,
     grade_change_sigma,
@@ -118,7 +119,21 @@ def test_nothing_and_one_segment_have_no_couplings() -> None:
 
 def test_sigma_grows_with_the_turn_and_with_the_arms() -> None:
     cosine = np.linspace(1.0, -1.0, 21)
-    plain, junction = (grade_change_sigma(cosine, np.full(21, arms)) for arms in (2, 3))
+    plain, junction = (grade_change_sigma(cosine, np.full(21, arms), np.zeros(21, bool)) for arms in (2, 3))
     assert np.all(np.diff(plain) > 0)
     assert np.all(np.diff(junction) > 0)
     assert np.all(junction > plain)
+
+
+@pytest.mark.parametrize("kind", ["bridge", "tunnel"])
+def test_where_a_structure_begins_or_ends_the_grade_may_change_more(kind: str) -> None:
+    found = pairs(street(30.0, 40.0, 50.0, 20.0, **{kind: [False, True, True, False]}))
+    ramp = np.hypot(PLAIN_SIGMA, STRUCTURE_SIGMA)
+    assert [found[pair((k, True), (k + 1, False))] for k in range(3)] == pytest.approx(
+        [ramp, PLAIN_SIGMA, ramp], rel=1e-3
+    )
+
+
+def test_from_a_bridge_into_a_tunnel_is_a_change_as_well() -> None:
+    (sigma,) = pairs(street(30.0, 40.0, bridge=[True, False], tunnel=[False, True])).values()
+    assert sigma == pytest.approx(np.hypot(PLAIN_SIGMA, STRUCTURE_SIGMA), rel=1e-3)

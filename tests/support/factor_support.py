@@ -120,7 +120,7 @@ def graded(
         part=part,
         observations=count,
         **more,
-    )  # type: ignore[arg-type]
+    )
 
 
 def steady(
@@ -255,18 +255,17 @@ class DenseAdjustment:
     def _grades_go_on(self) -> None:
         for node in self.nodes:
             ends = [end for end in self._ends() if end[0] == node]
-            for k, (_, _, height_a, sign_a, away_a) in enumerate(ends):
-                for _, _, height_b, sign_b, away_b in ends[k + 1 :]:
+            for k, (_, row_a, height_a, sign_a, away_a) in enumerate(ends):
+                for _, row_b, height_b, sign_b, away_b in ends[k + 1 :]:
                     turned = 1 + float(away_a @ away_b)  # 1 minus the cosine of the turn
                     level, turn = turns.PLAIN_SIGMA, turns.TURN_SIGMA
                     if len(ends) > 2:
                         level, turn = turns.JUNCTION_SIGMA, turns.JUNCTION_TURN_SIGMA
+                    kinds = {(bool(self.table.bridge[r]), bool(self.table.tunnel[r])) for r in (row_a, row_b)}
+                    ramp = turns.STRUCTURE_SIGMA if len(kinds) > 1 else 0.0
+                    sigma = float(np.linalg.norm([level, turn * turned, ramp]))
                     # Uphill away from the node on one side is downhill away from it on the other.
-                    self._observe(
-                        {height_a + 1: sign_a, height_b + 1: sign_b},
-                        0.0,
-                        float(np.hypot(level, turn * turned)),
-                    )
+                    self._observe({height_a + 1: sign_a, height_b + 1: sign_b}, 0.0, sigma)
 
     def _terrain(self, slope_percent: np.ndarray) -> None:
         t = self.table
@@ -315,7 +314,7 @@ class DenseAdjustment:
 
     def _solve(self) -> None:
         smooth = self._smooth()
-        strength = [usual for _, _, usual in smooth]
+        strength = [tuned.TAIL_START * usual for _, _, usual in smooth]
         for turn in range(tuned.TAIL_ROUNDS + 1):
             whole = self.fixed.copy()
             for (at, unit, _), q in zip(smooth, strength, strict=True):

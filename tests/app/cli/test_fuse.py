@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner, Result
 
 from app.cli import app
@@ -113,6 +114,18 @@ def test_pictures_and_tracks_are_numbered_when_there_are_several(bundle: Bundle,
     assert run("fuse", *bundle.drives[:2], "--roads", bundle.osm, *FAST, *extra).exit_code == 0
     for name in ("p-1.png", "p-2.png", "t-1.geojson", "t-2.geojson"):
         assert (tmp_path / name).exists()
+
+
+def test_a_map_shows_all_roads_around_the_drives(bundle: Bundle, tmp_path: Path) -> None:
+    drawn = tmp_path / "map.png"
+    arguments = ("fuse", *bundle.drives[:2], "--roads", bundle.osm, "--dem", bundle.dem, *FAST, "-o")
+    result = run(*arguments, tmp_path / "o.csv", "--map", drawn)
+    assert result.exit_code == 0, result.stderr
+    assert f"{drawn}: map" in result.stderr
+    with Image.open(drawn) as picture:
+        assert len(picture.convert("RGB").getcolors(1_000_000) or []) > 50
+    drawn.unlink()
+    assert run(*arguments, tmp_path / "o.csv", "--map", tmp_path / "none" / "map.png").exit_code == 2
 
 
 def test_track_repeats_what_the_receiver_logged(bundle: Bundle, tmp_path: Path) -> None:

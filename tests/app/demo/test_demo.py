@@ -7,13 +7,16 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fast import FAST_OPTIONS
 
 from app.cli.console import Console
 from app.demo import DemoError, demo_service, run_demo
+from app.demo.baselines import straight_lines
 from app.demo.files import figures, write_files
-from app.demo.score import Estimate, Truth, by_kind, examples, score
+from app.demo.score import Estimate, Truth, by_kind, by_structure, examples, score
+from fusion.simulate import Town
 
 ROADS = {
     (1, 1, 2): Truth(2.0, "primary", bridge=False, tunnel=False),
@@ -51,9 +54,30 @@ def test_baseline_without_sigma_has_no_share() -> None:
 
 def test_kinds_cover_every_segment() -> None:
     kinds = by_kind(ROADS, MEASURED)
-    assert list(kinds) == ["primary", "residential", "bridges", "tunnels"]
-    assert kinds["primary"].segments + kinds["residential"].segments == len(ROADS)
+    assert list(kinds) == ["primary", "residential"]
+    assert sum(one.segments for one in kinds.values()) == len(ROADS)
+
+
+def test_structures_are_scored_apart_from_the_open_road() -> None:
+    kinds = by_structure(ROADS, MEASURED)
+    assert {name: one.segments for name, one in kinds.items()} == {"open road": 2, "bridges": 1, "tunnels": 1}
+    assert kinds["bridges"].rmse_percent == 0.0
+    assert kinds["open road"].rmse_percent == pytest.approx(math.sqrt((1 + 4) / 2))
     assert kinds["tunnels"].estimated == 0
+
+
+def test_a_straight_line_joins_the_true_ends_of_each_structure(town: Town) -> None:
+    lines = straight_lines(town)
+    roads = town.roads
+    structures = np.flatnonzero(roads.bridge | roads.tunnel)
+    assert len(lines) == len(structures)
+    for way in np.unique(roads.osm_way_id[structures]):
+        rows = np.flatnonzero(roads.osm_way_id == way)
+        slopes = {line.slope_percent for key, line in lines.items() if key[0] == way}
+        assert len(slopes) == 1
+        # The rises of its segments, taken from their true ends, add up to the line's.
+        rises = town.node_height_m[town.end[rows]] - town.node_height_m[town.start[rows]]
+        assert slopes.pop() == pytest.approx(100 * rises.sum() / town.length_m[rows].sum())
 
 
 @pytest.mark.parametrize("count", range(7))
@@ -95,6 +119,7 @@ def test_small_demo_from_end_to_end(tmp_path: Path) -> None:
     scores = figures(result)["scores"]
     assert set(scores) == {"service", "raw", "dem"}
     assert scores["service"]["estimated"] > 0
+    assert all(set(one) == {*scores, "straight"} for one in figures(result)["by_structure"].values())
 
 
 @pytest.mark.slow

@@ -30,7 +30,9 @@ from fusion.types import Track
 Send = Callable[..., DriveRow]
 
 
-@pytest.mark.parametrize(("method", "options"), [("raw", {}), ("dem", {}), ("particle", {"particles": 300})])
+@pytest.mark.parametrize(
+    ("method", "options"), [("profile", {}), ("raw", {}), ("dem", {}), ("particle", {"particles": 300})]
+)
 def test_the_service_stores_the_numbers_of_the_library(
     bench: Workbench, send: Send, files: Path, method: str, options: dict[str, Any]
 ) -> None:
@@ -46,6 +48,7 @@ def test_the_service_stores_the_numbers_of_the_library(
             for row in drives.drive_slopes(session, drive.id)
         }
         track = tracks.read_track(session, drive.id)
+        measured = tracks.read_measurements(session, drive.id)
         segment_of = {row.id: row for row in slopes.segment_items(session, limit=10_000)}
     table = network.table
     assert len(stored) == len(result.slopes) > 5
@@ -62,6 +65,10 @@ def test_the_service_stores_the_numbers_of_the_library(
             assert np.array_equal(
                 getattr(track.track, spec.name), getattr(result.track, spec.name), equal_nan=True
             )
+    assert (measured is None) == (result.measurements is None) == (method != "profile")
+    if measured is not None and result.measurements is not None:
+        assert measured.time_s.tolist() == result.measurements.time_s.tolist()
+        np.testing.assert_allclose(measured.value, result.measurements.value, rtol=1e-6)
     for index, segment_id in zip(result.track.segment.tolist(), track.segment_id.tolist(), strict=True):
         assert (segment_id == -1) == (index == -1)
         if index >= 0:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable
+from dataclasses import fields
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 from sqlalchemy import text
 
 from app.outputs.features import PROPERTIES
 from app.process import Outcome, process_drive
+from app.routes.examples import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.store import drives as store
+from app.store import tracks
+from fusion.types import Measurements, Track
 
 MakeDrive = Callable[..., uuid.UUID]
 
@@ -119,6 +124,34 @@ def test_the_profile_as_columns(filled: Any, done: str) -> None:
     assert set(profile["slope_percent"]) == {3.0}
     assert set(profile["forward"]) == {True}
     assert profile["alt_m"][:2] == [120.0, 120.1]
+    assert set(profile["grade_percent"]) == set(profile["grade_sigma_percent"]) == {None}
+    assert set(profile["has_gnss"]) == {True}
+    assert list(profile) == list(PROFILE_EXAMPLE) == list(PROFILE_SCHEMA["properties"])
+
+
+def test_a_segment_with_one_epoch_has_its_direction_from_the_heading(filled: Any, done: str) -> None:
+    """Drawn eastwards and driven eastwards: the road's bearing is compared with the vehicle's heading."""
+    with filled.sessions.begin() as session:
+        stored = tracks.read_track(session, uuid.UUID(done))
+        assert stored is not None
+        one_each = Track(**{spec.name: getattr(stored.track, spec.name)[:15:5] for spec in fields(Track)})
+        tracks.save_track(session, uuid.UUID(done), one_each, np.arange(100))
+    profile = filled.client.get(f"/v1/drives/{done}/profile").json()
+    assert profile["forward"] == [True] * 3
+    assert profile["slope_percent"] == [3.0] * 3
+
+
+def test_the_picture_shows_what_was_measured(filled: Any, done: str) -> None:
+    address = f"/v1/drives/{done}/profile?f=png"
+    without = filled.client.get(address).content
+    with filled.sessions.begin() as session:
+        stored = tracks.read_track(session, uuid.UUID(done))
+        assert stored is not None
+        time_s = stored.track.time_s[:15]
+        along, height = np.linspace(0, 100, 15), np.full(15, 121.0)
+        said = Measurements(("altitude",), np.zeros(15, int), time_s, along, height, np.ones(15, bool))
+        tracks.save_track(session, uuid.UUID(done), stored.track, np.arange(100), said)
+    assert filled.client.get(address).content != without
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,21 @@ def test_gaps_have_a_slope_for_who_asks(filled: Any, street: list[int]) -> None:
     assert {i for i, p in plain.items() if p["drives"]} == {street[k] for k in (0, 1, 3)}
 
 
+@pytest.mark.parametrize("route", ["/v1/segments", ITEMS])
+def test_a_single_gap_has_a_slope_for_who_asks(filled: Any, street: list[int], route: str) -> None:
+    def one(k: int, **query: str) -> dict[str, Any]:
+        answer = filled.client.get(f"{route}/{street[k]}", params=query)
+        assert answer.status_code == 200, answer.text
+        (self_link,) = [link["href"] for link in answer.json()["links"] if link["rel"] == "self"]
+        assert ("gaps=true" in self_link) == (query == {"gaps": "true"})
+        return dict(answer.json()["properties"])
+
+    assert one(2)["slope_percent"] is None
+    assert one(2, gaps="true") == items(filled, gaps="true")[street[2]]
+    assert one(2, gaps="false") == one(2)
+    assert one(1, gaps="true") == one(1)
+
+
 def test_next_links_keep_asking_for_gaps(filled: Any, street: list[int]) -> None:
     page = filled.client.get(ITEMS, params={"limit": 1, "gaps": "true"}).json()
     following = [link["href"] for link in page["links"] if link["rel"] == "next"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,9 +116,10 @@ def test_a_change_is_followed_as_far_as_it_reaches(
     with sessions.begin() as session:
         roads.replace_roads(session, chain(40), "x", "0" * 64)
         table, ids = roads.all_roads(session)
-    drive_over(sessions, table, ids, {k: (2.0 + 2.0 * (-1) ** k, 4.0) for k in range(40)})
-    before = rows_of(sessions)
-    drive_over(sessions, table, ids, {0: (9.0, 0.1)})
+    for slope, sigma, driven in ((2.0, 8.0, 40), (5.0, 0.1, 1)):
+        smooth = [replace(factor_of(table, k, slope, sigma), roughness=3e-7) for k in range(driven)]
+        before = rows_of(sessions)
+        publish(sessions, new_drive(sessions), ids, smooth)
     found = rows_of(sessions)
     assert found[int(ids[6])][0] != before[int(ids[6])][0]  # some 370 m away
     rebuild_network(sessions)

@@ -1,4 +1,4 @@
-"""A track survives its way through the database bit for bit."""
+"""A track survives its way through the database bit for bit, measurements to single precision."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 
 from app.db import Sessions
 from app.store import tracks
-from fusion.types import Ints, Track
+from fusion.types import Ints, Measurements, Track
 
 
 def make_track(values: np.ndarray, segment: np.ndarray, has_gnss: np.ndarray) -> Track:
@@ -61,3 +61,38 @@ def test_a_later_track_replaces_the_former(
         stored = tracks.read_track(session, drive)
     assert stored is not None
     assert stored.segment_id.tolist() == [segment_ids[0]] * 3
+
+
+def make_measurements(sensor: np.ndarray, values: np.ndarray) -> Measurements:
+    names = ("altitude", "doppler", "barometer", "pitch")
+    return Measurements(names, sensor, *values.T, np.array([True, False, True, False])[sensor])
+
+
+@given(st.integers(0, 30).flatmap(lambda n: st.tuples(
+    hnp.arrays(np.int64, n, elements=st.integers(0, 3)),
+    hnp.arrays(float, (n, 3), elements=st.floats(-1e6, 2e9, allow_nan=False)),
+)))  # fmt: skip
+def test_measurements_come_back_as_they_were(parts: tuple[np.ndarray, np.ndarray]) -> None:
+    sent = make_measurements(*parts)
+    back = tracks.decode_measurements(tracks.encode_measurements(sent))
+    assert back.names == sent.names
+    for name in ("sensor", "time_s", "is_height"):
+        assert getattr(back, name).dtype == getattr(sent, name).dtype
+        assert getattr(back, name).tolist() == getattr(sent, name).tolist()
+    for name in ("along_m", "value"):
+        assert getattr(back, name).tolist() == getattr(sent, name).astype(np.float32).tolist()
+
+
+def test_a_later_run_replaces_the_measurements_and_may_have_none(
+    sessions: Sessions, segment_ids: Ints, add_drive: Callable[..., uuid.UUID]
+) -> None:
+    drive = add_drive(segment_ids, {0: (1.0, 1.0)})
+    track = make_track(np.ones((2, len(fields(Track)) - 3)), np.zeros(2, int), np.ones(2, bool))
+    with sessions.begin() as session:
+        assert tracks.read_measurements(session, drive) is None
+        for sent in (make_measurements(np.array([0, 3, 0]), np.ones((3, 3))), None):
+            tracks.save_track(session, drive, track, segment_ids, sent)
+            back = tracks.read_measurements(session, drive)
+            assert (back is None) == (sent is None)
+            assert back is None or back.value.tolist() == [1.0, 1.0, 1.0]
+        assert tracks.read_track(session, drive) is not None
