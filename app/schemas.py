@@ -25,8 +25,8 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "filename": "monday.ubx",
     "size_bytes": 5_021_417,
     "sha256": "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08",
-    "method": "particle",
-    "options": {"particles": 100_000},
+    "method": "profile",
+    "options": {},
     "created_at": "2026-11-20T09:12:44.120Z",
     "queued_at": "2026-11-20T09:12:44.120Z",
     "started_at": "2026-11-20T09:12:44.661Z",
@@ -35,7 +35,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "epochs": 549,
     "distance_m": 6240.3,
     "bbox": [8.4611, 48.9512, 8.4987, 48.9838],
-    "report": {"matched_share": 0.98, "warnings": []},
+    "report": {"matched_share": 0.98, "breaks": [], "rejected_segments": 0, "warnings": []},
     "links": [{"href": EXAMPLE_DRIVE, "rel": "self", "type": "application/json"}],
 }
 OBSERVATION_EXAMPLE: dict[str, Any] = {
@@ -47,11 +47,11 @@ OBSERVATION_EXAMPLE: dict[str, Any] = {
     "passes": 1,
     "first_at": "2026-11-20T07:55:31.000Z",
     "last_at": "2026-11-20T07:55:38.000Z",
-    "in_network": False,
-    "accepted": None,
+    "in_network": True,
+    "accepted": True,
     "weight": 0.5316,
-    "method": "particle",
-    "options": {"particles": 100_000},
+    "method": "profile",
+    "options": {"doppler": True, "match_radius_m": 50.0},
     "code_version": "0.1.0",
     "road_version_id": 2,
     "dem_version_id": 1,
@@ -147,8 +147,8 @@ class Drive(BaseModel):
     distance_m: float | None
     bbox: tuple[float, float, float, float] | None = Field(description="West, south, east, north; degrees.")
     report: dict[str, Any] | None = Field(
-        description="Of the last successful run: epochs, matched share, warnings, method, versions, on how many "
-        "segments it contradicts other drives (rejected_segments) ..."
+        description="Of the last successful run: matched share and breaks, learned noise, mount, what each sensor "
+        "contributes, on how many segments it contradicts other drives (rejected_segments), warnings, versions ..."
     )
     links: list[Link]
 

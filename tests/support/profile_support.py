@@ -142,7 +142,7 @@ class World:
         key = repr((seed, number, sorted(options.items())))
         if key not in self._drives:
             town = self.town(seed)
-            wanted = {"duration_s": 600.0, "first": structures(town)} | options
+            wanted: dict[str, Any] = {"duration_s": 600.0, "first": structures(town)} | options
             self._drives[key] = town.drive(1000 * seed + number, **wanted)
         return self._drives[key]
 
@@ -222,7 +222,7 @@ def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options:
     middle = LocalProjection.around(log.fix.lon_deg, log.fix.lat_deg)
     path = find_path(log, RoadNetwork.project(roads, middle), MatchOptions(radius_m=50.0))
     assert path is not None
-    rows = build_rows(log, path, dem, ProfileOptions(**options).sensors())  # type: ignore[arg-type]
+    rows = build_rows(log, path, dem, ProfileOptions(**options).sensors())
     assert len(rows) >= MIN_ROWS
     steps = build_steps(rows, path)
     return Smoothed(path, rows, steps, learn(rows, steps, prior_noise(rows)))

@@ -98,23 +98,9 @@ def test_fuse_says_where_a_log_was_rejected(tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     bad = tmp_path / "bad.csv"
     bad.write_text("nonsense")
-    result = runner.invoke(
-        app,
-        [
-            str(a)
-            for a in (
-                "fuse",
-                bad,
-                *bundle.drives,
-                "--roads",
-                bundle.osm,
-                "--json",
-                report,
-                "-o",
-                tmp_path / "o.csv",
-            )
-        ],
-    )
+    outputs = ("--json", report, "-o", tmp_path / "o.csv")
+    arguments = [str(a) for a in ("fuse", bad, *bundle.drives, "--roads", bundle.osm, *outputs)]
+    result = runner.invoke(app, arguments)
     assert result.exit_code == 1
     logs = json.loads(report.read_text())["logs"]
     assert [log.get("rejected_segments") for log in logs] == [None, 0]

@@ -130,12 +130,14 @@ def test_the_profile_as_columns(filled: Any, done: str) -> None:
 
 
 def test_a_segment_with_one_epoch_has_its_direction_from_the_heading(filled: Any, done: str) -> None:
-    """Drawn eastwards and driven eastwards: the road's bearing is compared with the vehicle's heading."""
+    """The road's bearing is compared with the vehicle's heading."""
     with filled.sessions.begin() as session:
         stored = tracks.read_track(session, uuid.UUID(done))
         assert stored is not None
-        one_each = Track(**{spec.name: getattr(stored.track, spec.name)[:15:5] for spec in fields(Track)})
-        tracks.save_track(session, uuid.UUID(done), one_each, np.arange(100))
+        columns = {spec.name: getattr(stored.track, spec.name)[:15:5] for spec in fields(Track)}
+        east, north = np.diff(columns["lon_deg"]) * np.cos(np.radians(49)), np.diff(columns["lat_deg"])
+        columns["heading_rad"] = np.arctan2(east, north)[[0, 0, 1]]
+        tracks.save_track(session, uuid.UUID(done), Track(**columns), np.arange(100))
     profile = filled.client.get(f"/v1/drives/{done}/profile").json()
     assert profile["forward"] == [True] * 3
     assert profile["slope_percent"] == [3.0] * 3

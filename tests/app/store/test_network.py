@@ -116,8 +116,8 @@ def test_a_change_is_followed_as_far_as_it_reaches(
     with sessions.begin() as session:
         roads.replace_roads(session, chain(40), "x", "0" * 64)
         table, ids = roads.all_roads(session)
-    for slope, sigma, driven in ((2.0, 8.0, 40), (5.0, 0.1, 1)):
-        smooth = [replace(factor_of(table, k, slope, sigma), roughness=3e-7) for k in range(driven)]
+    for slope, sigma, driven in ((2.0, 4.0, 40), (5.0, 0.1, 1)):
+        smooth = [replace(factor_of(table, k, slope, sigma), roughness=3e-6) for k in range(driven)]
         before = rows_of(sessions)
         publish(sessions, new_drive(sessions), ids, smooth)
     found = rows_of(sessions)

@@ -46,7 +46,7 @@ def elapsed_share(table: Columns) -> np.ndarray:
 def during(table: Columns, begin_share: float, length_s: float) -> np.ndarray:
     t = table["time_s"] - table["time_s"][0]
     begin = begin_share * t[-1]
-    return (t > begin) & (t < begin + length_s)
+    return np.asarray((t > begin) & (t < begin + length_s))
 
 
 def mount_moves(table: Columns) -> None:

@@ -6,11 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from fusion.errors import MissingSensorError
-from fusion.pipeline import run_drive
-from fusion.simulate import SimulatedDrive, Town
-from fusion.types import DriveLog, DriveResult
 from profile_support import (
     Columns,
     Outcome,
@@ -23,8 +18,13 @@ from profile_support import (
     rmse,
 )
 
+from fusion.errors import MissingSensorError
+from fusion.pipeline import run_drive
+from fusion.simulate import SimulatedDrive, Town
+from fusion.types import DriveLog, DriveResult
+
 FLEET = ((1, "m8"), (2, "phone"), (3, "m8"))
-LENGTH_S = 400.0
+LENGTH_S = 350.0
 HEIGHTS = ("alt_msl_m", "v_acc_m")
 POSITIONS = ("time_s", "lat_deg", "lon_deg")
 
@@ -177,7 +177,8 @@ def test_an_outage_costs_little_and_leaves_no_hole(world: World) -> None:
         drive = world.drive(seed, receiver=receiver, duration_s=LENGTH_S, outages=((150.0, 40.0),))
         holed.append(world.outcome(drive))
         t = holed[-1].result.track.time_s - drive.start_time_s
-        assert np.sum((t > 152) & (t < 188)) > 30, "the track goes on by pitch and the vehicle's own speed"
+        moving = (drive.elapsed_s > 150) & (drive.elapsed_s < 190) & (drive.truth.speed_mps > 1.5)
+        assert np.sum((t > 150) & (t < 190)) > 0.9 * moving.sum() > 10, "the track goes on by pitch"
     assert coverage(holed) >= 0.97
     assert inside(holed) > 0.85
     assert rmse(holed) < 1.4 * rmse(whole)

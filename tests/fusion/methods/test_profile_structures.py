@@ -93,8 +93,9 @@ def test_the_elevation_model_alone_is_several_times_worse(
 
 
 def straight_lines(drive: SimulatedDrive, dem: Dem) -> dict[int, float]:
-    """What maps do: the ground's height at both ends of a structure, and a straight line in between; slope by segment."""
-    town, found = drive.town, {}
+    """What maps do: the ground's height at both ends of a structure, a straight line in between; by segment."""
+    town = drive.town
+    found: dict[int, float] = {}
     structure = town.roads.bridge | town.roads.tunnel
     for on_structure, group in groupby(drive.passes(), key=lambda p: bool(structure[p.segment])):
         run = list(group)
