@@ -4,10 +4,11 @@
     python benchmarks/profile_speed.py ROADS.osm.pbf [--hours 1,2,4,8] [--repeats 3] [--seed 1] [--json FILE]
 
 A vehicle wanders over the roads of the file at the speeds of their classes, over hills made of waves, and logs
-positions, Doppler velocity, specific force and pitch at 1 Hz with the errors of an ordinary receiver. The
-network is loaded once and its time printed apart; each drive is then estimated ``--repeats`` times after one that compiles. Printed: user
-time (median), the same per hour driven and its ratio to the shortest drive's (1 means linear), the epochs, the
-segments driven, and the share of them within 1.96 sigma of the truth (a speed that comes from a wrong path is no use).
+positions, Doppler velocity, specific force and pitch at 1 Hz with the errors of an ordinary receiver. The network is
+loaded once and its time printed apart; each drive is then estimated ``--repeats`` times after one that compiles.
+Printed: user time (median), the same per hour driven and its ratio to the shortest drive's (1 means linear), the
+epochs, the segments driven, and the share of them within 1.96 sigma of the truth (a speed that comes from a wrong path
+is no use).
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from fusion.types import Floats, Ints
 
 PUBLISH_RADIUS_M = 300.0
 """Beyond this distance along driven roads a further drive changes no slope by as much as 0.005 %."""
-WINDOW_RADIUS_M = 600.0
+WINDOW_RADIUS_M = 800.0
 LONGEST_GAP_M = 200.0
 
 

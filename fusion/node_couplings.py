@@ -16,7 +16,7 @@ JUNCTION_SIGMA = 0.003
 """The same at a junction: the camber of the crossing road."""
 TURN_SIGMA, JUNCTION_TURN_SIGMA = 0.02, 0.06
 """What a turn by 90 degrees adds, on one road and from road to road."""
-STRUCTURE_SIGMA = 0.012
+STRUCTURE_SIGMA = 0.03
 """What the beginning or end of a bridge or tunnel adds: ramps and abutments."""
 MAX_ARMS = 8
 
@@ -45,7 +45,7 @@ def grade_change_sigma(cosine: Floats, arms: Ints, structure_ends: NDArray[np.bo
 
 
 def couplings(network: RoadTable) -> Couplings:
-    """All pairs of ends at each node; nodes with more than ``MAX_ARMS`` arms couple neighbours in the list only."""
+    """All pairs of ends at each node; of arms at most ``MAX_ARMS`` - 1 apart in the list."""
     n = len(network)
     node = np.concatenate([network.from_node, network.to_node])
     row = np.concatenate([np.arange(n), np.arange(n)])
