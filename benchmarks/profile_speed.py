@@ -58,8 +58,8 @@ def wander(table: RoadTable, length_m: float, rng: np.random.Generator) -> tuple
         total += float(table.length_m[row])
         node = int(table.to_node[row] if forward else table.from_node[row])
         choices = [c for c in arms.get(node, []) if c[0] != row] or arms.get(node, [])
-        if not choices:
-            break
+        if not choices:  # the map's edge at the end of a one-way street
+            choices = [(row, not forward)]
         # Roads that were driven least; big ones before small ones, so that the drive gets about.
         quiet = [driven[r] - (0.5 if table.highway[r] in SPEEDS_MPS else 0.0) for r, _ in choices]
         least = [c for c, q in zip(choices, quiet, strict=True) if q == min(quiet)]

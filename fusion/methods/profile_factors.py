@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fusion.compiled import compiled
 from fusion.factors import PassFactor
@@ -169,9 +170,14 @@ def _factor(
         covariance[0, 0] += JUMP_SIGMA[MOUNT] ** 2
     lengths = knot_length(path.network.table.length_m[match.segment[start : k + 1]])
     scale = lengths / np.maximum(path.network.length_m[match.segment[start : k + 1]], 1e-9)
-    information, vector = _likelihood(p, learned, first, start, k + 1, lengths, scale, mean, covariance)
+    forward = match.forward[start : k + 1]
+    information, vector = _likelihood(
+        p, learned, first, start, k + 1, lengths, scale, forward, mean, covariance
+    )
     if start < k:
-        less, vector_less = _likelihood(p, learned, first, start, k, lengths[:-1], scale, mean, covariance)
+        less, vector_less = _likelihood(
+            p, learned, first, start, k, lengths[:-1], scale, forward, mean, covariance
+        )
         size = len(vector_less)
         information[:size, :size] -= less
         vector[:size] -= vector_less
@@ -213,18 +219,27 @@ def _likelihood(
     stop: int,
     lengths: Floats,
     scale: Floats,
+    forward: NDArray[np.bool_],
     mean: Floats,
     covariance: Floats,
 ) -> tuple[Floats, Floats]:
     """Information and vector of traversals start .. stop - 1 over their stacked knots."""
     counts = variable_count(lengths)
     size = int(counts.sum())
-    blocks, offset = [], 0
+    blocks, offset, climbed = [], 0, np.zeros(size)
     for number, k in enumerate(range(start, stop)):
         mine = slice(first[k], first[k + 1])
-        blocks.append(
-            _knot_rows(p, mine, offset, size, float(lengths[number]), float(scale[number]), learned)
-        )
+        ends = (offset, offset + int(counts[number]) - 2)
+        entry, leave = ends if forward[number] else ends[::-1]
+        rows, extra = _knot_rows(p, mine, offset, size, float(lengths[number]), float(scale[number]), learned)
+        # The road goes on from segment to segment: a height is the climb since the first entry. So the levels of the
+        # segments, which the network leaves to each of them, don't matter.
+        heights = (p.sensor[mine] == ALTITUDE) | (p.sensor[mine] == BARO)
+        rows[heights] += climbed
+        rows[heights, entry] -= 1.0
+        climbed[leave] += 1.0
+        climbed[entry] -= 1.0
+        blocks.append((rows, extra))
         offset += int(counts[number])
     rows, extra = (np.concatenate(part) for part in zip(*blocks, strict=True))
     whole = slice(first[start], first[stop])

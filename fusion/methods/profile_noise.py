@@ -39,6 +39,7 @@ REPEATING_S = 0.8
 """Springs swing for about a second: errors farther apart than this are taken for independent (what is left between
 those of neighbouring seconds is mostly road that the knots have not followed)."""
 _PRIOR_COUNT = 15.0
+_PRIOR_REACH = 4.0
 _RATE_STEP = np.log(2.5)
 _ROUGHNESS_PRIOR = (np.log(3e-5), 1.5)
 _RATE_SPREAD = 1.0
@@ -90,11 +91,14 @@ def learn(rows: Rows, steps: Steps, start: Noise) -> Learned:
             jumps = _with_jump(steps, smoothed, jumps)
         second = _second_moment(smoothed, variance)
         noise = _levels(rows, noise, start, second * weight, smoothed, variance)
-        weight = (FREEDOM + 1) / (FREEDOM + smoothed.residual**2 / smoothed.residual_variance)
+        weight = (FREEDOM + 1) / (FREEDOM + _surprise(rows, noise, smoothed, variance))
         noise = _rates(rows, steps, noise, start, weight, jumps)
+    # Once the levels are known, what lies far outside of them is not merely weakened but left out.
+    surprise = _surprise(rows, noise, smoothed, variance)
+    weight = weight * np.minimum(1.0, (OUTLIER_SIGMAS**2 / np.maximum(surprise, 1e-9)) ** 2)
     variance = row_variance(rows, noise) * _repetition(rows, smoothed, variance) / weight
     smoothed = linear_model(rows, steps, noise, variance, jumps).smooth()
-    outlier = smoothed.residual**2 > OUTLIER_SIGMAS**2 * smoothed.residual_variance
+    outlier = _surprise(rows, noise, smoothed, variance) > OUTLIER_SIGMAS**2
     return Learned(noise, variance, outlier, jumps, smoothed)
 
 
@@ -115,6 +119,15 @@ def _with_jump(steps: Steps, smoothed: Smoothed, jumps: Jumps) -> Jumps:
     return tuple(found)
 
 
+def _surprise(rows: Rows, noise: Noise, smoothed: Smoothed, variance: Floats) -> Floats:
+    """Square of each row's error against an estimate without it, in units of what it should be at the level's variance.
+
+    Not of its present variance, which has its robust weight in it: weights would come and go from round to round.
+    """
+    expected = smoothed.residual_variance - variance + row_variance(rows, noise)
+    return np.asarray(smoothed.residual**2 / expected)
+
+
 def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
     """Expected square of each row's error given everything."""
     error = variance * smoothed.residual / smoothed.residual_variance
@@ -132,8 +145,10 @@ def _levels(
         if not mine.any():
             continue
         unit = row_unit(rows)[mine]
-        prior = getattr(start, name) ** 2
-        total = float(np.sum(second[mine] / unit)) + _PRIOR_COUNT * prior
+        shown = float(np.mean(second[mine] / unit))
+        # What the log states may be wrong by ten times: it counts as far as the drive does not contradict it.
+        prior = float(np.clip(getattr(start, name) ** 2, shown / _PRIOR_REACH, shown * _PRIOR_REACH))
+        total = mine.sum() * shown + _PRIOR_COUNT * prior
         changes[name] = float(np.sqrt(total / (mine.sum() + _PRIOR_COUNT)))
     partner = pitch_partner(rows)
     force = np.flatnonzero(partner >= 0)

@@ -63,6 +63,10 @@ def build_rows(log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[
             parts.append(_placed(path, sensor, time, value, hint, speed_time, speed, _turn(log, path, time)))
     if TERRAIN in use and dem is not None:
         parts.append(_terrain(path, dem, speed_time, speed))
+    if not parts:
+        return Rows(
+            *(np.empty(0, np.int64 if f in ("run", "sensor") else float) for f in Rows.__dataclass_fields__)
+        )
     rows = Rows(*(np.concatenate([getattr(p, f) for p in parts]) for f in Rows.__dataclass_fields__))
     return rows.take(np.lexsort((rows.sensor, rows.time_s)))
 
@@ -180,8 +184,15 @@ def _backwards(log: DriveLog, time: Floats, yaw_rad: Floats) -> NDArray[np.bool_
 
 def _force(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
     """Grade that the accelerometer feels beyond the change of speed: sin(pitch) = (f - dv/dt) / g."""
-    f = log.force
-    time, forward = binned(f.time_s, PERIOD_S[FORCE], f.acc_x_mps2)
+    f, a = log.force, log.attitude
+    nose = np.isfinite(a.yaw_rad)
+    yaw = (
+        np.interp(f.time_s, a.time_s[nose], np.unwrap(a.yaw_rad[nose]))
+        if nose.any()
+        else np.full(len(f), np.nan)
+    )
+    facing = np.where(_backwards(log, f.time_s, yaw), np.nan, f.acc_x_mps2)
+    time, forward = binned(f.time_s, PERIOD_S[FORCE], facing)
     felt = (forward - acceleration(time, speed_time, speed)) / GRAVITY_MPS2
     with np.errstate(invalid="ignore"):
         sine = np.where(np.abs(felt) < MAX_GRADE, felt, np.nan)

@@ -235,6 +235,7 @@ class Levels:
     altitude_m: float = 0.5
     drift: float = 0.15
     doppler_mps: float = 0.1
+    speed_mps: float = 0.05
     springs: float = 0.01
     force: float = 0.006
     position_m: float = 1.0
@@ -283,8 +284,8 @@ def street_log(
     )
     velocity = GnssVelocity.assemble(
         time_s,
-        vel_e_mps=speed + 0.05 * rng.normal(size=n),
-        vel_n_mps=0.05 * rng.normal(size=n),
+        vel_e_mps=speed + levels.speed_mps * rng.normal(size=n),
+        vel_n_mps=levels.speed_mps * rng.normal(size=n),
         vel_d_mps=-speed * grade + v * rng.normal(size=n),
         s_acc_mps=np.full(n, 0.1),
     )
