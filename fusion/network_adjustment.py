@@ -295,7 +295,7 @@ def _without(
     own = 2 * int(layout.intervals[rows[-1]]) + 2
     a, b, d = information[-own:, -own:], information[-own:, :-own], information[:-own, :-own]
     # The history's heights are known up to their level only: the ridge is far below any information.
-    ridge = (1e-9 * np.trace(d) + 1e-30) * np.eye(len(d))
+    ridge = (1e-9 * np.trace(information) + 1e-30) * np.eye(len(d))
     solved = np.linalg.solve(d + ridge, np.column_stack([b.T, vector[:-own]]))
     return a - b @ solved[:, :-1], vector[-own:] - b @ solved[:, -1], [rows[-1]]
 

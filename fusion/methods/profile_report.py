@@ -14,7 +14,7 @@ from fusion.methods.profile_factors import MIN_CONFIDENCE
 from fusion.methods.profile_model import DRIFT, GRADE, MOUNT, Steps, linear_model
 from fusion.methods.profile_noise import Learned
 from fusion.methods.profile_path import DrivenPath, ground_speed
-from fusion.methods.profile_rows import DOPPLER, FORCE, PITCH, SENSORS, Rows
+from fusion.methods.profile_rows import BARO, DOPPLER, FORCE, PITCH, SENSORS, Rows
 from fusion.types import DriveLog, Floats
 
 WHOLE_SHARE = 0.98
@@ -102,7 +102,7 @@ def _warnings(log: DriveLog, rows: Rows, report: dict[str, Any]) -> list[str]:
             f"Only {report['matched_share']:.0%} of the positions lie on known roads. Import a newer map, or check "
             "the antenna's view of the sky."
         )
-    if not (rows.sensor == DOPPLER).any():
+    if not np.isin(rows.sensor, (DOPPLER, BARO)).any():
         said.append(
             "The log has no vertical Doppler velocity, the strongest cue of slope. Record NAV-PVT (u-blox) or "
             "vel_d_mps: sigmas become several times smaller."

@@ -179,7 +179,11 @@ def _backwards(log: DriveLog, time: Floats, yaw_rad: Floats) -> NDArray[np.bool_
     known = np.isfinite(v.vel_n_mps + v.vel_e_mps)
     north = np.interp(time, v.time_s[known], v.vel_n_mps[known])
     east = np.interp(time, v.time_s[known], v.vel_e_mps[known])
-    return (np.hypot(north, east) > MIN_SPEED_MPS) & (np.cos(yaw_rad - np.arctan2(east, north)) < -0.5)
+    right = np.clip(np.searchsorted(v.time_s[known], time), 0, int(known.sum()) - 1)
+    lags = [np.abs(v.time_s[known][k] - time) for k in (right, np.maximum(right - 1, 0))]
+    near = np.minimum(*lags) < 1.0  # through an outage the vehicle may have turned
+    moving = np.hypot(north, east) > MIN_SPEED_MPS
+    return near & moving & (np.cos(yaw_rad - np.arctan2(east, north)) < -0.5)
 
 
 def _force(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
