@@ -70,9 +70,11 @@ def pass_factors(rows: Rows, steps: Steps, learned: Learned, path: DrivenPath) -
     first = np.searchsorted(prepared.traversal, np.arange(len(match) + 1))
     back_s = _history_s(rows, learned)
     silent_s = _silence(prepared, match.enter_time_s)
+    begin, end = (path.gaps_s[:, [side]] for side in (0, 1))
+    unrecorded = np.any((match.enter_time_s < end) & (match.leave_time_s > begin), axis=0)
     found = []
     for k in range(len(match)):
-        if match.confidence[k] < MIN_CONFIDENCE or match.enter_m[k] == match.leave_m[k]:
+        if match.confidence[k] < MIN_CONFIDENCE or match.enter_m[k] == match.leave_m[k] or unrecorded[k]:
             continue
         start = _history_start(path, k, max(back_s, silent_s[k]))
         found.append(_factor(prepared, steps, learned, path, first, start, k))

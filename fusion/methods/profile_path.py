@@ -42,6 +42,8 @@ class DrivenPath:
     time_s: Floats
     along_m: Floats
     run: Ints
+    gaps_s: Floats
+    """(n, 2) begin and end of the pauses that the log says were not recorded: nobody knows what was driven then"""
 
     def at(self, time_s: Floats) -> tuple[Floats, Ints]:
         """Distance along the path (m) and run at times; NaN and -1 off the path and in holes."""
@@ -153,7 +155,16 @@ def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> Dri
         for number in np.unique(match.run[match.traversal[matched]]).tolist()
     ]
     knots, along, run = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return DrivenPath(match, network, fix.time_s, matched[np.argsort(order)][: len(fix)], knots, along, run)
+    gaps = _gaps(log.gaps_s, fix.time_s)
+    on_path = matched[np.argsort(order)][: len(fix)]
+    return DrivenPath(match, network, fix.time_s, on_path, knots, along, run, gaps)
+
+
+def _gaps(stated_s: Floats, fix_time: Floats) -> Floats:
+    """Last position before and first after each stated gap, shape (n, 2)."""
+    after = np.searchsorted(fix_time, stated_s)
+    inner = (after > 0) & (after < len(fix_time))
+    return np.column_stack([fix_time[after[inner] - 1], fix_time[after[inner]]])
 
 
 def _known_near(known_time: Floats, value: Floats, time: Floats, reach_s: float = 1.0) -> Floats:

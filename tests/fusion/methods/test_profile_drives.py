@@ -275,3 +275,16 @@ def test_uncertain_passes_say_little_or_nothing() -> None:
     report = run_drive(log, twin, None)[1].report
     assert report["passes"] == np.count_nonzero(match.confidence >= MIN_CONFIDENCE)
     assert report["passes_dropped_as_uncertain"] == np.count_nonzero(match.confidence < MIN_CONFIDENCE)
+
+
+def test_a_pause_that_the_log_states_gets_no_slopes() -> None:
+    """Two tracks of a GPX file: what lies between them was perhaps never driven."""
+    time, along = ALONG
+    keep = (along < 5.5 * SIDE_M) | (along > 9.5 * SIDE_M)
+    log = street_log(time[keep], along[keep], hills, np.random.default_rng(7))
+    begins = time[keep][np.argmax(np.diff(time[keep], prepend=time[0]))]
+    joined, _, _ = run(log)
+    split, _, _ = run(replace(log, gaps_s=np.array([begins])))
+    assert np.isfinite(joined[5:10]).all(), "a mere hole in the recording is bridged"
+    assert np.isnan(split[5:10]).all()
+    assert np.isfinite(split[:5]).all() and np.isfinite(split[10:]).all()
