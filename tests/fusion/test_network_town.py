@@ -23,6 +23,8 @@ from fusion.simulate import Town
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
 
+pytestmark = pytest.mark.slow
+
 SLOPE_PERCENT, SIGMA_SHARE = 0.005, 0.02
 """What the place where the network is cut may change: the contract of the service."""
 
