@@ -14,6 +14,7 @@ import json
 import os
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from slope_accuracy import (
@@ -69,9 +70,11 @@ def ablate(sequence: Sequence, args: argparse.Namespace) -> list[dict[str, objec
         logs = [make_log(module, sequence, seed, args, Path(folder)) for seed in range(seeds)]
         for count, label in enumerate(LABELS, 1):
             options = {name: str(name in SENSORS[:count]).lower() for name in SENSORS}
+            # Without its raster as well: the network's solution would take the terrain's slopes from it.
+            bare = sequence if "dem" in SENSORS[:count] else replace(sequence, dem=None)
             scores = Scores([], [], [], [], [])
             for log in logs:
-                add_score(scores, sequence.truth, estimate(sequence, [log], "profile", options))
+                add_score(scores, sequence.truth, estimate(bare, [log], "profile", options))
             rows += [{**row, "sensors": label} for row in summarise(sequence.name, {"profile": scores})]
     return rows
 
