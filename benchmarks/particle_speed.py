@@ -28,17 +28,17 @@ from pathlib import Path
 import numpy as np
 
 from fusion.formats import read_log
-from fusion.methods import particle_layout as k
-from fusion.methods.epochs import Epochs, build_epochs
-from fusion.methods.levelling import estimate_mount
-from fusion.methods.particle import threads_for
-from fusion.methods.particle_filter import Estimate, Measurement, ParticleCloud, PredictedMap
+from fusion.methods import kinematics as k
+from fusion.methods.epoch_filter import Estimate, Measurement, PredictedMap
+from fusion.methods.particle import prepare, threads_for
+from fusion.methods.particle_filter import ParticleCloud
 from fusion.methods.particle_options import ParticleOptions
-from fusion.methods.particle_run import DriveFilter
 from fusion.roads.network import RoadNetwork
 from fusion.simulate import make_town
 from fusion.terrain.dem import Dem
-from fusion.types import no_progress
+from fusion.types import DriveLog, no_progress
+
+Scene = tuple[DriveLog, RoadNetwork, Dem]
 
 
 class NumpyCloud(ParticleCloud):
@@ -53,7 +53,7 @@ class NumpyCloud(ParticleCloud):
         self._logw = np.zeros(self.options.particles)
         self._ref[:] = mean[k.X], mean[k.Y], math.atan2(mean[k.VY], mean[k.VX]), mean[k.Z]
 
-    def weigh_sensors(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
+    def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
         if dt_s is not None:
             self._move(dt_s, measured)
         c = self._cloud
@@ -86,7 +86,7 @@ class NumpyCloud(ParticleCloud):
                 noise = self._rng.standard_normal(len(mean))
                 c[row] = mean + gain * miss + math.sqrt(var * (1 - gain)) * noise
 
-    def weigh_surroundings(
+    def locate(
         self,
         road: tuple[float, float, float] | None,
         use_heading: bool,
@@ -129,29 +129,26 @@ class NumpyCloud(ParticleCloud):
         )
 
 
-def prepare(duration_s: float) -> tuple[Epochs, RoadNetwork, Dem]:
-    """One drive through the simulated town, as epochs, with what lies around it."""
+def make_scene(duration_s: float) -> Scene:
+    """One drive through the simulated town with what lies around it."""
     town = make_town(seed=1)
     folder = Path(tempfile.mkdtemp(prefix="particle-speed-"))
     town.write_dem(folder / "dem.tif")
     town.drive(5, duration_s=duration_s).write_csv(folder / "drive.csv")
     log = read_log(folder / "drive.csv")
     network = RoadNetwork.project(town.roads)
-    return build_epochs(log, network.projection), network, Dem.open([folder / "dem.tif"])
+    return log, network, Dem.open([folder / "dem.tif"])
 
 
-def seconds_per_epoch(
-    cloud: type[ParticleCloud], particles: int, scene: tuple[Epochs, RoadNetwork, Dem]
-) -> float:
+def seconds_per_epoch(cloud: type[ParticleCloud], particles: int, scene: Scene) -> float:
     """Run the method's own loop over the scene with the given cloud."""
-    epochs, network, dem = scene
     options = ParticleOptions(particles=particles)
-    run = DriveFilter(epochs, network, dem, options, estimate_mount(epochs))
-    run.cloud = cloud(options)
+    run, _ = prepare(*scene, options)
+    run.engine = cloud(options)
     begin = time.perf_counter()
     with threads_for(particles):
-        run.filter(no_progress)
-    return (time.perf_counter() - begin) / len(epochs)
+        run.run(no_progress)
+    return (time.perf_counter() - begin) / len(run.epochs)
 
 
 def resident_mib(field: str) -> float:
@@ -178,7 +175,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    scene = prepare(args.duration)
+    scene = make_scene(args.duration)
     seconds_per_epoch(ParticleCloud, 1000, scene)  # compiles, or loads what was compiled
     if args.memory_of:
         before = resident_mib("VmRSS")
@@ -186,7 +183,7 @@ def main() -> None:
         seconds_per_epoch(ParticleCloud, args.memory_of, scene)
         print(resident_mib("VmHWM") - before)
         return
-    print(f"{len(scene[0])} epochs, medians of {args.rounds} rounds")
+    print(f"{len(scene[0].fix)} epochs, medians of {args.rounds} rounds")
     print(f"{'particles':>10} {'ms/epoch':>9} {'numpy ms':>9} {'ratio':>6} {'MiB':>6}")
     rows = []
     for particles in args.particles:

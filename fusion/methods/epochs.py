@@ -32,7 +32,9 @@ class Epochs:
 
     ``acc_*`` is the kinematic acceleration (gravity taken off), ``pitch_rad`` the sensor's pitch as logged
     (mount offset included), ``rate_*`` the rate of change of the fixes themselves, ``speed_mps`` the best ground
-    speed, ``restart`` marks epochs to which nothing may be carried over from the one before.
+    speed, ``restart`` marks epochs to which nothing may be carried over from the one before. ``yaw_rad`` is the
+    sensor's yaw as logged (clockwise from north), ``turn_radps`` what its gyroscope feels about its z axis (positive
+    to the left), ``odo_mps`` the vehicle's own speed signal.
     """
 
     time_s: Floats
@@ -54,6 +56,9 @@ class Epochs:
     pitch_rad: Floats
     pitch_acc_rad: Floats
     speed_mps: Floats
+    yaw_rad: Floats
+    turn_radps: Floats
+    odo_mps: Floats
     restart: NDArray[np.bool_]
 
     def __len__(self) -> int:
@@ -116,6 +121,9 @@ def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1
         pitch_rad=pitch,
         pitch_acc_rad=pitch_acc,
         speed_mps=speed,
+        yaw_rad=attitude["yaw_rad"],
+        turn_radps=_window_mean(log.rate, time_s, window_s)["gyr_z_radps"],
+        odo_mps=odometer,
         restart=restart,
     )
 

@@ -8,11 +8,9 @@ import numpy as np
 from numba import prange
 
 from fusion.compiled import compiled, compiled_parallel, compiled_vector
+from fusion.methods.kinematics import AX, AY, AZ, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
 from fusion.methods.particle_kernels import fill_weights
 from fusion.methods.particle_layout import (
-    AX,
-    AY,
-    AZ,
     B_COS,
     B_LOGMAX,
     B_PITCH,
@@ -25,13 +23,6 @@ from fusion.methods.particle_layout import (
     B_YY,
     B_ZZ,
     BLOCK,
-    STEEPEST_RAD,
-    VX,
-    VY,
-    VZ,
-    X,
-    Y,
-    Z,
 )
 from fusion.types import Floats
 

@@ -1,4 +1,4 @@
-"""The SIR filter of chapter 3 at one epoch after another, on the compiled cloud."""
+"""The particle filter of Al Assaad 2020 at one epoch after another, on the compiled cloud."""
 
 from __future__ import annotations
 
@@ -9,52 +9,17 @@ import numpy as np
 
 from fusion.filters.resampling import RESAMPLERS
 from fusion.methods import particle_layout as k
+from fusion.methods.epoch_filter import Estimate, Measurement, PredictedMap, Road
+from fusion.methods.kinematics import STATES, VX, VY, VZ, X, Y, Z, half_square, noise_rates
 from fusion.methods.particle_estimate import merge_sums, normalise_blocks, weigh_and_estimate
 from fusion.methods.particle_kernels import draw_cloud, predict_and_weigh
 from fusion.methods.particle_options import ParticleOptions
 from fusion.types import Floats, Ints
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """What the sensors say at one epoch: values and inverse variances, 0 where a sensor says nothing.
-
-    ``z`` and ``inv_var`` (9,) address the states directly: GNSS position, Doppler velocity, acceleration.
-    """
-
-    z: Floats
-    inv_var: Floats
-    pitch_rad: float = 0.0
-    inv_var_pitch: float = 0.0
-
-
-@dataclass(frozen=True)
-class PredictedMap:
-    """Zhat (2.26) and its covariance P (2.30) over x, y, heading, after the sensors' corrections."""
-
-    x_m: float
-    y_m: float
-    heading_rad: float
-    covariance: Floats
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """State (9,), attitude and spread after all corrections, (2.36)-(2.38)."""
-
-    state: Floats
-    heading_rad: float
-    pitch_rad: float
-    pitch_sigma_rad: float
-    h_sigma_m: float
-    z_sigma_m: float
-    n_eff: float
-    resampled: bool
-
-
 @dataclass
 class ParticleCloud:
-    """The cloud and its buffers. ``weigh_sensors`` -> ``weigh_surroundings`` -> ``resample_if_due`` at each epoch."""
+    """The cloud and its buffers: an ``EpochFilter``."""
 
     options: ParticleOptions
     _step: int = field(default=0, init=False)
@@ -62,15 +27,13 @@ class ParticleCloud:
     def __post_init__(self) -> None:
         n = self.options.particles
         blocks = -(-n // k.BLOCK)
-        self._cloud, self._spare = np.zeros((k.STATES, n)), np.zeros((k.STATES, n))
+        self._cloud, self._spare = np.zeros((STATES, n)), np.zeros((STATES, n))
         self._logw, self._angles, self._weights = np.zeros(n), np.zeros((2, n)), np.zeros(n)
         self._sums_a, self._sums_b = np.zeros((blocks, k.A_COLUMNS)), np.zeros((blocks, k.B_COLUMNS))
         self._ref = np.zeros(4)  # x, y, heading, z: where second moments are taken
-        o = self.options
-        horizontal = [o.sigma_acc_mps2, o.sigma_vel_mps, o.sigma_pos_m]
-        vertical = [o.sigma_acc_up_mps2, o.sigma_vel_up_mps, o.sigma_pos_up_m]
-        self._q_per_s = np.array([horizontal, horizontal, vertical]) ** 2
-        self._resample = RESAMPLERS[o.resampling]
+        self._last: Estimate | None = None
+        self._q_per_s = noise_rates(self.options)
+        self._resample = RESAMPLERS[self.options.resampling]
         self._ancestors = _NONE
 
     def restart(self, mean: Floats, sigma: Floats) -> None:
@@ -78,13 +41,16 @@ class ParticleCloud:
         self._step += 1
         self._ancestors = _NONE
         draw_cloud(self._cloud, self._logw, self.options.seed, self._step, mean, sigma)
-        self._ref[:] = mean[k.X], mean[k.Y], math.atan2(mean[k.VY], mean[k.VX]), mean[k.Z]
+        self._ref[:] = mean[X], mean[Y], math.atan2(mean[VY], mean[VX]), mean[Z]
+        self._last = None
 
-    def weigh_sensors(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
+    def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
         """Predict over ``dt_s`` (None: no prediction) and correct by GNSS, acceleration and pitch."""
         self._step += 1
         dt = -1.0 if dt_s is None else dt_s
-        half = 0.5 * dt * dt if self.options.discretisation == "exact" else 0.0
+        half = half_square(self.options, dt)
+        if self._last is not None and dt_s is not None:
+            self._refer_near(self._last, dt_s)
         source = self._cloud
         if len(self._ancestors):
             self._cloud, self._spare = self._spare, self._cloud
@@ -103,12 +69,8 @@ class ParticleCloud:
             self._ref[0] + first[0], self._ref[1] + first[1], _wrapped(self._ref[2] + first[2]), covariance
         )
 
-    def weigh_surroundings(
-        self,
-        road: tuple[float, float, float] | None,
-        use_heading: bool,
-        ground_m: float | None,
-        inv_var_ground: float,
+    def locate(
+        self, road: Road | None, use_heading: bool, ground_m: float | None, inv_var_ground: float
     ) -> Estimate:
         """Correct by the matched road point (x, y, heading) and the terrain's height, and estimate."""
         o = self.options
@@ -122,14 +84,15 @@ class ParticleCloud:
             self._cloud, self._logw, self._angles, self._weights, self._sums_b, self._ref,
             np.array(road or (0.0, 0.0, 0.0)), inv, ground, o.antenna_height_m, inv_ground,
         )  # fmt: skip
-        return self._estimate(merge_sums(self._sums_b, k.B_WW, np.empty(k.B_COLUMNS)))
+        self._last = self._estimate(merge_sums(self._sums_b, k.B_WW, np.empty(k.B_COLUMNS)))
+        return self._last
 
     def _estimate(self, total: Floats) -> Estimate:
         w = total[k.B_W]
         mean = total[k.B_STATE :] / w
-        spread = total[[k.B_XX, k.B_YY, k.B_ZZ]] / w - mean[[k.X, k.Y, k.Z]] ** 2
+        spread = total[[k.B_XX, k.B_YY, k.B_ZZ]] / w - mean[[X, Y, Z]] ** 2
         state = mean.copy()
-        state[[k.X, k.Y, k.Z]] += self._ref[[0, 1, 3]]
+        state[[X, Y, Z]] += self._ref[[0, 1, 3]]
         pitch = total[k.B_PITCH] / w
         n_eff = w * w / total[k.B_WW]
         heading = math.atan2(total[k.B_SIN], total[k.B_COS])
@@ -155,9 +118,11 @@ class ParticleCloud:
         self._ancestors = self._resample(self._weights, self.options.seed, self._step)
         self._logw[:] = 0.0
 
-    def refer_to(self, x_m: float, y_m: float, z_m: float, heading_rad: float) -> None:
-        """Set the point about which the next epoch's second moments are taken: near the cloud, for precision."""
-        self._ref[:] = x_m, y_m, heading_rad, z_m
+    def _refer_near(self, last: Estimate, dt: float) -> None:
+        """Second moments are taken about a point near the cloud, for precision."""
+        at = last.state
+        moved = at[[X, Y, Z]] + at[[VX, VY, VZ]] * dt
+        self._ref[:] = moved[0], moved[1], last.heading_rad, moved[2]
 
 
 _NONE: Ints = np.empty(0, np.int64)

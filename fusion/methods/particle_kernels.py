@@ -16,6 +16,7 @@ from numba import prange
 from fusion.compiled import compiled, compiled_parallel, compiled_vector
 from fusion.filters.random import Stream, fill_normals, seed_stream
 from fusion.methods.fast_angles import fast_atan, fast_atan2
+from fusion.methods.kinematics import STATES, VX, VY, VZ, X, Y
 from fusion.methods.particle_layout import (
     A_LOGMAX,
     A_T,
@@ -29,12 +30,6 @@ from fusion.methods.particle_layout import (
     A_YT,
     A_YY,
     BLOCK,
-    STATES,
-    VX,
-    VY,
-    VZ,
-    X,
-    Y,
 )
 from fusion.types import Floats, Ints
 

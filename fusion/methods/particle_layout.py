@@ -1,13 +1,8 @@
 """How the particle cloud and its sums are laid out in arrays, for the kernels and those who call them."""
 
+from fusion.methods.kinematics import STATES
+
 BLOCK = 2048
-
-STEEPEST_RAD = 0.35
-"""No road is steeper; while a vehicle stands, vz / v may say anything."""
-
-# Rows of the cloud, equations (2.1)-(2.6).
-AX, VX, X, AY, VY, Y, AZ, VZ, Z = range(9)
-STATES = 9
 
 # Columns of the first pass's sums.
 A_LOGMAX, A_W, A_X, A_Y, A_T, A_XX, A_YY, A_TT, A_XY, A_XT, A_YT = range(11)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fusion.filters.kalman import LinearModel
+from fusion.filters.smoother import LinearModel
 from fusion.methods.profile_path import DrivenPath
 from fusion.methods.profile_rows import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Rows
 from fusion.types import Floats, Ints

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.filters.kalman import Smoothed
+from fusion.filters.smoother import Smoothed
 from fusion.methods.profile_model import (
     DRIFT_TAU_S,
     JUMP_SIGMA,

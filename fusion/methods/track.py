@@ -7,9 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from fusion.frames import LocalProjection
-from fusion.methods import particle_layout as k
+from fusion.methods.epoch_filter import Estimate
 from fusion.methods.epochs import Epochs
-from fusion.methods.particle_filter import Estimate
+from fusion.methods.kinematics import VX, VY, X, Y, Z
 from fusion.types import Track
 
 
@@ -50,12 +50,12 @@ class TrackBuilder:
         s = estimate.state
         values = {
             "time_s": epochs.time_s[row],
-            "x": s[k.X],
-            "y": s[k.Y],
-            "alt_m": s[k.Z] - lift_m,
+            "x": s[X],
+            "y": s[Y],
+            "alt_m": s[Z] - lift_m,
             "h_sigma_m": estimate.h_sigma_m,
             "alt_sigma_m": estimate.z_sigma_m,
-            "speed_mps": np.hypot(s[k.VX], s[k.VY]),
+            "speed_mps": np.hypot(s[VX], s[VY]),
             "heading_rad": np.mod(np.pi / 2 - estimate.heading_rad, 2 * np.pi),
             "pitch_rad": estimate.pitch_rad,
             "pitch_sigma_rad": estimate.pitch_sigma_rad,

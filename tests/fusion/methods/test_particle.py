@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from fusion.errors import BadOptionsError
-from fusion.methods import particle_layout as k
-from fusion.methods.particle_filter import Measurement, ParticleCloud
+from fusion.methods import kinematics as k
+from fusion.methods.epoch_filter import Measurement
+from fusion.methods.particle_filter import ParticleCloud
 from fusion.methods.particle_options import ParticleOptions
 from fusion.pipeline import parse_options, run_drive
 from fusion.simulate import Town
@@ -61,14 +62,13 @@ def test_the_linear_case_is_the_kalman_filter(proposal: str, discretisation: str
     cloud.restart(mean, sigma)
     noise = np.zeros(9)
     for epoch, (x, p) in enumerate(kalman(options, mean, sigma**2, z, inv_var)):
-        cloud.weigh_sensors(1.0 if epoch else None, Measurement(z[epoch], inv_var))
-        estimate = cloud.weigh_surroundings(None, False, None, 0.0)
+        cloud.sense(1.0 if epoch else None, Measurement(z[epoch], inv_var))
+        estimate = cloud.locate(None, False, None, 0.0)
         # What sampling adds at each epoch stays in the cloud: the standard errors of all epochs so far add up.
         noise += np.diag(p) / estimate.n_eff
         assert np.all(np.abs(estimate.state - x) < 6 * np.sqrt(noise))
         assert estimate.z_sigma_m == pytest.approx(math.sqrt(p[8, 8]), rel=0.05)
         assert estimate.h_sigma_m == pytest.approx(math.sqrt(p[2, 2] + p[5, 5]), rel=0.05)
-        cloud.refer_to(*estimate.state[[k.X, k.Y, k.Z]], estimate.heading_rad)
 
 
 def test_the_predicted_map_measurement_is_the_weighted_moments_of_the_cloud() -> None:
@@ -77,7 +77,7 @@ def test_the_predicted_map_measurement_is_the_weighted_moments_of_the_cloud() ->
     mean = np.array([0, 10.0, 500.0, 0, -10.0, -300.0, 0, 0, 50.0])
     sigma = np.array([0.1, 0.5, 3.0, 0.1, 0.5, 2.0, 0.1, 0.2, 1.0])
     cloud.restart(mean, sigma)
-    predicted = cloud.weigh_sensors(None, Measurement(np.zeros(9), np.zeros(9)))
+    predicted = cloud.sense(None, Measurement(np.zeros(9), np.zeros(9)))
     assert predicted.x_m == pytest.approx(500, abs=0.05)
     assert predicted.y_m == pytest.approx(-300, abs=0.05)
     assert predicted.heading_rad == pytest.approx(-math.pi / 4, abs=0.002)
@@ -92,8 +92,8 @@ def test_pitch_map_and_terrain_pull_towards_themselves() -> None:
     sigma = np.array([0.1, 0.3, 2.0, 0.1, 0.3, 2.0, 0.1, 1.0, 3.0])
     cloud = ParticleCloud(options)
     cloud.restart(mean, sigma)
-    cloud.weigh_sensors(None, Measurement(np.zeros(9), np.zeros(9), 0.06, 0.01**-2))
-    estimate = cloud.weigh_surroundings((0.0, 3.0, 0.1), True, 96.0, 1.0)
+    cloud.sense(None, Measurement(np.zeros(9), np.zeros(9), 0.06, 0.01**-2))
+    estimate = cloud.locate((0.0, 3.0, 0.1), True, 96.0, 1.0)
     assert estimate.pitch_rad == pytest.approx(0.06 * 100 / 101, abs=0.002)  # prior sd 0.1 rad against 0.01
     assert 0.3 < estimate.state[k.Y] < 1.5  # pulled by 3 m with weights 1/4 and 1/16
     assert estimate.state[k.Y] == pytest.approx(3.0 * 4 / (4 + options.map_sigma_m**2), abs=0.1)

@@ -1,0 +1,84 @@
+"""What a filter that goes through a drive epoch by epoch is to the run that leads it: one protocol, its messages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from fusion.types import Floats
+
+
+@dataclass(frozen=True)
+class WheelReading:
+    """What the wheels say over the last ``dt``: rotations in radians (left, right), or one speed in m/s.
+
+    Any of them may be NaN; ``speed_mps`` counts only where a rotation is missing.
+    """
+
+    left_rad: float
+    right_rad: float
+    speed_mps: float
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What the sensors say at one epoch: values and inverse variances, 0 where a sensor says nothing.
+
+    ``z`` and ``inv_var`` (9,) address the states directly: GNSS position, Doppler velocity, acceleration. ``wheels``
+    is None where the filter is not to look at them.
+    """
+
+    z: Floats
+    inv_var: Floats
+    pitch_rad: float = 0.0
+    inv_var_pitch: float = 0.0
+    wheels: WheelReading | None = None
+
+
+@dataclass(frozen=True)
+class PredictedMap:
+    """Zhat (2.26) and its covariance P (2.30) over x, y, heading, after the sensors' corrections."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    covariance: Floats
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """State (9,), attitude and spread after all corrections, (2.36)-(2.38).
+
+    ``n_eff`` and ``resampled`` belong to clouds of particles; other filters leave them.
+    """
+
+    state: Floats
+    heading_rad: float
+    pitch_rad: float
+    pitch_sigma_rad: float
+    h_sigma_m: float
+    z_sigma_m: float
+    n_eff: float = 0.0
+    resampled: bool = False
+
+
+Road = tuple[float, float, float]
+"""A matched point: x, y in metres and the direction of the road as it is driven, radians from east."""
+
+
+class EpochFilter(Protocol):
+    """A filter over the nine states: ``restart`` once, then ``sense`` and ``locate`` at each epoch."""
+
+    def restart(self, mean: Floats, sigma: Floats) -> None:
+        """Begin anew around ``mean`` (9,) with standard deviations ``sigma`` (9,)."""
+        ...
+
+    def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
+        """Predict over ``dt_s`` (None: no prediction) and correct by what the vehicle's sensors say."""
+        ...
+
+    def locate(
+        self, road: Road | None, use_heading: bool, ground_m: float | None, inv_var_ground: float
+    ) -> Estimate:
+        """Correct by the matched road point and by the terrain's height where there are any, and estimate."""
+        ...

@@ -1,0 +1,95 @@
+"""What surrounds a vehicle, as the filters over the nine states look at it: the nearest road, the ground under it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fusion.methods.epoch_filter import PredictedMap
+from fusion.methods.epoch_options import EpochOptions, TerrainOptions
+from fusion.methods.epochs import Epochs
+from fusion.roads.matching import PointMatch, nearest_mahalanobis
+from fusion.roads.network import RoadNetwork
+from fusion.terrain.dem import Dem
+from fusion.terrain.windows import WINDOWS, HeightModel
+from fusion.types import Floats
+
+_LEAST_OFFSET_M = 10.0
+
+
+class Roads:
+    """Map matching of (2.27)-(2.31): candidates by Mahalanobis distance, accepted within the gate."""
+
+    def __init__(self, network: RoadNetwork, options: EpochOptions) -> None:
+        self._network = network
+        self._gate = options.match_gate
+        self._noise: Floats = np.diag(
+            [options.map_sigma_m**2, options.map_sigma_m**2, options.map_sigma_rad**2]
+        )
+
+    def match(self, predicted: PredictedMap, use_heading: bool) -> PointMatch | None:
+        """The road point that fits the prediction best, or None; while standing the heading says nothing."""
+        return nearest_mahalanobis(
+            self._network,
+            predicted.x_m,
+            predicted.y_m,
+            predicted.heading_rad if use_heading else math.nan,
+            predicted.covariance + self._noise,
+            gate=self._gate,
+        )
+
+
+class Terrain:
+    """The elevation model as a sensor along one drive.
+
+    ``offset_m`` is what was added to it to meet the log's heights: ellipsoidal heights lie tens of metres from a
+    DEM above the geoid. A constant does no harm to slopes, but two sources that disagree by it would pull at the
+    filter.
+    """
+
+    def __init__(
+        self,
+        dem: Dem,
+        window: str,
+        network: RoadNetwork,
+        epochs: Epochs,
+        options: TerrainOptions,
+        antenna_m: float,
+    ) -> None:
+        self._dem, self._network, self._options = dem, network, options
+        self._window = WINDOWS[window]
+        self._models: dict[int, HeightModel | None] = {}
+        self.offset_m = _datum_offset(epochs, network, dem, antenna_m)
+
+    def height(self, segment: int, x_m: float, y_m: float) -> float | None:
+        """Height of the ground by the matched segment's window (3.12); None on structures and where unknown."""
+        table = self._network.table
+        if table.bridge[segment] or table.tunnel[segment]:
+            return None
+        if segment not in self._models:
+            self._models[segment] = self._window.model(self._dem, self._network, segment)
+        model = self._models[segment]
+        if model is None:
+            return None
+        height = float(model.height(np.array([x_m]), np.array([y_m]))[0])
+        return height + self.offset_m if math.isfinite(height) else None
+
+    def inv_var(self, way_m: float) -> float:
+        """Terrain errors hang together, so an epoch brings only the information of the way it covers."""
+        o = self._options
+        return 1 / (o.dem_sigma_m**2 * (1 + 2 * o.dem_correlation_m / max(way_m, 0.1)))
+
+    def below(self, x_m: float, y_m: float) -> float:
+        """Height of the triangulated surface at a place, NaN where unknown."""
+        lon, lat = self._network.projection.to_lonlat(np.array([x_m]), np.array([y_m]))
+        return float(self._dem.heights(lon, lat)[0])
+
+
+def _datum_offset(epochs: Epochs, network: RoadNetwork, dem: Dem, antenna_m: float) -> float:
+    """Median difference of the log's heights from the terrain over the drive; 0 below 10 m."""
+    lon, lat = network.projection.to_lonlat(epochs.x_m, epochs.y_m)
+    difference = epochs.alt_m - antenna_m - dem.heights(lon, lat)
+    known = np.isfinite(difference)
+    offset = float(np.median(difference[known])) if known.any() else 0.0
+    return offset if abs(offset) > _LEAST_OFFSET_M else 0.0
