@@ -6,11 +6,15 @@ asks for ``database_url`` gets a fresh copy of the template, which takes tens of
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+import io
 import itertools
 import os
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -121,3 +125,34 @@ def town() -> Town:
     from fusion.simulate import make_town  # noqa: PLC0415 - only the tests that use it pay for it
 
     return make_town(seed=1)
+
+
+@pytest.fixture(scope="session")
+def karlsruhe(shared_data: Path) -> Path:
+    """Folder of the reference drives around Karlsruhe."""
+    folder = shared_data / "karlsruhe"
+    if not folder.is_dir():
+        pytest.skip("the recorded data ../shared/data/karlsruhe is not on this machine")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def receiver_log(karlsruhe: Path) -> Callable[..., Path]:
+    """``receiver_log(name, path, seed=0, profile="m8", cut=None)``: a log along a reference drive, as a CSV."""
+    tool = karlsruhe.parents[1] / "tools" / "roadtruth.py"
+    if not tool.exists():
+        pytest.skip("roadtruth.py (../shared/tools) is not on this machine")
+    spec = importlib.util.spec_from_file_location("roadtruth", tool)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+
+    def make(name: str, path: Path, seed: int = 0, profile: str = "m8", cut: list[str] | None = None) -> Path:
+        reference = str(karlsruhe / f"ref_{name}.csv")
+        wanted = SimpleNamespace(ref=reference, out=str(path), seed=seed, rate=1.0, profile=profile, cut=cut)
+        with contextlib.redirect_stdout(io.StringIO()):
+            module.drive(wanted)
+        return path
+
+    return make

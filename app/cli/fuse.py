@@ -29,6 +29,8 @@ from fusion.terrain.dem import Dem
 
 app = typer.Typer(add_completion=False)
 
+RASTER_SUFFIXES = (".hgt", ".tif", ".tiff", ".vrt")
+
 
 @app.command("fuse")
 def fuse(
@@ -41,7 +43,9 @@ def fuse(
     ],
     dem: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="Elevation raster (GeoTIFF, HGT ...); may be given several times."),
+        typer.Option(
+            metavar="FILE...", help="Elevation rasters (GeoTIFF, HGT ...); may be given several times."
+        ),
     ] = None,
     method: Annotated[str, typer.Option(help="Estimator; `versant methods` lists them.")] = DEFAULT_METHOD,
     option: Annotated[
@@ -93,6 +97,7 @@ def fuse(
     """
     console: Console = ctx.obj
     chosen = _usable(method, option or [], out)
+    logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
         bars = stack.enter_context(console.progress())
         terrain = stack.enter_context(Dem.open(dem)) if dem else None
@@ -103,7 +108,7 @@ def fuse(
     done = [outcome for outcome in outcomes if outcome["status"] == "done"]
     for outcome, count in zip(done, rejected, strict=True):
         outcome["rejected_segments"] = count
-    source = attribution(path.name for path in dem or ())
+    source = attribution(path.name for path in dem)
     if fusion.fused and out is None:
         sys.stdout.writelines(collection_chunks(features, {"attribution": source}))
     elif fusion.fused and out is not None:
@@ -116,6 +121,15 @@ def fuse(
     write_json(json_file, {"method": method, "segments": len(features), "logs": outcomes})
     if any(outcome["status"] == "failed" for outcome in outcomes):
         raise typer.Exit(1)
+
+
+def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Logs and rasters: of ``--dem A B`` the parser takes A, and B, which no log is called like, is one too."""
+    more = [path for path in logs if dem and path.suffix.lower() in RASTER_SUFFIXES]
+    rest = [path for path in logs if path not in more]
+    if not rest:
+        raise typer.BadParameter("no log is named, only elevation rasters.", param_hint="LOG...")
+    return rest, dem + more
 
 
 def _usable(method: str, option: list[str], out: Path | None) -> Options:

@@ -46,6 +46,17 @@ def test_without_an_output_file_geojson_goes_to_standard_output(bundle: Bundle) 
     assert len(document["features"]) > 3
 
 
+def test_one_dem_option_takes_several_rasters(bundle: Bundle, tmp_path: Path) -> None:
+    twin = tmp_path / "again.tif"
+    twin.write_bytes(bundle.dem.read_bytes())
+    given = run("fuse", bundle.drives[0], "--roads", bundle.osm, "--method", "dem", "--dem", bundle.dem, twin)
+    assert given.exit_code == 0, given.stderr
+    assert len(json.loads(given.stdout)["features"]) > 3
+    none = run("fuse", "--roads", bundle.osm, "--dem", bundle.dem, twin)
+    assert none.exit_code == 2
+    assert "no log is named" in none.stderr
+
+
 @pytest.mark.parametrize("suffix", [output.suffix for _, output in OUTPUTS.items()])
 def test_suffix_chooses_the_output(bundle: Bundle, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"slopes{suffix}"

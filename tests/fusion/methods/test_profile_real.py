@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import importlib.util
-import io
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,19 +19,6 @@ pytestmark = pytest.mark.slow
 
 Key = tuple[int, int, int]
 ROADS = {"00": "roads_00.osm", "09": "roads_09_10.osm", "10": "roads_09_10.osm"}
-
-
-@pytest.fixture(scope="module")
-def roadtruth(shared_data: Path) -> ModuleType:
-    path = shared_data.parent / "tools" / "roadtruth.py"
-    if not path.exists():
-        pytest.skip("roadtruth.py (../shared/tools) is not on this machine")
-    spec = importlib.util.spec_from_file_location("roadtruth", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def folder_of(shared_data: Path, name: str) -> Path:
@@ -65,16 +49,11 @@ def score(log: Path, roads: Path, dem: Dem | None, truth: dict[Key, float]) -> t
 
 
 @pytest.mark.parametrize("name", ROADS)
-def test_karlsruhe(name: str, shared_data: Path, roadtruth: ModuleType, tmp_path: Path) -> None:
-    folder, log = folder_of(shared_data, "karlsruhe"), tmp_path / f"{name}.csv"
-    wanted = SimpleNamespace(
-        ref=str(folder / f"ref_{name}.csv"), out=str(log), seed=0, rate=1.0, profile="m8", cut=None
-    )
-    with contextlib.redirect_stdout(io.StringIO()):
-        roadtruth.drive(wanted)
-    with Dem.open(sorted(folder.glob("*.hgt"))) as dem:
+def test_karlsruhe(name: str, karlsruhe: Path, receiver_log: Callable[..., Path], tmp_path: Path) -> None:
+    log = receiver_log(name, tmp_path / f"{name}.csv")
+    with Dem.open(sorted(karlsruhe.glob("*.hgt"))) as dem:
         coverage, rmse, inside = score(
-            log, folder / ROADS[name], dem, true_slopes(folder / f"truth_{name}.csv")
+            log, karlsruhe / ROADS[name], dem, true_slopes(karlsruhe / f"truth_{name}.csv")
         )
     assert coverage >= 0.97
     assert rmse < 0.9

@@ -1,0 +1,71 @@
+"""Every registered method the way people run it: through the service, and on a real road with an outage."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+
+from fusion.methods import METHODS
+from fusion.simulate import Bundle
+from tests.end_to_end.conftest import Up, versant
+
+pytestmark = pytest.mark.slow
+
+QUICK = {"particle": ("--option", "particles=5000")}
+
+
+@pytest.fixture(params=list(METHODS))
+def method(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+def test_the_service_runs_it(running: Up, simulated: Bundle, method: str, tmp_path: Path) -> None:
+    log = tmp_path / f"{method}.csv"
+    # Other bytes, so that it is another drive: the same bytes again would answer with the first one.
+    log.write_text(simulated.drives[0].read_text() + "\n" * (1 + list(METHODS).index(method)))
+    said = tmp_path / "upload.json"
+    done = versant(
+        "upload", log, "--server", running.address, "--wait", "--method", method, "--json", said,
+        *QUICK.get(method, ()),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    (upload,) = json.loads(said.read_text())["uploads"]
+    with httpx.Client(base_url=running.address, timeout=30, trust_env=False) as http:
+        drive = http.get(f"/v1/drives/{upload['drive']}").raise_for_status().json()
+        assert drive["status"] == "done"
+        assert drive["report"]["method"] == method
+        assert drive["report"]["segments_estimated"] > 5
+        http.delete(f"/v1/drives/{upload['drive']}").raise_for_status()
+
+
+def test_the_service_refuses_an_option_that_it_does_not_have(
+    running: Up, simulated: Bundle, method: str
+) -> None:
+    with httpx.Client(base_url=running.address, timeout=30, trust_env=False) as http:
+        answer = http.post(
+            "/v1/drives",
+            params={"method": method, "options": json.dumps({"nonsense": 1})},
+            files={"file": ("drive.csv", simulated.drives[0].read_bytes())},
+        )
+    assert answer.status_code == 422
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert "nonsense" in answer.json()["detail"]
+
+
+def test_fuse_runs_it_on_a_real_road_with_an_outage(
+    method: str, karlsruhe: Path, receiver_log: Callable[..., Path], tmp_path: Path
+) -> None:
+    log, out = receiver_log("09", tmp_path / "log.csv", cut=["60:40"]), tmp_path / "slopes.geojson"
+    done = versant(
+        "fuse", log, "--roads", karlsruhe / "roads_09_10.osm", "--method", method, "-o", out,
+        "--dem", *sorted(karlsruhe.glob("*.hgt")), *QUICK.get(method, ()),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    slopes = [f["properties"] for f in json.loads(out.read_text())["features"]]
+    assert len(slopes) >= 5  # a line through raw altitudes needs long segments
+    assert all(math.isfinite(p["slope_percent"]) and p["slope_sigma_percent"] > 0 for p in slopes)
