@@ -44,7 +44,9 @@ def fuse(
     dem: Annotated[
         list[Path] | None,
         typer.Option(
-            metavar="FILE...", help="Elevation rasters (GeoTIFF, HGT ...); may be given several times."
+            metavar="FILE...",
+            help="Elevation rasters (GeoTIFF, HGT ...); may be given several times. The quality layer of X_dem.tif, "
+            "X_num.tif, is found beside it.",
         ),
     ] = None,
     method: Annotated[str, typer.Option(help="Estimator; `versant methods` lists them.")] = DEFAULT_METHOD,
@@ -108,7 +110,7 @@ def fuse(
     done = [outcome for outcome in outcomes if outcome["status"] == "done"]
     for outcome, count in zip(done, rejected, strict=True):
         outcome["rejected_segments"] = count
-    source = attribution(path.name for path in dem)
+    source = attribution(terrain.names if terrain else ())
     if fusion.fused and out is None:
         sys.stdout.writelines(collection_chunks(features, {"attribution": source}))
     elif fusion.fused and out is not None:
@@ -125,7 +127,7 @@ def fuse(
 
 def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
     """Logs and rasters: of ``--dem A B`` the parser takes A, and B, which no log is called like, is one too."""
-    more = [path for path in logs if dem and path.suffix.lower() in RASTER_SUFFIXES]
+    more = [path for path in logs if dem and path.name.lower().removesuffix(".gz").endswith(RASTER_SUFFIXES)]
     rest = [path for path in logs if path not in more]
     if not rest:
         raise typer.BadParameter("no log is named, only elevation rasters.", param_hint="LOG...")

@@ -14,6 +14,7 @@ from app.cli.console import Console, write_json
 from app.cli.database import sessions
 from app.cli.options import DataDir, JsonFile
 from app.store.rows import ImportCounts
+from fusion.terrain.quality import pair
 
 app = typer.Typer(add_completion=False)
 
@@ -67,7 +68,11 @@ def import_dem(
     ctx: typer.Context,
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Rasters: GeoTIFF, COG, VRT, HGT; WGS 84 or any CRS."),
+        typer.Argument(
+            metavar="FILE...",
+            help="Rasters: GeoTIFF, COG, VRT, HGT; WGS 84 or any CRS. The quality layer X_num.tif of X_dem.tif "
+            "goes with it.",
+        ),
     ],
     data_dir: DataDir = None,
     json_file: JsonFile = None,
@@ -82,8 +87,12 @@ def import_dem(
     with sessions(data_dir) as (settings, factory), console.progress() as bars:
         active = ingest.import_dem(factory, files, settings.dem_dir, bars.work("elevation"))
     seconds = time.perf_counter() - started
+    with_quality = [path.name for path, quality in pair(active.paths) if quality is not None]
     typer.echo(
         f"The terrain consists of {len(active.names)} raster(s), heights above {active.datum}: "
         f"{', '.join(active.names)} ({seconds:.1f} s)."
     )
-    write_json(json_file, {"rasters": active.names, "datum": active.datum, "seconds": round(seconds, 3)})
+    if with_quality:
+        typer.echo(f"With a quality layer (option dem_min_quality): {', '.join(with_quality)}.")
+    figures = {"rasters": active.names, "datum": active.datum, "with_quality": with_quality}
+    write_json(json_file, {**figures, "seconds": round(seconds, 3)})

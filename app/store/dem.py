@@ -1,8 +1,8 @@
 """The set of elevation rasters: files in a folder, named in the newest ``dem_versions`` row.
 
 A file is kept as ``<folder>/<sha256>/<its name>``: the content gives the folder, and the name stays, because
-an HGT tile says only by its name where it lies. The database holds the path relative to the folder, so that
-the folder may move.
+an HGT tile says only by its name where it lies, and a raster's quality layer is found beside it by its name. The
+database holds the path relative to the folder, so that the folder may move.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from app.store.version import bump_data_version
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
 from fusion.terrain import Dem, dem_slopes, refuse_void
+from fusion.terrain.quality import pair, quality_name
 from fusion.terrain.raster import open_raster
 from fusion.types import Floats, Progress, no_progress
 
@@ -56,7 +57,11 @@ _ROWS_PER_UPDATE = 50_000
 
 @dataclass(frozen=True)
 class DemSource:
-    """One stored raster: its name, its path relative to the folder, the SHA-256 of the stored bytes (hex)."""
+    """One stored raster: its name, its path relative to the folder, the SHA-256 of the stored bytes (hex).
+
+    With a quality layer, the folder's name is that of both contents: the same elevations with another layer are
+    another source.
+    """
 
     name: str
     uri: str
@@ -82,12 +87,13 @@ def store_files(paths: Sequence[Path], dem_dir: Path, progress: Progress = no_pr
 
     A gzipped raster is unpacked. One that consists of one file is copied as it is, streaming; one that refers
     to others (a VRT, a file with a header beside it) is written anew as one GeoTIFF, since the references would
-    break.
+    break. The quality layer of a raster (``fusion.terrain.quality``) goes with it.
     """
     stored = []
-    for k, path in enumerate(paths):
-        progress("copying", k / len(paths))
-        stored.append(_store(path, dem_dir))
+    pairs = pair(paths)
+    for k, (path, quality) in enumerate(pairs):
+        progress("copying", k / len(pairs))
+        stored.append(_store(path, quality, dem_dir))
     return stored
 
 
@@ -144,18 +150,25 @@ def _renew_slopes(session: Session, dem: Dem, changed: Sequence[Path], progress:
     progress("slopes", 1.0)
 
 
-def _store(path: Path, dem_dir: Path) -> DemSource:
+def _store(path: Path, quality: Path | None, dem_dir: Path) -> DemSource:
     incoming = dem_dir / "incoming" / uuid.uuid4().hex
     incoming.mkdir(parents=True)
     try:
         copied = _copy(path, incoming)
-        sha256 = _sha256(copied)
+        folder = sha256 = _sha256(copied)
         refuse_void(copied)  # and what cannot serve as elevation at all, before it is referred to
-        final = dem_dir / sha256
+        parts = [copied]
+        if quality is not None:
+            layer = _copy(quality, incoming)
+            parts.insert(0, layer.rename(incoming / quality_name(copied)))
+            Dem.open([copied]).close()  # does the layer fit?
+            folder = hashlib.sha256(f"{sha256} {_sha256(parts[0])}".encode()).hexdigest()
+        final = dem_dir / folder
         final.mkdir(exist_ok=True)
-        # Renamed within one file system: the file is there complete or not at all.
-        copied.replace(final / copied.name)
-        return DemSource(copied.name, f"{sha256}/{copied.name}", sha256)
+        for part in parts:
+            # Renamed within one file system: the file is there complete or not at all, and after its quality layer.
+            part.replace(final / part.name)
+        return DemSource(copied.name, f"{folder}/{copied.name}", sha256)
     finally:
         shutil.rmtree(incoming)
 

@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from fusion.formats.base import Data, Notes
+from fusion.formats.esf_status import SensorStatus, read_status
 from fusion.formats.time_tags import MEAS_HZ, RAW_HZ, Marks, align
 from fusion.formats.ubx_frame import Frames
 from fusion.formats.ubx_messages import ESF_DATA, ESF_MEAS, ESF_RAW, WHEEL_TICKS, gather, signed_24
@@ -95,7 +96,11 @@ def sensor_tables(
     A receiver that writes both sends the means of its raw samples as measurements: where these cover the
     drive, they are used alone, so that no reading counts twice.
     """
-    measured, rough = measurements(data, frames), raw(data, frames)
+    status = read_status(data, frames)
+    status.tell((16, 17, 18), "accelerometer", notes)
+    status.tell((14, 13, 5), "gyroscope", notes)
+    measured = [_sound(samples, status, notes) for samples in measurements(data, frames)]
+    rough = _sound(raw(data, frames), status, notes)
     means = [(s, align(s.tick, s.offset, marks, MEAS_HZ, notes.skipped)) for s in measured]
     raws = [(rough, align(rough.tick, rough.offset, marks, RAW_HZ, notes.skipped))]
     ticks = sum(int(np.isin(s.data_type, WHEEL_TICKS).sum()) for s, _ in means)
@@ -107,6 +112,13 @@ def sensor_tables(
         _better(AngularRate, RATE, means, raws),
         _tabulate(Odometry, ("speed_mps",), means),
     )
+
+
+def _sound(samples: Samples, status: SensorStatus, notes: Notes) -> Samples:
+    """The samples of which the receiver does not say that their sensor was at fault."""
+    spoilt = status.spoils(samples.data_type, samples.offset)
+    notes.skip("sensor readings that the receiver marks as faulty", int(spoilt.sum()))
+    return _take(samples, np.flatnonzero(~spoilt))
 
 
 def _better(table: type[Table], names: tuple[str, ...], means: list[Timed], raws: list[Timed]) -> Table:

@@ -66,8 +66,10 @@ TYPES: dict[str, tuple[int, np.dtype[Any]]] = {
 
 ESF_MEAS = 0x1002
 ESF_RAW = 0x1003
+ESF_STATUS = 0x1010
 
-_NAMES = {kind: name for name, (kind, _) in TYPES.items()} | {ESF_MEAS: "ESF-MEAS", ESF_RAW: "ESF-RAW"}
+_NAMES = {kind: name for name, (kind, _) in TYPES.items()}
+_NAMES |= {ESF_MEAS: "ESF-MEAS", ESF_RAW: "ESF-RAW", ESF_STATUS: "ESF-STATUS"}
 _NAMES |= {
     0x0102: "NAV-POSLLH",
     0x0112: "NAV-VELNED",
@@ -75,7 +77,7 @@ _NAMES |= {
     0x0135: "NAV-SAT",
     0x0215: "RXM-RAWX",
 }
-_NAMES |= {0x1010: "ESF-STATUS", 0x1015: "ESF-INS", 0x0213: "RXM-SFRBX", 0x0103: "NAV-STATUS"}
+_NAMES |= {0x1015: "ESF-INS", 0x0213: "RXM-SFRBX", 0x0103: "NAV-STATUS"}
 
 
 def kind_name(kind: int) -> str:

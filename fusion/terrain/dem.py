@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -10,9 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fusion.errors import TerrainError
-from fusion.terrain.layer import Layer, Store
+from fusion.terrain.layer import Layer
 from fusion.terrain.patch import DemPatch
+from fusion.terrain.quality import pair, with_quality
 from fusion.terrain.raster import Raster, open_raster
+from fusion.terrain.store import Store
 from fusion.types import Floats
 
 _MAX_PATCH_POSTS = 4_000_000
@@ -24,37 +27,45 @@ class Dem:
 
     The finest rasters that cover a point count; their voids are filled from coarser ones. ``datum`` says
     what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
-    "mixed (...)" where the rasters differ. ``description`` is a line for people.
+    "mixed (...)" where the rasters differ. ``description`` is a line for people, ``names`` are the rasters' files;
+    ``without_quality`` are those of them without a quality layer, which ``filtered`` leaves as they are.
     """
 
-    def __init__(self, layers: Sequence[Layer]) -> None:
-        """Use ``Dem.open``. ``layers`` come finest first."""
+    def __init__(self, layers: Sequence[Layer], store: Store) -> None:
+        """Use ``Dem.open``. ``layers`` come finest first and read through ``store``."""
         self._layers = tuple(layers)
-        self._store = Store()
+        self._store = store
         rasters = [raster for layer in layers for raster in layer.rasters]
+        self.names = tuple(raster.path.name for raster in rasters)
+        self.without_quality = tuple(raster.path.name for raster in rasters if raster.quality is None)
         datums = sorted({raster.datum for raster in rasters})
         self.datum = datums[0] if len(datums) == 1 else f"mixed ({', '.join(datums)})"
         postings = ", ".join(sorted({f"{max(layer.posting_m):.3g} m" for layer in layers}))
         self.description = f"{len(rasters)} rasters, posting {postings}, datum {self.datum}"
+        if len(self.without_quality) < len(rasters):
+            known = len(rasters) - len(self.without_quality)
+            self.description += f", quality layers of {known}"
 
     @classmethod
     def open(cls, paths: Sequence[Path]) -> Dem:
         """Read the headers of the rasters; heights are read as they are asked for.
 
-        Raises ``TerrainError`` when no path is given, or one is missing, is no raster that rasterio reads,
-        does not say where it lies, or is a picture.
+        The quality layer of ``..._dem.tif`` is ``..._num.tif`` beside it, or among ``paths``. Raises
+        ``TerrainError`` when no path is given, or one is missing, is no raster that rasterio reads, does not say
+        where it lies, or is a picture, or a quality layer without its elevations or on another grid than theirs.
         """
         if not paths:
             raise TerrainError("No elevation raster was given. Give at least one.")
+        store = Store()
         layers: list[Layer] = []
-        for path in paths:
-            raster = _header(path)
+        for path, quality in pair(paths):
+            raster = with_quality(_header(path), quality)
             home = next((layer for layer in layers if layer.takes(raster)), None)
             if home is None:
-                layers.append(Layer(raster))
+                layers.append(Layer(raster, store))
             else:
                 home.add(raster)
-        return cls(sorted(layers, key=lambda layer: layer.posting_m[0] * layer.posting_m[1]))
+        return cls(sorted(layers, key=lambda layer: layer.posting_m[0] * layer.posting_m[1]), store)
 
     def __enter__(self) -> Dem:
         return self
@@ -65,8 +76,20 @@ class Dem:
         self.close()
 
     def close(self) -> None:
-        """Close the files. The model cannot be used afterwards."""
+        """Close the files. Neither the model nor what ``filtered`` made of it can be used afterwards."""
         self._store.close()
+
+    def filtered(self, min_quality: int) -> Dem:
+        """The same model, with posts that fewer than ``min_quality`` scenes saw as voids; 0 keeps all.
+
+        Posts filled from another source count as seen by none (``fusion.terrain.quality``). As other voids, they are
+        left out of planes, make the triangles at them unknown, and are filled from coarser rasters where there are
+        some; nothing is guessed from their neighbours. Rasters without a quality layer keep all their posts. Cheap:
+        the files and what was read are shared, and closing either model closes both.
+        """
+        if min_quality < 0:
+            raise ValueError(f"the number of scenes is {min_quality}, and cannot be negative")
+        return Dem([layer.filtered(min_quality) for layer in self._layers], self._store)
 
     def heights(self, lon_deg: ArrayLike, lat_deg: ArrayLike) -> Floats:
         """Heights of the triangulated surface at WGS 84 degrees, metres, in the broadcast shape of both.
@@ -83,18 +106,16 @@ class Dem:
         return heights.reshape(lon.shape)
 
     def posts(
-        self,
-        bounds_deg: tuple[float, float, float, float],
-        margin_posts: int = 1,
-        margin_m: float = 0.0,
+        self, lon_deg: Floats, lat_deg: Floats, margin_posts: int = 1, margin_m: float = 0.0
     ) -> DemPatch | None:
-        """The posts of the finest layer over (west, south, east, north), widened by the larger margin.
+        """The posts of the finest layer around places, shape (n,) each: the smallest rectangle of its cells that
+        holds all of them, widened by the larger margin.
 
         Its voids, and posts beyond its rasters, are filled from coarser layers. None where no raster has a
         height there. Beyond four million posts every second, third ... post is taken.
         """
         for layer in self._layers:
-            patch = self._patch(layer, bounds_deg, margin_posts, margin_m)
+            patch = self._patch(layer, lon_deg, lat_deg, margin_posts, margin_m)
             if patch is not None:
                 return patch
         return None
@@ -103,33 +124,36 @@ class Dem:
         for layer in self._layers:
             todo = np.flatnonzero(np.isnan(heights) & np.isfinite(lon) & np.isfinite(lat))
             if len(todo):
-                heights[todo] = layer.heights(self._store, *layer.grid_coordinates(lon[todo], lat[todo]))
+                heights[todo] = layer.heights(*layer.grid_coordinates(lon[todo], lat[todo]))
 
     def _patch(
-        self, layer: Layer, bounds_deg: tuple[float, float, float, float], margin_posts: int, margin_m: float
+        self, layer: Layer, lon: Floats, lat: Floats, margin_posts: int, margin_m: float
     ) -> DemPatch | None:
-        west, south, east, north = bounds_deg
-        corners = layer.grid_coordinates(
-            np.array([west, east, east, west]), np.array([south, south, north, north])
-        )
-        if not np.isfinite(corners).all():
-            return None
+        u, v = layer.grid_coordinates(lon, lat)
         spans = []
-        for w, posting in zip(corners, layer.posting_m, strict=True):
-            margin = max(margin_posts, int(np.ceil(margin_m / posting)))
-            spans.append((int(np.floor(w.min())) - margin, int(np.floor(w.max())) + 1 + margin))
+        for w, posting in zip((u.tolist(), v.tolist()), layer.posting_m, strict=True):
+            if not all(map(math.isfinite, w)):
+                return None
+            margin = max(margin_posts, math.ceil(margin_m / posting))
+            spans.append((math.floor(min(w)) - margin, math.floor(max(w)) + 2 + margin))
         (u0, u1), (v0, v1) = spans
-        step = int(np.ceil(np.sqrt((u1 - u0 + 1) * (v1 - v0 + 1) / _MAX_PATCH_POSTS)))
-        u, v = np.meshgrid(*(np.arange(a, b + step, step, dtype=float) for a, b in spans))
-        z = layer.heights(self._store, u.ravel(), v.ravel())
-        if np.isnan(z).all():
-            return None
-        if np.isnan(z).any() and len(self._layers) > 1:
-            self._fill(z, *layer.lonlat(u.ravel(), v.ravel()))
-        return DemPatch(z.reshape(u.shape), u0, v0, step, layer)
+        step = math.ceil(math.sqrt((u1 - u0) * (v1 - v0) / _MAX_PATCH_POSTS))
+        columns, rows = range(u0, u1 + step - 1, step), range(v0, v1 + step - 1, step)
+        z = layer.window(columns, rows)
+        void = np.isnan(z)
+        if void.any():
+            if void.all():
+                return None
+            if len(self._layers) > 1:
+                self._fill_posts(z, layer, columns, rows)
+        return DemPatch(z, u0, v0, step, u, v, layer)
+
+    def _fill_posts(self, z: Floats, layer: Layer, columns: range, rows: range) -> None:
+        u, v = np.meshgrid(np.array(columns, float), np.array(rows, float))
+        self._fill(z.reshape(-1), *layer.lonlat(u.ravel(), v.ravel()))
 
 
 def _header(path: Path) -> Raster:
-    raster, dataset = open_raster(Path(path))
+    raster, dataset = open_raster(path)
     dataset.close()
     return raster

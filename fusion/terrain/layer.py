@@ -2,80 +2,44 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from threading import Lock
-from typing import Any
+import copy
+from collections.abc import Iterator
 
 import numpy as np
 from pyproj import CRS, Transformer
 
-from fusion.terrain.raster import Raster, apply, open_raster, read_posts
+from fusion.compiled import compiled
+from fusion.frames import LocalProjection
+from fusion.terrain.local_grid import LocalGrid
+from fusion.terrain.quality import read_scenes
+from fusion.terrain.raster import Raster, apply, read_posts
+from fusion.terrain.store import Store
 from fusion.terrain.tin import tin_heights
 from fusion.types import Floats, Ints
 
 BLOCK_POSTS = 256
-_MAX_BLOCKS = 128  # of 0.5 MB each
-_MAX_OPEN_FILES = 32
+_LOCAL_POSTS = 64
 _ALIGNED = 0.01  # posts by which a raster may be off the grid of its layer
 _SNAP = 1e-7  # posts; below every position's accuracy, above the rounding of a projection
 _WGS84 = CRS.from_epsg(4326)
 _METRES_PER_DEGREE = 111_132.0
 
 
-class Store:
-    """What the layers of one mosaic share: open files and blocks read, both bounded, behind one lock."""
-
-    def __init__(self) -> None:
-        self.lock = Lock()  # rasterio's datasets must not be used by two threads at once
-        self._files: OrderedDict[int, Any] = OrderedDict()
-        self._blocks: OrderedDict[tuple[int, int, int], Floats | None] = OrderedDict()
-        self.closed = False
-
-    def dataset(self, raster: Raster) -> Any:
-        """The open dataset of a raster; closes the one that was not used for longest."""
-        key = id(raster)
-        if key not in self._files:
-            self._files[key] = open_raster(raster.path)[1]
-            if len(self._files) > _MAX_OPEN_FILES:
-                self._files.popitem(last=False)[1].close()
-        self._files.move_to_end(key)
-        return self._files[key]
-
-    def block(self, layer: Layer, row: int, column: int) -> Floats | None:
-        """One block of a layer, from memory or from its files."""
-        with self.lock:
-            if self.closed:
-                raise ValueError("the elevation model is closed")
-            key = (id(layer), row, column)
-            if key not in self._blocks:
-                self._blocks[key] = layer.read_block(self, row, column)
-                if len(self._blocks) > _MAX_BLOCKS:
-                    self._blocks.popitem(last=False)
-            self._blocks.move_to_end(key)
-            return self._blocks[key]
-
-    def close(self) -> None:
-        """Close every file and forget every block."""
-        with self.lock:
-            self.closed = True
-            for dataset in self._files.values():
-                dataset.close()
-            self._files.clear()
-            self._blocks.clear()
-
-
 class Layer:
     """Rasters of one CRS and posting whose posts fall on one grid: neighbours join without a seam.
 
     Grid coordinates (u, v) count columns and rows of posts from the first raster's first post; they may be
-    negative. Where rasters overlap the first one counts, and later ones fill its voids.
+    negative. Where rasters overlap the first one counts, and later ones fill its voids. ``min_quality`` is the
+    number of scenes below which a post of a raster with a quality layer is a void.
     """
 
-    def __init__(self, first: Raster) -> None:
+    def __init__(self, first: Raster, store: Store) -> None:
         self.posts = first.posts
         self.crs = first.crs
         self.rasters: list[Raster] = []
-        self._inverse = ~first.posts
+        self.min_quality = 0
+        self._store = store
+        self._to_grid = tuple((~first.posts)[:6])
         self._boxes: Ints = np.empty((0, 4), np.int64)  # first row, first column, end row, end column
         geographic = first.crs.equals(_WGS84, ignore_axis_order=True)
         self._transformer = None if geographic else Transformer.from_crs(_WGS84, first.crs, always_xy=True)
@@ -100,18 +64,25 @@ class Layer:
         self._boxes = np.vstack([self._boxes, np.array(box, np.int64)])
         self.rasters.append(raster)
 
+    def filtered(self, min_quality: int) -> Layer:
+        """The same posts, those with fewer scenes as voids; this layer itself where that changes nothing."""
+        if min_quality == self.min_quality or not any(raster.quality for raster in self.rasters):
+            return self
+        view = copy.copy(self)
+        view.min_quality = min_quality
+        return view
+
     def _origin_of(self, raster: Raster) -> tuple[float, float]:
         """Grid coordinates of a raster's first post."""
-        u, v = apply(self._inverse, np.array([raster.posts.c]), np.array([raster.posts.f]))
+        u, v = apply(~self.posts, np.array([raster.posts.c]), np.array([raster.posts.f]))
         return float(u[0]), float(v[0])
 
     def grid_coordinates(self, lon_deg: Floats, lat_deg: Floats) -> tuple[Floats, Floats]:
-        """WGS 84 degrees to (u, v), shapes kept; not finite where the CRS does not reach."""
+        """WGS 84 degrees, shape (n,), to (u, v); not finite where the CRS does not reach."""
         x, y = lon_deg, lat_deg
         if self._transformer is not None:
             x, y = self._transformer.transform(lon_deg, lat_deg)
-        u, v = apply(self._inverse, np.asarray(x, np.float64), np.asarray(y, np.float64))
-        return _snapped(u), _snapped(v)
+        return _grid_coordinates(self._to_grid, np.asarray(x, np.float64), np.asarray(y, np.float64))
 
     def lonlat(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """(u, v) to WGS 84 degrees."""
@@ -121,7 +92,19 @@ class Layer:
         lon, lat = self._transformer.transform(x, y, direction="INVERSE")
         return np.asarray(lon), np.asarray(lat)
 
-    def heights(self, store: Store, u: Floats, v: Floats) -> Floats:
+    def local_grid(self, u: float, v: float, projection: LocalProjection) -> LocalGrid:
+        """Where the posts around a place lie in a plane; the places of 64 x 64 posts share one map."""
+        half = _LOCAL_POSTS // 2
+        tile = int(u) // _LOCAL_POSTS, int(v) // _LOCAL_POSTS
+        key = (id(self.rasters), projection, tile)  # views share the list of rasters
+
+        def make() -> LocalGrid:
+            columns, rows = (((2 * t - 1) * half, (2 * t + 3) * half) for t in tile)
+            return LocalGrid.over(columns, rows, lambda u, v: projection.to_xy(*self.lonlat(u, v)))
+
+        return self._store.local_grid(key, make)
+
+    def heights(self, u: Floats, v: Floats) -> Floats:
         """Triangulated heights at grid coordinates, shape (n,); NaN off the posts and at voids."""
         heights = np.full(len(u), np.nan)
         top, left = self._boxes[:, :2].min(axis=0)
@@ -134,13 +117,27 @@ class Layer:
         order = np.argsort(key, kind="stable")
         for run in np.split(order, np.flatnonzero(np.diff(key[order])) + 1):
             row, column = (int(k) for k in block[run[0]])
-            z = store.block(self, row, column)
+            z = self._block(row, column)
             if z is not None:
                 at = inside[run]
                 heights[at] = tin_heights(z, u[at] - column * BLOCK_POSTS, v[at] - row * BLOCK_POSTS)
         return heights
 
-    def read_block(self, store: Store, row: int, column: int) -> Floats | None:
+    def window(self, columns: range, rows: range) -> Floats:
+        """The posts of these columns and rows, shape (rows, columns); NaN off the rasters and at voids."""
+        z = np.full((len(rows), len(columns)), np.nan)
+        for block_row, to_rows, from_rows in _runs(rows):
+            for block_column, to_columns, from_columns in _runs(columns):
+                block = self._block(block_row, block_column)
+                if block is not None:
+                    z[to_rows, to_columns] = block[from_rows, from_columns]
+        return z
+
+    def _block(self, row: int, column: int) -> Floats | None:
+        key = (id(self.rasters), self.min_quality, row, column)
+        return self._store.block(key, lambda: self._read_block(row, column))
+
+    def _read_block(self, row: int, column: int) -> Floats | None:
         """A block's posts and the first of the next, so that no cell straddles blocks; None for no posts."""
         size = BLOCK_POSTS + 1
         top, left = row * BLOCK_POSTS, column * BLOCK_POSTS
@@ -148,21 +145,50 @@ class Layer:
         end = np.minimum(self._boxes[:, 2:], [top + size, left + size])
         z: Floats | None = None
         for k in np.flatnonzero(np.all(end > first, axis=1)):
-            raster, (r0, c0), (r1, c1) = self.rasters[k], first[k], end[k]
+            (r0, c0), (r1, c1) = first[k], end[k]
             z = np.full((size, size), np.nan) if z is None else z
             part = z[r0 - top : r1 - top, c0 - left : c1 - left]
             void = np.isnan(part)
             if void.any():
                 r, c = int(r0 - self._boxes[k, 0]), int(c0 - self._boxes[k, 1])
-                read = read_posts(raster, store.dataset(raster), r, c, int(r1 - r0), int(c1 - c0))
-                part[void] = read[void]
+                part[void] = self._read(self.rasters[k], r, c, int(r1 - r0), int(c1 - c0))[void]
+        return z
+
+    def _read(self, raster: Raster, row: int, column: int, rows: int, columns: int) -> Floats:
+        """Posts of one raster, without those that too few scenes saw."""
+        z = read_posts(raster, self._store.dataset(raster), row, column, rows, columns)
+        if raster.quality is not None and self.min_quality > 0:
+            dataset = self._store.dataset(raster.quality)
+            z[read_scenes(raster.quality, dataset, row, column, rows, columns) < self.min_quality] = np.nan
         return z
 
 
-def _snapped(w: Floats) -> Floats:
-    """Coordinates within rounding of a post are the post's, so that a tile's edge still belongs to it."""
-    nearest = np.round(w)
-    return np.where(np.abs(w - nearest) < _SNAP, nearest, w)
+def _runs(posts: range) -> Iterator[tuple[int, slice, slice]]:
+    """(block, where they go, where they come from) for the posts of each block, ``posts`` ascending."""
+    done = 0
+    while done < len(posts):
+        block = posts[done] // BLOCK_POSTS
+        start = posts[done] - block * BLOCK_POSTS
+        count = min(
+            len(posts) - done, (BLOCK_POSTS - start) // posts.step + 1
+        )  # the next block's first belongs
+        end = start + (count - 1) * posts.step + 1
+        yield block, slice(done, done + count), slice(start, end, posts.step)
+        done += count
+
+
+@compiled
+def _grid_coordinates(affine: tuple[float, ...], x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """The affine map; coordinates within rounding of a post are the post's, so that edges still belong."""
+    a, b, c, d, e, f = affine
+    u, v = np.empty(x.shape), np.empty(x.shape)
+    for k in range(len(x)):
+        u[k], v[k] = a * x[k] + b * y[k] + c, d * x[k] + e * y[k] + f
+        if abs(u[k] - np.round(u[k])) < _SNAP:
+            u[k] = np.round(u[k])
+        if abs(v[k] - np.round(v[k])) < _SNAP:
+            v[k] = np.round(v[k])
+    return u, v
 
 
 def _posting_m(raster: Raster) -> tuple[float, float]:

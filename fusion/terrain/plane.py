@@ -6,9 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusion.compiled import compiled
 from fusion.types import Floats
 
-_COLLINEAR = 1e-7  # ratio of the singular values of centred, scaled coordinates
+_COLLINEAR = 1e-7  # ratio of the singular values of centred coordinates
+
+Plane = tuple[float, float, float, float, float, float, int]
+"""The fields of a ``PlaneModel`` in their order; ``posts`` is 0 where there is no plane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,25 +37,51 @@ class PlaneModel:
             self.a * (np.asarray(x_m, float) - self.x0) + self.b * (np.asarray(y_m, float) - self.y0) + self.c
         )
 
+    def height_at(self, x_m: float, y_m: float) -> float:
+        """The height at one place."""
+        return self.a * (x_m - self.x0) + self.b * (y_m - self.y0) + self.c
+
 
 def fit_plane(x_m: Floats, y_m: Floats, z_m: Floats) -> PlaneModel | None:
     """The least-squares plane (3.10) of the points with a height; None for fewer than 3 or collinear ones.
 
-    Arguments have shape (n,). Coordinates are centred and scaled first: squares of UTM coordinates would
-    leave three digits to the slope.
+    Arguments have shape (n,). Coordinates are centred first, and an orthogonal basis takes the place of the
+    normal equations: squares of UTM coordinates would leave three digits to the slope.
     """
     known = np.isfinite(z_m)
-    x, y, z = x_m[known], y_m[known], z_m[known]
-    if len(z) < 3:
-        return None
-    x0, y0, z0 = float(x.mean()), float(y.mean()), float(z.mean())
-    scale = float(max(np.ptp(x), np.ptp(y)))
-    if scale == 0.0:
-        return None
-    design = np.column_stack([x - x0, y - y0]) / scale
-    gradient, _, rank, _ = np.linalg.lstsq(design, z - z0, rcond=_COLLINEAR)
-    if rank < 2:
-        return None
-    residual = z - z0 - design @ gradient
-    sigma = float(np.sqrt(residual @ residual / (len(z) - 3))) if len(z) > 3 else float("nan")
-    return PlaneModel(float(gradient[0]) / scale, float(gradient[1]) / scale, z0, x0, y0, sigma, len(z))
+    plane = plane_through(*(np.asarray(w, np.float64)[known] for w in (x_m, y_m, z_m)))
+    return PlaneModel(*plane) if plane[-1] else None
+
+
+@compiled
+def plane_through(x: Floats, y: Floats, z: Floats) -> Plane:
+    """``fit_plane`` for points that all have a height."""
+    n = len(z)
+    none = (np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, 0)
+    if n < 3:
+        return none
+    x0, y0, z0 = x.mean(), y.mean(), z.mean()
+    dx, dy, dz = x - x0, y - y0, z - z0
+    # Gram-Schmidt: dx = r11 q1, dy = r12 q1 + r22 q2; dy becomes r22 q2
+    r11 = np.sqrt(np.sum(dx * dx))
+    if r11 == 0.0:
+        return none
+    dx /= r11
+    r12 = np.sum(dx * dy)
+    square = r11 * r11 + r12 * r12
+    dy -= r12 * dx
+    r22 = np.sqrt(np.sum(dy * dy))
+    square += r22 * r22
+    # the singular values s1 >= s2 of the basis change: s1 s2 = r11 r22, s1^2 + s2^2 = square
+    larger = (square + np.sqrt(max(square * square - 4.0 * (r11 * r22) ** 2, 0.0))) / 2.0
+    if not r11 * r22 > _COLLINEAR * larger:
+        return none
+    dy /= r22
+    p1, p2 = np.sum(dx * dz), np.sum(dy * dz)
+    b = p2 / r22
+    a = (p1 - r12 * b) / r11
+    sigma = np.nan
+    if n > 3:
+        residual = dz - p1 * dx - p2 * dy
+        sigma = np.sqrt(np.sum(residual * residual) / (n - 3))
+    return a, b, z0, x0, y0, sigma, n

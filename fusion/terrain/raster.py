@@ -41,7 +41,8 @@ class Raster:
 
     ``posts`` takes (column, row) of a post, the centre of a pixel, to the CRS's x and y (longitude and
     latitude where it is geographic); ``crs`` is the horizontal CRS, ``datum`` what heights refer to.
-    Stored values times ``scale_m`` plus ``offset_m`` are metres.
+    Stored values times ``scale_m`` plus ``offset_m`` are metres. ``quality`` is the raster on the same grid that
+    counts the scenes behind each post (``fusion.terrain.quality``), where there is one.
     """
 
     path: Path
@@ -52,6 +53,7 @@ class Raster:
     datum: str
     scale_m: float
     offset_m: float
+    quality: Raster | None = None
 
 
 def open_raster(path: Path) -> tuple[Raster, Any]:
@@ -91,13 +93,7 @@ def refuse_void(path: Path) -> None:
 
 def read_posts(raster: Raster, dataset: Any, row: int, column: int, rows: int, columns: int) -> Floats:
     """Heights in metres of a window inside the raster, NaN for voids; ``TerrainError`` if it is damaged."""
-    try:
-        stored = dataset.read(1, window=Window(column, row, columns, rows), masked=True)
-    except (RasterioError, OSError, ValueError) as error:
-        reason = _reason(error, raster.path)
-        raise TerrainError(
-            f"{raster.path.name} is damaged ({reason}). Download or export it again."
-        ) from error
+    stored = read_stored(raster, dataset, row, column, rows, columns)
     heights = np.asarray(stored.filled(0), np.float64) * raster.scale_m + raster.offset_m
     # Undeclared fill values are recognised as stored: scaled, they could pass for heights.
     fill = np.ma.getmaskarray(stored) | (np.asarray(stored.data) == -32768)
@@ -105,6 +101,17 @@ def read_posts(raster: Raster, dataset: Any, row: int, column: int, rows: int, c
         fill |= ~((heights >= LOWEST_M) & (heights <= HIGHEST_M))
     heights[fill] = np.nan
     return heights
+
+
+def read_stored(raster: Raster, dataset: Any, row: int, column: int, rows: int, columns: int) -> Any:
+    """A window as it is stored, declared fill values masked; ``TerrainError`` if the file is damaged."""
+    try:
+        return dataset.read(1, window=Window(column, row, columns, rows), masked=True)
+    except (RasterioError, OSError, ValueError) as error:
+        reason = _reason(error, raster.path)
+        raise TerrainError(
+            f"{raster.path.name} is damaged ({reason}). Download or export it again."
+        ) from error
 
 
 def _gzipped(path: Path) -> bool:

@@ -19,26 +19,28 @@ def _post(z: Floats, row: int, column: int, weight: float) -> float:
 
 
 @compiled
-def tin_heights(z: Floats, u: Floats, v: Floats) -> Floats:
-    """Heights at grid coordinates, shape (n,): u counts columns, v rows, both 0 at post ``z[0, 0]``.
+def tin_height(z: Floats, u: float, v: float) -> float:
+    """The height at grid coordinates: u counts columns, v rows, both 0 at post ``z[0, 0]``.
 
     Each cell A(i, j), B(i + 1, j), C(i, j + 1), D(i + 1, j + 1), with i along columns and j along rows, is
     the triangles ABC and BCD. In grid coordinates (2.34) reads zA + (zB - zA) u + (zC - zA) v, which is the
     spec's for any affine grid, rotated or with unequal postings. NaN beyond the posts and where a corner of
     the triangle is NaN.
     """
+    if not (np.isfinite(u) and np.isfinite(v) and -1 < u < z.shape[1] and -1 < v < z.shape[0]):
+        return np.nan
+    i, j = int(np.floor(u)), int(np.floor(v))
+    fu, fv = u - i, v - j
+    if fu + fv <= 1.0:
+        return _post(z, j, i, 1 - fu - fv) + _post(z, j, i + 1, fu) + _post(z, j + 1, i, fv)
+    corner = _post(z, j + 1, i + 1, fu + fv - 1)
+    return corner + _post(z, j, i + 1, 1 - fv) + _post(z, j + 1, i, 1 - fu)
+
+
+@compiled
+def tin_heights(z: Floats, u: Floats, v: Floats) -> Floats:
+    """``tin_height`` at many places, shape (n,)."""
     heights = np.empty(len(u))
     for k in range(len(u)):
-        if not (
-            np.isfinite(u[k]) and np.isfinite(v[k]) and -1 < u[k] < z.shape[1] and -1 < v[k] < z.shape[0]
-        ):
-            heights[k] = np.nan
-            continue
-        i, j = int(np.floor(u[k])), int(np.floor(v[k]))
-        fu, fv = u[k] - i, v[k] - j
-        if fu + fv <= 1.0:
-            heights[k] = _post(z, j, i, 1 - fu - fv) + _post(z, j, i + 1, fu) + _post(z, j + 1, i, fv)
-        else:
-            corner = _post(z, j + 1, i + 1, fu + fv - 1)
-            heights[k] = corner + _post(z, j, i + 1, 1 - fv) + _post(z, j + 1, i, 1 - fu)
+        heights[k] = tin_height(z, u[k], v[k])
     return heights

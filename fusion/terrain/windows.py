@@ -22,10 +22,11 @@ from fusion.registry import Registry
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
-from fusion.terrain.patch import DemPatch, LocalGrid
-from fusion.terrain.plane import PlaneModel, fit_plane
-from fusion.terrain.tin import tin_heights
-from fusion.types import Floats
+from fusion.terrain.local_grid import LocalGrid, polynomial
+from fusion.terrain.patch import DemPatch
+from fusion.terrain.plane import Plane, PlaneModel, plane_through
+from fusion.terrain.tin import tin_height
+from fusion.types import Floats, Ints
 
 TIN_MARGIN_M = 150.0
 """How far from its segment a ``TinModel`` knows heights, at least; an estimate farther off is not on it."""
@@ -38,6 +39,10 @@ class HeightModel(Protocol):
 
     def height(self, x_m: Floats, y_m: Floats) -> Floats:
         """Heights in metres at local metres, in the broadcast shape; NaN where unknown."""
+        ...
+
+    def height_at(self, x_m: float, y_m: float) -> float:
+        """The same for one place, without the cost of arrays."""
         ...
 
 
@@ -61,16 +66,52 @@ class DemWindow(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TinModel:
-    """The triangulated surface around one segment: ``z`` (rows, columns) over the grid, NaN at voids."""
+    """The triangulated surface around one segment, over the posts of a patch."""
 
-    z: Floats
+    patch: DemPatch
     grid: LocalGrid
 
     def height(self, x_m: Floats, y_m: Floats) -> Floats:
         """Heights at local metres, in the broadcast shape; NaN beyond the patch and at voids."""
         x, y = np.broadcast_arrays(np.asarray(x_m, float), np.asarray(y_m, float))
-        u, v = self.grid.to_grid(x, y)
-        return tin_heights(self.z, u.ravel(), v.ravel()).reshape(x.shape)
+        flat = (np.ascontiguousarray(w).ravel() for w in (x, y))
+        return _tin_heights(*self._surface(), *flat).reshape(x.shape)
+
+    def height_at(self, x_m: float, y_m: float) -> float:
+        """The height at one place; NaN beyond the patch and at voids."""
+        return float(_tin_height(*self._surface(), x_m, y_m))
+
+    def _surface(self) -> tuple[Floats, tuple[float, float, float], tuple[float, float, float], Floats]:
+        patch = self.patch
+        return patch.z, (patch.u0, patch.v0, patch.step), self.grid.plane_box, self.grid.to_grid
+
+
+@compiled
+def _tin_height(
+    z: Floats,
+    posts: tuple[float, float, float],
+    box: tuple[float, float, float],
+    to_grid: Floats,
+    x_m: float,
+    y_m: float,
+) -> float:
+    u, v = polynomial(to_grid, (x_m - box[0]) / box[2], (y_m - box[1]) / box[2])
+    return tin_height(z, (u - posts[0]) / posts[2], (v - posts[1]) / posts[2])
+
+
+@compiled
+def _tin_heights(
+    z: Floats,
+    posts: tuple[float, float, float],
+    box: tuple[float, float, float],
+    to_grid: Floats,
+    x_m: Floats,
+    y_m: Floats,
+) -> Floats:
+    heights = np.empty(len(x_m))
+    for k in range(len(x_m)):
+        heights[k] = _tin_height(z, posts, box, to_grid, x_m[k], y_m[k])
+    return heights
 
 
 @dataclass(frozen=True)
@@ -82,66 +123,81 @@ class TinWindow:
 
     def model(self, dem: Dem, network: RoadNetwork, segment: int) -> TinModel | None:
         """See ``DemWindow``."""
-        patch = dem.posts(_bounds_deg(network.table, segment), margin_posts=2, margin_m=TIN_MARGIN_M)
-        return None if patch is None else TinModel(patch.z, patch.local_grid(network.projection))
+        patch = dem.posts(*_ends_deg(network.table, segment), margin_posts=2, margin_m=TIN_MARGIN_M)
+        return None if patch is None else TinModel(patch, patch.local_grid(network.projection))
 
 
 @dataclass(frozen=True)
 class PlaneWindow:
     """A least-squares plane through the posts that ``select`` takes; triangles where they make no plane.
 
-    ``select`` gets the shape of the patch and the segment's ends in its grid coordinates, and marks posts.
+    ``select``, compiled, gets the shape of a patch and the segment's ends in its grid coordinates, and marks posts.
     """
 
     name: str
     description: str
-    select: Callable[[tuple[int, int], Floats, Floats], Mask]
+    select: Callable[[tuple[int, ...], Floats, Floats], Mask]
 
     def model(self, dem: Dem, network: RoadNetwork, segment: int) -> HeightModel | None:
         """See ``DemWindow``."""
-        patch = dem.posts(_bounds_deg(network.table, segment), margin_posts=2)
-        plane = None if patch is None else self.plane(patch, network, segment)
+        patch = dem.posts(*_ends_deg(network.table, segment), margin_posts=2)
+        plane = None if patch is None else self._plane(patch, network)
         return plane or TinWindow().model(dem, network, segment)
 
-    def plane(
-        self, patch: DemPatch, network: RoadNetwork, segment: int, quality: Mask | None = None
-    ) -> PlaneModel | None:
-        """The plane, or None for fewer than 3 posts or collinear ones.
-
-        ``quality`` (of the patch's shape) marks posts good enough to count: the seam for quality layers.
-        """
-        table = network.table
-        u, v = patch.grid_coordinates(
-            np.array([table.lon0_deg[segment], table.lon1_deg[segment]]),
-            np.array([table.lat0_deg[segment], table.lat1_deg[segment]]),
-        )
-        shape = (patch.z.shape[0], patch.z.shape[1])
-        chosen = self.select(shape, u, v) & np.isfinite(patch.z)
-        if quality is not None:
-            chosen &= quality
-        rows, columns = np.nonzero(chosen)
-        # Posts of one grid line are judged on the grid: in the plane, meridians and parallels bend a little.
-        if len(rows) < 3 or _on_one_line(rows, columns):
-            return None
-        x, y = network.projection.to_xy(*patch.lonlat_of(rows, columns))
-        return fit_plane(x, y, patch.z[rows, columns])
-
-
-def _bounds_deg(table: RoadTable, segment: int) -> tuple[float, float, float, float]:
-    lon0, lon1 = float(table.lon0_deg[segment]), float(table.lon1_deg[segment])
-    lat0, lat1 = float(table.lat0_deg[segment]), float(table.lat1_deg[segment])
-    return min(lon0, lon1), min(lat0, lat1), max(lon0, lon1), max(lat0, lat1)
-
-
-def _on_one_line(rows: NDArray[np.intp], columns: NDArray[np.intp]) -> bool:
-    dr, dc = rows - rows[0], columns - columns[0]
-    far = int(np.argmax(dr * dr + dc * dc))
-    return not np.any(dr * dc[far] - dc * dr[far])
+    def _plane(self, patch: DemPatch, network: RoadNetwork) -> PlaneModel | None:
+        """The plane, or None for fewer than 3 posts or collinear ones."""
+        u0, v0, step = patch.u0, patch.v0, patch.step
+        marked = self.select(patch.z.shape, (patch.u - u0) / step, (patch.v - v0) / step)
+        grid = patch.local_grid(network.projection)
+        plane = _plane_of_marked(patch.z, marked, (u0, v0, step), grid.grid_box, grid.to_plane)
+        return PlaneModel(*plane) if plane[-1] else None
 
 
 @compiled
-def _mark_cells(u: Floats, v: Floats, marked: Mask) -> None:
-    """Mark the corners of every cell that the segment (u[0], v[0]) - (u[1], v[1]) passes through."""
+def _plane_of_marked(
+    z: Floats,
+    marked: Mask,
+    posts: tuple[float, float, float],
+    box: tuple[float, float, float, float],
+    to_plane: Floats,
+) -> Plane:
+    """The plane through the marked posts that have a height; ``posts`` is their grid (u0, v0, step)."""
+    rows, columns = np.nonzero(marked & np.isfinite(z))
+    n = len(rows)
+    x_m, y_m, height = np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        s = (posts[0] + columns[k] * posts[2] - box[0]) / box[2]
+        t = (posts[1] + rows[k] * posts[2] - box[1]) / box[3]
+        x_m[k], y_m[k] = polynomial(to_plane, s, t)
+        height[k] = z[rows[k], columns[k]]
+    # Posts of one grid line are judged on the grid: in the plane, meridians and parallels bend a little.
+    if _on_one_line(rows, columns):
+        n = 0
+    return plane_through(x_m[:n], y_m[:n], height[:n])
+
+
+@compiled
+def _on_one_line(rows: Ints, columns: Ints) -> bool:
+    """Whether posts, ordered along rows, lie on one line: no triangle with the first and the last has an area."""
+    for k in range(1, len(rows) - 1):
+        across = (rows[k] - rows[0]) * (columns[-1] - columns[0])
+        if across != (columns[k] - columns[0]) * (rows[-1] - rows[0]):
+            return False
+    return True
+
+
+def _ends_deg(table: RoadTable, segment: int) -> tuple[Floats, Floats]:
+    """Longitudes and latitudes of a segment's ends."""
+    return (
+        np.array([table.lon0_deg[segment], table.lon1_deg[segment]]),
+        np.array([table.lat0_deg[segment], table.lat1_deg[segment]]),
+    )
+
+
+@compiled
+def _adjacent(shape: tuple[int, ...], u: Floats, v: Floats) -> Mask:
+    """The corners of every cell that the segment (u[0], v[0]) - (u[1], v[1]) passes through."""
+    marked = np.zeros(shape, np.bool_)
     ua, va, ub, vb = u[0], v[0], u[1], v[1]
     if ua > ub:
         ua, va, ub, vb = ub, vb, ua, va
@@ -153,30 +209,27 @@ def _mark_cells(u: Floats, v: Floats, marked: Mask) -> None:
         one, other = va + ta * (vb - va), va + tb * (vb - va)
         for row in range(int(np.floor(min(one, other))), int(np.floor(max(one, other))) + 1):
             marked[max(row, 0) : row + 2, max(column, 0) : column + 2] = True
-
-
-def _adjacent(shape: tuple[int, int], u: Floats, v: Floats) -> Mask:
-    marked = np.zeros(shape, np.bool_)
-    _mark_cells(u, v, marked)
     return marked
 
 
-def _full(shape: tuple[int, int], u: Floats, v: Floats) -> Mask:
-    marked = np.zeros(shape, np.bool_)
-    marked[_around(v), _around(u)] = True
-    return marked
-
-
-def _hollow(shape: tuple[int, int], u: Floats, v: Floats) -> Mask:
-    marked = _full(shape, u, v)
-    rows, columns = _around(v), _around(u)
-    marked[rows.start + 1 : rows.stop - 1, columns.start + 1 : columns.stop - 1] = False
-    return marked
-
-
-def _around(w: Floats) -> slice:
+@compiled
+def _full(shape: tuple[int, ...], u: Floats, v: Floats) -> Mask:
     """The posts of the cells that hold both ends, and one more on each side."""
-    return slice(max(int(np.floor(w.min())) - 1, 0), int(np.floor(w.max())) + 3)
+    marked = np.zeros(shape, np.bool_)
+    top, bottom = int(np.floor(v.min())) - 1, int(np.floor(v.max())) + 2
+    left, right = int(np.floor(u.min())) - 1, int(np.floor(u.max())) + 2
+    marked[max(top, 0) : bottom + 1, max(left, 0) : right + 1] = True
+    return marked
+
+
+@compiled
+def _hollow(shape: tuple[int, ...], u: Floats, v: Floats) -> Mask:
+    """The border of ``_full``."""
+    marked = _full(shape, u, v)
+    top, bottom = int(np.floor(v.min())) - 1, int(np.floor(v.max())) + 2
+    left, right = int(np.floor(u.min())) - 1, int(np.floor(u.max())) + 2
+    marked[max(top, 0) + 1 : bottom, max(left, 0) + 1 : right] = False
+    return marked
 
 
 WINDOWS: Registry[DemWindow] = Registry("DEM window")

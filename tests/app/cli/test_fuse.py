@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
 from PIL import Image
 from typer.testing import CliRunner, Result
 
@@ -113,6 +114,36 @@ def test_terrain_is_stated_beside_the_measured_slope(bundle: Bundle, tmp_path: P
     assert any(p["dem_slope_percent"] is not None for p in features(out).values())
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, "-o", out).exit_code == 0
     assert all(p["dem_slope_percent"] is None for p in features(out).values())
+
+
+@pytest.fixture
+def aster(bundle: Bundle, tmp_path: Path) -> tuple[Path, Path]:
+    """The town's elevation raster and a quality layer, as a pair of ASTER files."""
+    elevations, quality = (tmp_path / f"ASTGTM2_N48E008_{kind}.tif" for kind in ("dem", "num"))
+    elevations.write_bytes(bundle.dem.read_bytes())
+    with rasterio.open(elevations) as raster:
+        profile = {**raster.profile, "dtype": "int16", "nodata": None, "driver": "GTiff"}
+        with rasterio.open(quality, "w", **profile) as layer:
+            layer.write(np.full(raster.shape, 5, np.int16), 1)
+    return elevations, quality
+
+
+def test_the_quality_layer_of_the_terrain_is_found_or_may_be_named(
+    bundle: Bundle, aster: tuple[Path, Path], tmp_path: Path
+) -> None:
+    elevations, quality = aster
+    out = tmp_path / "out.geojson"
+    fuse = ("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, "-o", out)
+    for named in ((), ("--dem", quality)):
+        result = run(*fuse, "--dem", elevations, *named)
+        assert result.exit_code == 0, result.stderr
+        assert json.loads(out.read_text())["attribution"].endswith(f"elevation from {elevations.name}")
+    assert any(p["dem_slope_percent"] is not None for p in features(out).values())
+    alone = run(*fuse, "--dem", quality)
+    assert (alone.exit_code, "is a quality layer" in alone.stderr) == (1, True)
+    quality.write_bytes(b"")
+    spoilt = run(*fuse, "--dem", elevations)
+    assert (spoilt.exit_code, f"{quality.name} is empty" in spoilt.stderr) == (1, True)
 
 
 def test_pictures_and_tracks_are_numbered_when_there_are_several(bundle: Bundle, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pyproj import Transformer
 
 from fusion.frames import LocalProjection
-from fusion.terrain import Dem, layer
+from fusion.terrain import Dem, store
 from fusion.terrain import dem as dem_module
 
 Write = Callable[..., Path]
@@ -157,7 +157,7 @@ def test_the_finest_raster_counts_and_coarser_ones_fill(
             lon, lat = 8.5 + np.array([10, 50, 101]) / 3600, 48.5 - np.array([10, 50, 10]) / 3600
             assert dem.heights(lon, lat).tolist() == [10, 700, 700]
             assert dem.datum == "mixed (EGM96, unknown)"
-            patch = dem.posts((8.5 + 39 / 3600, 48.5 - 50 / 3600, 8.5 + 40 / 3600, 48.5 - 49 / 3600))
+            patch = dem.posts(8.5 + np.array([39, 40]) / 3600, 48.5 - np.array([49, 50]) / 3600)
             assert patch is not None
             assert set(patch.z.ravel()) == {10, 700}
             assert patch.posting_m[1] == pytest.approx(30.9, abs=0.1)
@@ -235,7 +235,8 @@ def test_the_datum_is_what_the_raster_states(
 def test_the_posts_around_a_place(tmp_path: Path, write_raster: Write) -> None:
     z = hills(40, 50)
     with Dem.open([write_raster(tmp_path / "a.tif", z, POSTS)]) as dem:
-        patch = dem.posts((8.0102, 48.9852, 8.0138, 48.9888), margin_posts=2)
+        places = np.array([8.0138, 8.0102]), np.array([48.9888, 48.9852])
+        patch = dem.posts(*places, margin_posts=2)
         assert patch is not None
         assert patch.z.tolist() == z[9:18, 8:17].tolist()
         lon, lat = patch.lonlat()
@@ -245,15 +246,17 @@ def test_the_posts_around_a_place(tmp_path: Path, write_raster: Write) -> None:
         assert (x[0, 0], y[0, 0]) == pytest.approx((0, 0), abs=1e-3)
         assert x[0, 1] == pytest.approx(patch.posting_m[0], rel=1e-2)
         assert y[1, 0] == pytest.approx(-patch.posting_m[1], rel=1e-2)
-        wide = dem.posts((8.0102, 48.9852, 8.0138, 48.9888), margin_posts=2, margin_m=500.0)
+        assert (patch.u, patch.v) == (pytest.approx([13.8, 10.2]), pytest.approx([11.2, 14.8]))
+        wide = dem.posts(*places, margin_posts=2, margin_m=500.0)
         assert wide is not None
         assert wide.z.shape == (5 + 2 * 5, 5 + 2 * 7)
-        assert dem.posts((9.0, 49.0, 9.1, 49.1)) is None
+        assert dem.posts(np.array([9.0, 9.1]), np.array([49.0, 49.1])) is None
+        assert dem.posts(np.array([8.01, np.nan]), np.array([48.99, 48.99])) is None
 
 
 def test_beyond_the_raster_posts_are_void(tmp_path: Path, write_raster: Write) -> None:
     with Dem.open([write_raster(tmp_path / "a.tif", hills(5, 5), POSTS)]) as dem:
-        patch = dem.posts((8.0035, 48.9985, 8.0036, 48.9986))
+        patch = dem.posts(np.array([8.0035]), np.array([48.9985]))
         assert patch is not None
         assert np.isnan(patch.z[:, -1]).all()
         assert np.isfinite(patch.z[:, :-1]).all()
@@ -266,7 +269,7 @@ def test_very_many_posts_are_thinned(
     z = 1000 * (lon - 8) + 2000 * (lat - 48)
     with Dem.open([write_raster(tmp_path / "a.tif", z, POSTS)]) as dem:
         monkeypatch.setattr(dem_module, "_MAX_PATCH_POSTS", 100)
-        patch = dem.posts((8.01, 48.96, 8.05, 48.99), margin_posts=0)
+        patch = dem.posts(np.array([8.01, 8.05]), np.array([48.96, 48.99]), margin_posts=0)
         assert patch is not None
         assert patch.z.size < 200
         lon, lat = patch.lonlat()
@@ -277,8 +280,8 @@ def test_very_many_posts_are_thinned(
 def test_memory_and_open_files_are_bounded(
     slanted: Dem, tmp_path: Path, write_raster: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(layer, "_MAX_OPEN_FILES", 2)
-    monkeypatch.setattr(layer, "_MAX_BLOCKS", 3)
+    monkeypatch.setattr(store, "MAX_OPEN_FILES", 2)
+    monkeypatch.setattr(store, "MAX_BLOCKS", 3)
     z = hills(300, 300)
     paths = [
         write_raster(
@@ -301,7 +304,7 @@ def test_memory_and_open_files_are_bounded(
 def test_several_threads_may_ask_at_once(
     tmp_path: Path, write_raster: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(layer, "_MAX_BLOCKS", 2)
+    monkeypatch.setattr(store, "MAX_BLOCKS", 2)
     z = hills(900, 900)
     rng = np.random.default_rng(4)
     wanted = [rng.integers(0, 900, (2, 400)) for _ in range(24)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from affine import Affine
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fusion.frames import LocalProjection
 from fusion.roads import RoadNetwork, read_roads
-from fusion.terrain import WINDOWS, Dem, PlaneModel, TinModel, dem_slopes
+from fusion.terrain import WINDOWS, Dem, PlaneModel, TinModel, dem_slopes, fit_plane
 from fusion.terrain.windows import PlaneWindow
 
 Write = Callable[..., Path]
@@ -150,7 +152,7 @@ def test_the_tin_is_the_surface_of_the_elevation_model(
             x = network.x0[segment] + share * (network.x1 - network.x0)[segment] + 100
             y = network.y0[segment] + share * (network.y1 - network.y0)[segment] - 100
             expected = dem.heights(*network.projection.to_lonlat(x, y))
-            assert model.height(x, y) == pytest.approx(expected, abs=0.02)
+            assert model.height(x, y) == pytest.approx(expected, abs=1e-4)
 
 
 def chosen(name: str, u: list[float], v: list[float]) -> np.ndarray:
@@ -214,19 +216,59 @@ def test_windows_are_sized_by_the_posting(
     assert 54 <= posts[1] <= 70
 
 
-def test_a_quality_mask_leaves_posts_out(plane_dem: Dem, network: RoadNetwork) -> None:
-    window = WINDOWS["full"]
-    assert isinstance(window, PlaneWindow)
-    table = network.table
-    patch = plane_dem.posts((table.lon0_deg[0], table.lat0_deg[0], table.lon1_deg[0], table.lat1_deg[0]), 2)
-    assert patch is not None
-    good = np.ones(patch.z.shape, bool)
-    good[1] = False
-    everything, some = window.plane(patch, network, 0), window.plane(patch, network, 0, good)
-    assert everything is not None
-    assert some is not None
-    assert some.posts < everything.posts
-    assert window.plane(patch, network, 0, ~np.ones(patch.z.shape, bool)) is None
+@EVERY
+def test_the_height_at_one_place_is_that_of_arrays(plane_dem: Dem, network: RoadNetwork, name: str) -> None:
+    model = WINDOWS[name].model(plane_dem, network, 1)
+    assert model is not None
+    places = [(network.x0[1] + 20.0, network.y0[1] - 10.0), (1e7, 0.0), (math.nan, 0.0)]
+    expected = [float(model.height(np.array([x]), np.array([y]))[0]) for x, y in places]
+    assert [model.height_at(x, y) for x, y in places] == pytest.approx(expected, nan_ok=True)
+
+
+@EVERY
+def test_segments_near_each_other_share_one_map_of_the_posts(
+    plane_dem: Dem, make_network: MakeNetwork, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """A projection a segment would take several times as long as all the rest."""
+    lon, lat = (w.ravel() for w in np.meshgrid(8.4805 + np.arange(10) / 500, 49.0 + np.arange(10) / 500))
+    network = make_network(lon, lat, lon + 0.001, lat + 0.0005)
+    projected: list[int] = []
+    to_xy = LocalProjection.to_xy
+
+    def counted(plane: LocalProjection, *places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        projected.append(len(places[0]))
+        return to_xy(plane, *places)
+
+    monkeypatch.setattr(LocalProjection, "to_xy", counted)
+    assert all(WINDOWS[name].model(plane_dem, network, segment) is not None for segment in range(100))
+    assert len(projected) <= 4
+
+
+@pytest.mark.parametrize("size_deg", [0.0008, 0.03, 0.12])
+@pytest.mark.parametrize("crs", [4326, 25832])
+def test_planes_are_fitted_where_the_projection_puts_the_posts(
+    tmp_path: Path, write_raster: Write, make_network: MakeNetwork, crs: int, size_deg: float
+) -> None:
+    """Short and long segments against a fit over posts that were projected one by one."""
+    posts = POSTS if crs == 4326 else Affine(70, 0, 449_000, 0, -110, 5_438_800)
+    z = slanted() + np.random.default_rng(0).normal(scale=10, size=(200, 200))
+    network = make_network([8.43], [48.93], [8.43 + size_deg], [48.93 + size_deg])
+    ends = [
+        np.append(getattr(network.table, f"{w}0_deg"), getattr(network.table, f"{w}1_deg"))
+        for w in ("lon", "lat")
+    ]
+    with Dem.open([write_raster(tmp_path / "a.tif", z, posts, crs)]) as dem:
+        model = WINDOWS["full"].model(dem, network, 0)
+        patch = dem.posts(*ends, margin_posts=1)
+        assert patch is not None
+        x, y = patch.xy(network.projection)
+        expected = fit_plane(x.ravel(), y.ravel(), patch.z.ravel())
+        assert isinstance(model, PlaneModel)
+        assert expected is not None
+        assert (model.posts, model.sigma_m) == (expected.posts, pytest.approx(expected.sigma_m, rel=1e-9))
+        assert model.height(network.x0, network.y0) == pytest.approx(
+            expected.height(network.x0, network.y0), abs=1e-6
+        )
 
 
 def test_dem_slopes_follow_the_direction_of_the_segment(plane_dem: Dem, network: RoadNetwork) -> None:

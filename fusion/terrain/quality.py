@@ -1,0 +1,107 @@
+"""The quality layer of an elevation raster: how many scenes stand behind each post (Al Assaad 2020, 2.4).
+
+ASTER GDEM comes in pairs: ``ASTGTM2_N50E001_dem.tif`` holds elevations, ``ASTGTM2_N50E001_num.tif`` on the same
+grid the number of stereo scenes that were averaged. A post that too few scenes saw was filled from another model
+(SRTM, NED, CDED ...) and has a code instead of a number: negative in versions 1 and 2, whose files are signed, and
+above 200 in version 3, whose files are not. What stands behind such a post is not known, so it counts as
+**no scene**: a threshold of 1 keeps what ASTER measured and leaves every fill out. The rule asks for the value
+alone, not for the type of the file, since tools convert types.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fusion.errors import TerrainError
+from fusion.terrain.raster import Raster, apply, open_raster, read_stored
+from fusion.types import Floats
+
+_NAME = re.compile(r"(?P<tile>.+)_(?P<kind>dem|num)(?P<suffixes>(?:\.\w+)+)", re.IGNORECASE)
+_MOST_SCENES = 200
+_ALIGNED = 0.01  # posts
+
+
+def pair(paths: Sequence[Path]) -> list[tuple[Path, Path | None]]:
+    """Each elevation raster with its quality layer: one of ``paths``, else the file beside it, else None.
+
+    A quality layer is known by its name (``..._num.tif`` beside ``..._dem.tif``, in any case). Raises
+    ``TerrainError`` for one without its elevations: its numbers must not pass for heights.
+    """
+    given = {_tile(path): Path(path) for path in paths if _kind(path) == "num"}
+    elevations = [Path(path) for path in paths if _kind(path) != "num"]
+    for tile, path in given.items():
+        if tile not in map(_tile, elevations):
+            raise TerrainError(
+                f"{path.name} is a quality layer: it counts scenes and holds no elevations. Give the elevations "
+                f"({re.sub('num', 'dem', path.name, flags=re.IGNORECASE)}); the quality layer beside them is found "
+                "by its name."
+            )
+    return [(path, given.get(_tile(path)) or _beside(path)) for path in elevations]
+
+
+def quality_name(path: Path) -> str:
+    """The name under which the quality layer of elevations is looked for first, beside them."""
+    found = _NAME.fullmatch(path.name)
+    return f"{found['tile']}_num{found['suffixes']}" if found else ""
+
+
+def with_quality(raster: Raster, path: Path | None) -> Raster:
+    """The raster with its quality layer; ``TerrainError`` when that is unreadable or on another grid."""
+    if path is None:
+        return raster
+    layer, dataset = open_raster(path)
+    dataset.close()
+    same_size = (layer.rows, layer.columns) == (raster.rows, raster.columns)
+    if not (same_size and layer.crs == raster.crs and _same_posts(layer, raster)):
+        raise TerrainError(
+            f"{path.name} does not fit {raster.path.name}: a quality layer has one number for each post, and its "
+            f"{layer.rows} x {layer.columns} posts are not the {raster.rows} x {raster.columns} of the elevations, "
+            "or lie elsewhere. Take both files from one delivery, or move the quality layer away."
+        )
+    return replace(raster, quality=layer)
+
+
+def read_scenes(raster: Raster, dataset: Any, row: int, column: int, rows: int, columns: int) -> Floats:
+    """Numbers of scenes of a window inside a quality layer; 0 for fills and where nothing is known."""
+    stored = read_stored(raster, dataset, row, column, rows, columns)
+    scenes = np.asarray(stored.filled(0), np.float64)
+    scenes[~((scenes >= 0) & (scenes <= _MOST_SCENES))] = 0.0
+    return scenes
+
+
+def _kind(path: Path) -> str:
+    found = _NAME.fullmatch(Path(path).name)
+    return found["kind"].lower() if found else ""
+
+
+def _tile(path: Path) -> str:
+    found = _NAME.fullmatch(Path(path).name)
+    return found["tile"].casefold() if found else ""
+
+
+def _beside(path: Path) -> Path | None:
+    """The quality layer in the raster's folder, its name spelled as the raster's or all in one case."""
+    found = _NAME.fullmatch(Path(path).name)
+    if found is None or found["kind"].lower() != "dem":
+        return None
+    plain = re.sub(r"\.gz$", "", found["suffixes"], flags=re.IGNORECASE)
+    for suffixes in dict.fromkeys((found["suffixes"], plain, f"{plain}.gz", plain.lower(), plain.upper())):
+        for kind in ("num", "NUM"):
+            candidate = Path(path).with_name(f"{found['tile']}_{kind}{suffixes}")
+            if candidate.is_file():
+                return candidate
+    return None
+
+
+def _same_posts(a: Raster, b: Raster) -> bool:
+    """Whether all corners of two grids of one size agree to a hundredth of a post."""
+    size = max(abs(b.posts.a), abs(b.posts.b), abs(b.posts.d), abs(b.posts.e))
+    corners = np.array([0.0, b.columns, 0.0, b.columns]), np.array([0.0, 0.0, b.rows, b.rows])
+    offset = np.subtract(apply(a.posts, *corners), apply(b.posts, *corners))
+    return bool(np.abs(offset).max() <= _ALIGNED * size)
