@@ -1,19 +1,24 @@
 #!/usr/bin/env python3
-"""Map matching against hand-corrected routes, beside the thesis's rule and LeuvenMapMatching in the same run.
+"""Map matching against hand-corrected routes: the drive matcher, the survey's matchers and LeuvenMapMatching.
 
-    python benchmarks/map_matching.py DATA_DIR [--out DIR] [--leuven N] [--skip-leuven] [--json FILE]
+    python benchmarks/map_matching.py DATA_DIR [--methods NAME ...] [--skip-leuven] [--leuven N] [--out DIR]
+                                      [--json FILE]
 
 DATA_DIR holds tracks of the collection of Kubicka et al. (2015), in subfolders or flat: X.track (lon lat time),
 X.nodes (lon lat), X.arcs (from to, directed, 0-based), X.route (rows of arcs). Tracks 0 to 18 served for tuning and
 are shown apart from the rest.
 
 E = (missed + added) / true length, of directed arcs, by the heaviest common subsequence of the true and the matched
-route: Newson & Krumm 2009, made aware of order, direction and repeats. Points per second: all raw points, one
-thread, second pass, median over the tracks; preparing the matcher for a network is counted apart (median seconds).
+route: Newson & Krumm 2009, made aware of order, direction and repeats. Points per second: all raw points, by the
+processor time of one thread, second pass, median over the tracks; preparing the matcher for a network is counted
+apart (median seconds).
 
     drive    fusion.roads.matching.DriveMatcher, default settings
-    thesis   nearest segment by Mahalanobis distance over x, y, course; gate 2.55, sigma 10 m and 0.3 rad;
-             points thinned to 14 m
+    the names in fusion.roads.point_matchers.MATCHERS, default settings
+             points thinned to 14 m, the course is that of the neighbours; each point gets a segment, so that short
+             arcs between two points are missed. ``mahalanobis`` is the rule of Al Assaad 2020
+    drive-points
+             what that alone costs: ``drive``, but only the segments of the thinned points
     leuven   LeuvenMapMatching, DistanceMatcher (thinned to 14 m, obs_noise 15, non-emitting, lattice 10, max_dist 50);
              slow, one pass; ``--leuven N`` takes the first N tracks of each part only
 
@@ -27,6 +32,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import matching_leuven
@@ -34,10 +40,11 @@ import numpy as np
 from matching_tracks import Track, error, find_tracks, read_track
 
 from fusion.roads.hmm_candidates import thin
-from fusion.roads.matching import DriveMatcher, PointMatches, match_points
+from fusion.roads.matching import DriveMatcher, PointMatches
+from fusion.roads.point_matchers import MATCHERS, PointMatcher
 
 LAST_TUNED = 18
-THESIS_COVARIANCE = np.diag([10.0**2, 10.0**2, 0.3**2])
+SPACING_M = 14.0
 
 Result = tuple[np.ndarray, float, float]
 """Matched arc rows, seconds of preparation, seconds of matching."""
@@ -50,43 +57,67 @@ def arc_rows(track: Track, segment: np.ndarray, forward: np.ndarray) -> np.ndarr
 
 
 def second_pass(work: Callable[[], object]) -> float:
-    """Seconds of the second of two calls."""
+    """Seconds of this thread in the second of two calls: other programs on the machine hardly count."""
     work()
-    start = time.perf_counter()
+    start = time.thread_time()
     work()
-    return time.perf_counter() - start
+    return time.thread_time() - start
 
 
 def by_drive(track: Track) -> Result:
     """The matcher of the whole drive."""
     DriveMatcher(track.network)  # compiled or read from disk
-    start = time.perf_counter()
+    start = time.thread_time()
     matcher = DriveMatcher(track.network)
-    prepared = time.perf_counter() - start
+    prepared = time.thread_time() - start
     given = track.time_s, track.x_m, track.y_m
     seconds = second_pass(lambda: matcher.match(*given))
     match = matcher.match(*given)
     return arc_rows(track, match.segment, match.forward), prepared, seconds
 
 
-def by_thesis(track: Track) -> Result:
-    """Each point for itself, 14 m apart (without that E is twice as large); the course is the neighbours'."""
+def thinned(track: Track) -> np.ndarray:
+    """Indices of points 14 m apart."""
+    unknown = np.full(len(track.x_m), np.nan)
+    return thin(track.time_s, track.x_m, track.y_m, unknown, SPACING_M, np.inf, 0.0, SPACING_M)
 
-    def match_thinned() -> PointMatches:
-        kept = thin(
-            track.time_s, track.x_m, track.y_m, np.full(len(track.x_m), np.nan), 14.0, np.inf, 0.0, 14.0
-        )
-        x, y = track.x_m[kept], track.y_m[kept]
-        heading = np.arctan2(np.gradient(y), np.gradient(x)) if len(x) > 1 else np.full(len(x), np.nan)
-        return match_points(track.network, x, y, heading, THESIS_COVARIANCE)
 
-    start = time.perf_counter()
-    _ = track.network.grid
-    prepared = time.perf_counter() - start
-    seconds = second_pass(match_thinned)
-    match = match_thinned()
-    found = match.segment >= 0
-    return arc_rows(track, match.segment[found], match.forward[found]), prepared, seconds
+def by_drive_points(track: Track) -> Result:
+    """The path of the whole drive, of which only the segments of the thinned points are counted."""
+
+    def match_thinned() -> tuple[np.ndarray, np.ndarray]:
+        match = matcher.match(track.time_s, track.x_m, track.y_m)
+        row = match.traversal[thinned(track)]
+        return match.segment[row[row >= 0]], match.forward[row[row >= 0]]
+
+    start = time.thread_time()
+    matcher = DriveMatcher(track.network)
+    prepared = time.thread_time() - start
+    return arc_rows(track, *match_thinned()), prepared, second_pass(match_thinned)
+
+
+def by_points(matcher: PointMatcher) -> Callable[[Track], Result]:
+    """One of the survey's matchers, over points 14 m apart (else that of mahalanobis is twice as large)."""
+
+    def matched(track: Track) -> Result:
+        matcher.on(track.network)  # compiled or read from disk
+        network = replace(track.network)  # a copy has no index yet
+        start = time.thread_time()
+        matching = matcher.on(network)
+        prepared = time.thread_time() - start
+
+        def match_thinned() -> PointMatches:
+            kept = thinned(track)
+            x, y = track.x_m[kept], track.y_m[kept]
+            heading = np.arctan2(np.gradient(y), np.gradient(x)) if len(x) > 1 else np.full(len(x), np.nan)
+            return matching(track.time_s[kept], x, y, heading)
+
+        seconds = second_pass(match_thinned)
+        match = match_thinned()
+        found = match.segment >= 0
+        return arc_rows(track, match.segment[found], match.forward[found]), prepared, seconds
+
+    return matched
 
 
 def by_leuven(track: Track) -> Result:
@@ -95,7 +126,23 @@ def by_leuven(track: Track) -> Result:
     return rows, float("nan"), seconds
 
 
-METHODS: dict[str, Callable[[Track], Result]] = {"drive": by_drive, "thesis": by_thesis, "leuven": by_leuven}
+METHODS: dict[str, Callable[[Track], Result]] = {
+    "drive": by_drive,
+    "drive-points": by_drive_points,
+    **{name: by_points(matcher) for name, matcher in MATCHERS.items()},
+    "leuven": by_leuven,
+}
+
+
+def methods_of(args: argparse.Namespace) -> list[str]:
+    """The methods that are asked for and can run, in the order of ``METHODS``."""
+    methods = [name for name in METHODS if name in args.methods]
+    if "leuven" in methods and args.skip_leuven:
+        methods.remove("leuven")
+    elif "leuven" in methods and not matching_leuven.available():
+        methods.remove("leuven")
+        print("leuvenmapmatching and rtree are not installed: no comparison with it", file=sys.stderr)
+    return methods
 
 
 def part_of(path: Path) -> str:
@@ -108,12 +155,7 @@ def run(args: argparse.Namespace) -> list[dict[str, object]]:
     paths = find_tracks(args.data_dir)
     if not paths:
         sys.exit(f"{args.data_dir}: no *.track")
-    methods = list(METHODS)
-    if args.skip_leuven:
-        methods.remove("leuven")
-    elif not matching_leuven.available():
-        methods.remove("leuven")
-        print("leuvenmapmatching and rtree are not installed: no comparison with it", file=sys.stderr)
+    methods = methods_of(args)
     if args.out:
         args.out.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, object]] = []
@@ -170,11 +212,11 @@ def summarise(rows: list[dict[str, object]]) -> list[dict[str, object]]:
 def show(summary: list[dict[str, object]]) -> None:
     """The table a person reads."""
     print(
-        f"{'tracks':7} {'method':7} {'n':>3} {'E median %':>11} {'E mean %':>9} {'points/s':>11} {'prepare s':>10}"
+        f"{'tracks':7} {'method':17} {'n':>3} {'E median %':>11} {'E mean %':>9} {'points/s':>11} {'prepare s':>10}"
     )
     for r in summary:
         print(
-            f"{r['part']:7} {r['method']:7} {r['tracks']:3} {100 * r['error_median']:11.2f} "
+            f"{r['part']:7} {r['method']:17} {r['tracks']:3} {100 * r['error_median']:11.2f} "
             f"{100 * r['error_mean']:9.2f} {r['points_per_s']:11,.0f} {r['prepare_s']:10.3f}"
         )
 
@@ -185,6 +227,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("data_dir", type=Path)
+    parser.add_argument(
+        "--methods",
+        nargs="+",
+        choices=list(METHODS),
+        default=list(METHODS),
+        metavar="NAME",
+        help=f"which to run, of {', '.join(METHODS)}; default: all",
+    )
     parser.add_argument("--out", type=Path, metavar="DIR")
     parser.add_argument("--leuven", type=int, metavar="N", help="LeuvenMapMatching on N tracks of each part")
     parser.add_argument("--skip-leuven", action="store_true")

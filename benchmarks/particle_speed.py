@@ -111,7 +111,7 @@ class NumpyCloud(ParticleCloud):
         spread = (c - state[:, None]) ** 2 @ w
         heading = self._ref[2] + math.atan2(np.sin(self._turn) @ w, np.cos(self._turn) @ w)
         n_eff = float(1 / np.sum(w**2))
-        resampled = n_eff < o.n_eff_threshold * o.particles
+        resampled = n_eff < (o.trigger_threshold or 2 / 3) * o.particles
         if resampled:
             # Side "right" of the cumulative weights inverts them; the last may round below 1.
             ancestors = np.searchsorted(np.cumsum(w), np.sort(self._rng.random(o.particles)), side="right")

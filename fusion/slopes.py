@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.combine import combine
+from fusion.compiled import compiled
 from fusion.types import Floats, SegmentSlope, Track
 
 Index = NDArray[np.intp]
@@ -64,9 +66,9 @@ def segment_slopes(track: Track, covariance: AltitudeCovariance, rule: LineRule)
     ``distance_m`` grows from from_node to to_node, so the sign is right whichever way the vehicle went.
     """
     found: dict[int, list[tuple[float, float, Index]]] = {}
+    known = np.isfinite(track.alt_m) & np.isfinite(track.distance_m) & ~(track.speed_mps < rule.min_speed_mps)
     for segment, epochs in passes(track, rule.max_break_s):
-        known = np.isfinite(track.alt_m[epochs]) & np.isfinite(track.distance_m[epochs])
-        usable = epochs[known & ~(track.speed_mps[epochs] < rule.min_speed_mps)]
+        usable = epochs[known[epochs]]
         if len(usable) < rule.min_epochs or np.ptp(track.distance_m[usable]) < rule.min_span_m:
             continue
         weights = line_weights(track.distance_m[usable])
@@ -111,26 +113,40 @@ class AltitudeErrors:
 
     def covariance(self, epochs: Index) -> Floats:
         """Covariance of the altitude errors at ``epochs``, shape (k, k), m^2."""
-        time_s = self.time_s[epochs]
-        lag = np.abs(time_s[:, None] - time_s[None, :])
-        level = self.correlated_m[epochs]
-        out = level[:, None] * level[None, :] * np.exp(-lag / self.correlation_s)
-        out[np.diag_indices_from(out)] += self.white_m[epochs] ** 2
-        # Trapezoidal sums of the grade error: height error at epoch k = sum of the climbs before it.
-        rate = self.grade[epochs] * self.speed_mps[epochs]
-        rates = rate[:, None] * rate[None, :] * np.exp(-lag / self.grade_correlation_s)
-        sums = _trapezoid(time_s)
-        covariance: Floats = out + sums @ rates @ sums.T
+        covariance: Floats = _altitude_covariance(
+            self.time_s[epochs],
+            self.white_m[epochs],
+            self.correlated_m[epochs],
+            self.correlation_s,
+            self.grade[epochs] * self.speed_mps[epochs],
+            self.grade_correlation_s,
+        )
         return covariance
 
 
-def _trapezoid(time_s: Floats) -> Floats:
-    """Matrix (k, k) that turns rates at the epochs into their integral since the first epoch."""
-    count = len(time_s)
-    sums = np.zeros((count, count))
-    for k in range(1, count):
+@compiled
+def _altitude_covariance(
+    time_s: Floats, white: Floats, level: Floats, level_tau_s: float, rate: Floats, rate_tau_s: float
+) -> Floats:
+    """Covariance (k, k) of white noise, a Gauss-Markov height and the climb that a Gauss-Markov rate adds up to."""
+    n = len(time_s)
+    # Trapezoidal sums of the rate: the height error at epoch k is the sum of the climbs before it.
+    climbs = np.zeros((n, n))
+    for k in range(1, n):
         half = 0.5 * (time_s[k] - time_s[k - 1])
-        sums[k] = sums[k - 1]
-        sums[k, k - 1] += half
-        sums[k, k] += half
-    return sums
+        for a in range(n):
+            lag = abs(time_s[a] - time_s[k - 1])
+            other = abs(time_s[a] - time_s[k])
+            step = rate[k - 1] * math.exp(-lag / rate_tau_s) + rate[k] * math.exp(-other / rate_tau_s)
+            climbs[a, k] = climbs[a, k - 1] + half * rate[a] * step
+    out = np.zeros((n, n))
+    for k in range(n):
+        for b in range(n):
+            if k:
+                half = 0.5 * (time_s[k] - time_s[k - 1])
+                out[k, b] = out[k - 1, b] + half * (climbs[k - 1, b] + climbs[k, b])
+    for a in range(n):
+        for b in range(n):
+            out[a, b] += level[a] * level[b] * math.exp(-abs(time_s[a] - time_s[b]) / level_tau_s)
+        out[a, a] += white[a] ** 2
+    return out

@@ -1,10 +1,11 @@
-"""README says what the code does: its tables are made from the code, and names in its text exist.
+"""The documents say what the code does: their tables are made from the code, and names in README's text exist.
 
 ``python tests/test_readme.py --write`` renews the tables.
 """
 
 from __future__ import annotations
 
+import inspect
 import re
 import shlex
 import sys
@@ -21,13 +22,17 @@ from app.main import create_app
 from app.outputs import OUTPUTS
 from app.outputs.features import PROPERTIES
 from app.settings import ENV_PREFIX, Settings
+from fusion.filters.resampling import RESAMPLERS
+from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
 from fusion.gnss import POSITIONINGS
 from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods.base import option_facts
 from fusion.terrain.windows import WINDOWS
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 README = REPOSITORY / "README.md"
+PAGES = (README, REPOSITORY / ".docs" / "methods.md")
 TABLE = re.compile(r"<!-- table: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
@@ -47,6 +52,8 @@ def plain(value: Any) -> str:
     """A default value, as one would write it."""
     if isinstance(value, bool):
         return code(str(value).lower())
+    if value is None:
+        return ""
     return code(f"{value:.4g}" if isinstance(value, float) else value)
 
 
@@ -103,16 +110,27 @@ def options() -> str:
     parts = []
     for name, method in METHODS.items():
         rows = [
-            (code(option), plain(field.get_default(call_default_factory=True)), field.description)
-            for option, field in method.options_model.model_fields.items()
+            (code(option), plain(fact.default), fact.allowed, fact.description)
+            for option, fact in option_facts(method.options_model).items()
         ]
         parts.append(f"<details><summary>Options of {code(name)}</summary>\n\n")
-        parts.append(table(("option", "default", "meaning"), rows) + "\n</details>\n\n")
+        parts.append(table(("option", "default", "allowed", "meaning"), rows) + "\n</details>\n\n")
     return "".join(parts).rstrip("\n") + "\n"
 
 
 def windows() -> str:
     return table(("window", "what"), [(code(name), item.description) for name, item in WINDOWS.items()])
+
+
+def resamplers() -> str:
+    rows = [
+        (code(name), (inspect.getdoc(item) or "").partition("\n")[0]) for name, item in RESAMPLERS.items()
+    ]
+    return table(("scheme", "what"), rows)
+
+
+def triggers() -> str:
+    return table(("trigger", "what"), [(code(name), item.description) for name, item in TRIGGERS.items()])
 
 
 def positionings() -> str:
@@ -126,17 +144,34 @@ def outputs() -> str:
 
 MAKERS: dict[str, Callable[[], str]] = {
     maker.__name__: maker
-    for maker in (commands, routes, settings, formats, methods, options, windows, positionings, outputs)
+    for maker in (
+        commands,
+        routes,
+        settings,
+        formats,
+        methods,
+        options,
+        windows,
+        resamplers,
+        triggers,
+        positionings,
+        outputs,
+    )
 }
 
 
+def written_tables() -> list[tuple[str, str]]:
+    """Name and content of every table on the pages."""
+    return [found for page in PAGES for found in TABLE.findall(page.read_text())]
+
+
 def test_every_table_is_there_once() -> None:
-    assert sorted(name for name, _ in TABLE.findall(README.read_text())) == sorted(MAKERS)
+    assert sorted(name for name, _ in written_tables()) == sorted(MAKERS)
 
 
 @pytest.mark.parametrize("name", MAKERS)
 def test_table_says_what_the_code_does(name: str) -> None:
-    written = dict(TABLE.findall(README.read_text()))[name]
+    written = dict(written_tables())[name]
     assert written == MAKERS[name](), "run: python tests/test_readme.py --write"
 
 
@@ -213,8 +248,9 @@ def test_folders_of_the_layout_exist() -> None:
 if __name__ == "__main__":
     if sys.argv[1:] != ["--write"]:
         sys.exit(__doc__)
-    README.write_text(
-        TABLE.sub(
-            lambda found: f"<!-- table: {found[1]} -->\n{MAKERS[found[1]]()}<!-- end -->", README.read_text()
+    for one in PAGES:
+        one.write_text(
+            TABLE.sub(
+                lambda found: f"<!-- table: {found[1]} -->\n{MAKERS[found[1]]()}<!-- end -->", one.read_text()
+            )
         )
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Annotated, Any
 
 import typer
@@ -9,10 +10,12 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile
 from app.outputs import OUTPUTS
+from fusion.filters.resampling import RESAMPLERS
+from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
 from fusion.gnss import POSITIONINGS
 from fusion.methods import DEFAULT_METHOD, METHODS
-from fusion.methods.base import Method
+from fusion.methods.base import Method, option_facts
 from fusion.simulate import RECEIVERS
 from fusion.terrain.windows import WINDOWS
 
@@ -27,13 +30,13 @@ def methods(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """List methods with source, needs and options, then formats, windows, positionings, outputs."""
+    """List methods with source, needs and options, then formats, windows, resamplers and the like."""
     console: Console = ctx.obj
     figures = catalogue()
     for name in names or list(METHODS):
         _show(console, name, METHODS[name])
     if not names:
-        for role in ("formats", "windows", "positionings", "outputs", "receivers"):
+        for role in ("formats", "windows", "resamplers", "triggers", "positionings", "outputs", "receivers"):
             rows = [[name, text] for name, text in figures[role].items()]
             console.table([role, ""], rows)
             typer.echo()
@@ -57,6 +60,8 @@ def catalogue() -> dict[str, Any]:
             name: f"{item.description} ({', '.join(item.suffixes)})" for name, item in FORMATS.items()
         },
         "windows": {name: item.description for name, item in WINDOWS.items()},
+        "resamplers": {name: _first_line(item) for name, item in RESAMPLERS.items()},
+        "triggers": {name: item.description for name, item in TRIGGERS.items()},
         "positionings": {name: item.description for name, item in POSITIONINGS.items()},
         "outputs": {item.suffix: item.description for _, item in OUTPUTS.items()},
         "receivers": {
@@ -66,11 +71,16 @@ def catalogue() -> dict[str, Any]:
 
 
 def options(method: Method) -> dict[str, dict[str, Any]]:
-    """The options of a method: default and description (which names the unit)."""
+    """The options of a method: default, what is allowed, and description (which names the unit)."""
     return {
-        name: {"default": field.get_default(call_default_factory=True), "description": field.description}
-        for name, field in method.options_model.model_fields.items()
+        name: {"default": fact.default, "allowed": fact.allowed, "description": fact.description}
+        for name, fact in option_facts(method.options_model).items()
     }
+
+
+def _first_line(thing: object) -> str:
+    """What a function's docstring says it does."""
+    return (inspect.getdoc(thing) or "").partition("\n")[0]
 
 
 def _show(console: Console, name: str, method: Method) -> None:
@@ -78,17 +88,16 @@ def _show(console: Console, name: str, method: Method) -> None:
     typer.echo(f"{name}{default}: {method.description}")
     typer.echo(f"  source: {method.source}")
     typer.echo(f"  needs:  {', '.join(method.needs)}")
-    rows = [[f"  {option}", _plain(o["default"]), o["description"]] for option, o in options(method).items()]
+    rows = [
+        [f"  {option}", _plain(o["default"]), o["allowed"], o["description"]]
+        for option, o in options(method).items()
+    ]
     if rows:
-        console.table(["  option", "default", "meaning"], rows)
+        console.table(["  option", "default", "allowed", "meaning"], rows)
     typer.echo()
 
 
 def _plain(value: Any) -> str:
-    return (
-        f"{value:g}"
-        if isinstance(value, float)
-        else str(value).lower()
-        if isinstance(value, bool)
-        else str(value)
-    )
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)

@@ -2,14 +2,21 @@
 
 from fusion.methods.base import METHODS
 from fusion.methods.dem import DemMethod
+from fusion.methods.gps_ins import GPS_INS_METHODS
+from fusion.methods.odometer_map import OdometerMapMethod
 from fusion.methods.particle import ParticleMethod
 from fusion.methods.profile import ProfileMethod
 from fusion.methods.raw import RawMethod
+from fusion.methods.ukf_dem import UkfDemMethod
 
 METHODS.add(ProfileMethod.name, ProfileMethod())
 METHODS.add(ParticleMethod.name, ParticleMethod())
+METHODS.add(OdometerMapMethod.name, OdometerMapMethod())
+METHODS.add(UkfDemMethod.name, UkfDemMethod())
 METHODS.add(RawMethod.name, RawMethod())
 METHODS.add(DemMethod.name, DemMethod())
+for _gps_ins in GPS_INS_METHODS:
+    METHODS.add(_gps_ins.name, _gps_ins)
 
 DEFAULT_METHOD = ProfileMethod.name
 

@@ -2,26 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
-from fusion.errors import UnknownNameError
 from fusion.methods.base import Options
-from fusion.registry import Registry
-
-
-def registered(registry: Registry[Any]) -> AfterValidator:
-    """A name that ``registry`` holds; the refusal lists those."""
-
-    def check(name: str) -> str:
-        try:
-            registry[name]
-        except UnknownNameError as error:
-            raise ValueError(str(error)) from None
-        return name
-
-    return AfterValidator(check)
 
 
 class EpochOptions(Options):
@@ -122,4 +107,11 @@ class TerrainOptions(Options):
         300.0,
         ge=0,
         description="Terrain errors hang together this far, m: an epoch counts for dx / (dx + 2 L).",
+    )
+    dem_min_quality: int = Field(
+        0,
+        ge=0,
+        le=200,
+        description="Scenes that an ASTER post needs to count, by its quality layer (..._num.tif); 1 leaves out posts "
+        "filled from other sources, 0 keeps all.",
     )

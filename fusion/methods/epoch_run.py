@@ -5,23 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from fusion.errors import MissingSensorError
 from fusion.methods.epoch_filter import EpochFilter, Estimate, PredictedMap
 from fusion.methods.epoch_options import EpochOptions
+from fusion.methods.epoch_rules import OUTLIERS_BEFORE_RESTART, fix_fits
 from fusion.methods.epoch_sensors import Sensors
 from fusion.methods.epochs import Epochs
-from fusion.methods.kinematics import STEEPEST_RAD, VX, VY, VZ, X, Y, Z
+from fusion.methods.kinematics import VX, VY
 from fusion.methods.levelling import MountPitch
 from fusion.methods.surroundings import Roads, Terrain
-from fusion.methods.track import TrackBuilder
+from fusion.methods.track import EpochRows
 from fusion.roads.matching import PointMatch
 from fusion.roads.network import RoadNetwork
 from fusion.types import Progress, Track
-
-_OUTLIER_SIGMAS = 6.0
-_OUTLIERS_BEFORE_RESTART = 3
 
 
 @dataclass
@@ -29,7 +24,8 @@ class DriveRun:
     """One drive going through ``engine``: ``run`` once, then ``track`` and ``report``.
 
     ``terrain`` None leaves the elevation model out. With ``map_in_outages_only`` the road corrects the estimate only
-    where there is no GNSS; it is matched at every epoch all the same, since slopes belong to segments.
+    where there is no GNSS; it is matched at every epoch all the same, since slopes belong to segments. ``roads`` None
+    matches by the options.
     """
 
     epochs: Epochs
@@ -39,15 +35,12 @@ class DriveRun:
     sensors: Sensors
     terrain: Terrain | None = None
     map_in_outages_only: bool = False
-    counts: dict[str, int] = field(init=False)
+    roads: Roads | None = None
+    rows: EpochRows = field(init=False)
 
     def __post_init__(self) -> None:
-        self.counts = dict.fromkeys(
-            ("filtered", "matched", "resampled", "starts", "gnss_outliers", "dem", "outage"), 0
-        )
-        self._n_eff_sum = 0.0
-        self._rows = TrackBuilder(len(self.epochs))
-        self._roads = Roads(self.network, self.options)
+        self.rows = EpochRows.blank(len(self.epochs))
+        self._roads = self.roads or Roads(self.network, self.options)
         self._last: Estimate | None = None
         self._rejected = 0
 
@@ -69,9 +62,8 @@ class DriveRun:
         if not (self.epochs.has_gnss[e] and math.isfinite(altitude)):
             return False
         self.engine.restart(*self.sensors.start(e, altitude))
-        self._rows.mark_start(e)
+        self.rows.start[e] = True
         self._rejected = 0
-        self.counts["starts"] += 1
         return True
 
     def _step(self, e: int) -> None:
@@ -89,8 +81,9 @@ class DriveRun:
             road = None
         weight = 0.0 if self.terrain is None else self.terrain.inv_var(speed * (dt or 1.0))
         estimate = self.engine.locate(road, moving, ground, weight)
-        self._record(e, estimate, match, ground)
-        self._last = None if self._rejected >= _OUTLIERS_BEFORE_RESTART else estimate
+        self.rows.put(e, estimate, -1 if match is None else match.segment)
+        self.rows.ground[e] = ground is not None
+        self._last = None if self._rejected >= OUTLIERS_BEFORE_RESTART else estimate
 
     def _speed(self, e: int) -> float:
         """Ground speed as logged; in an outage without a speed signal the filter's own."""
@@ -104,18 +97,14 @@ class DriveRun:
         ep, last = self.epochs, self._last
         if last is None or not ep.has_gnss[e]:
             return False  # a new state holds its fix already
-        s, dt = last.state, ep.time_s[e] - ep.time_s[e - 1]
-        h, v = self.sensors.gnss_sigmas(e)
-        miss = math.hypot(ep.x_m[e] - s[X] - s[VX] * dt, ep.y_m[e] - s[Y] - s[VY] * dt)
-        fits = miss <= _OUTLIER_SIGMAS * math.hypot(h, last.h_sigma_m) + 3.0 * dt * dt
-        height_miss = abs(ep.alt_m[e] - s[Z] - s[VZ] * dt)
-        if math.isfinite(height_miss):
-            fits &= height_miss <= _OUTLIER_SIGMAS * math.hypot(v, last.z_sigma_m) + dt * dt
+        fix = float(ep.x_m[e]), float(ep.y_m[e]), float(ep.alt_m[e])
+        spread, dt = (last.h_sigma_m, last.z_sigma_m), float(ep.time_s[e] - ep.time_s[e - 1])
+        fits = fix_fits(fix, self.sensors.gnss_sigmas(e), last.state, spread, dt)
         if fits:
             self._rejected = 0
             return True
         self._rejected += 1
-        self.counts["gnss_outliers"] += 1
+        self.rows.outlier[e] = True
         return False
 
     def _ground(self, match: PointMatch | None, predicted: PredictedMap) -> float | None:
@@ -126,54 +115,20 @@ class DriveRun:
     def _ground_below(self, e: int) -> float:
         if self.terrain is None or not self.epochs.has_gnss[e]:
             return math.nan
-        return self.terrain.below(float(self.epochs.x_m[e]), float(self.epochs.y_m[e]))
-
-    def _record(self, e: int, estimate: Estimate, match: PointMatch | None, ground: float | None) -> None:
-        self.counts["filtered"] += 1
-        self.counts["matched"] += match is not None
-        self.counts["resampled"] += estimate.resampled
-        self.counts["dem"] += ground is not None
-        self.counts["outage"] += not self.epochs.has_gnss[e]
-        self._n_eff_sum += estimate.n_eff
-        distance = math.nan
-        if match is not None:
-            segment = np.array([match.segment])
-            x, y = estimate.state[[X]], estimate.state[[Y]]
-            distance = float(self.network.project_points(x, y, segment)[2][0])
-        # While standing, vz / v is no pitch: roads are not steeper than this.
-        lift = self.options.antenna_height_m / math.cos(min(abs(estimate.pitch_rad), STEEPEST_RAD))
-        self._rows.put(e, self.epochs, estimate, match, distance, lift)
+        return float(self.terrain.below(self.epochs.x_m[[e]], self.epochs.y_m[[e]])[0])
 
     def track(self) -> Track:
         """The filtered epochs; raises ``MissingSensorError`` where there is none."""
-        track = self._rows.build(self.network.projection)
-        if not len(track):
-            raise MissingSensorError(
-                "No epoch of the log has both a position and a height: it has no altitude (alt_msl_m or height_ell_m), "
-                "and no elevation model that this method uses knows one along it. Record altitudes, or import a DEM "
-                "that covers the drive."
-            )
-        return track
+        return self.rows.track(self.epochs, self.network, self.options.antenna_height_m)
 
     def report(self) -> dict[str, object]:
         """What the run says about itself, JSON-serialisable."""
-        filtered = max(self.counts["filtered"], 1)
-        return {
-            "epochs_filtered": self.counts["filtered"],
-            "outage_share": self.counts["outage"] / filtered,
-            "dem_share": self.counts["dem"] / filtered,
-            "filter_starts": self.counts["starts"],
-            "gnss_outliers": self.counts["gnss_outliers"],
-            "dem_offset_m": 0.0 if self.terrain is None else self.terrain.offset_m,
-        }
+        terrain = {} if self.terrain is None else self.terrain.report()
+        return {**self.rows.report(self.epochs), **terrain}
 
     def cloud_report(self) -> dict[str, object]:
-        """What a cloud of particles says besides: share of epochs resampled (57 % in the thesis), mean N_eff."""
-        filtered = max(self.counts["filtered"], 1)
-        return {
-            "resampled_share": self.counts["resampled"] / filtered,
-            "mean_n_eff": self._n_eff_sum / filtered,
-        }
+        """What a cloud of particles says besides."""
+        return self.rows.cloud_report()
 
 
 def mount_report(mount: MountPitch) -> dict[str, object]:

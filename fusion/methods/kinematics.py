@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fusion.compiled import compiled
 from fusion.methods.epoch_options import EpochOptions
 from fusion.types import Floats
 
@@ -18,16 +19,29 @@ STEEPEST_RAD = 0.35
 """No road is steeper; while a vehicle stands, vz / v may say anything."""
 
 
+def half_rate(options: EpochOptions) -> float:
+    """What acceleration adds to the position row, per dt^2: nothing as printed, 1/2 in the exact discretisation."""
+    return 0.5 if options.discretisation == "exact" else 0.0
+
+
 def half_square(options: EpochOptions, dt_s: float) -> float:
-    """What acceleration adds to the position row: nothing as printed, dt^2 / 2 in the exact discretisation."""
-    return 0.5 * dt_s * dt_s if options.discretisation == "exact" else 0.0
+    """What acceleration adds to the position row over ``dt_s``."""
+    return half_rate(options) * dt_s * dt_s
+
+
+@compiled
+def motion(dt_s: float, half_dt2: float) -> Floats:
+    """The matrix F over ``dt_s``, shape (9, 9)."""
+    F = np.eye(STATES)
+    for a in range(0, STATES, 3):
+        F[a + 1, a] = F[a + 2, a + 1] = dt_s
+        F[a + 2, a] = half_dt2
+    return F
 
 
 def transition(options: EpochOptions, dt_s: float) -> Floats:
     """The matrix F over ``dt_s``, shape (9, 9)."""
-    axis = np.array([[1.0, 0.0, 0.0], [dt_s, 1.0, 0.0], [half_square(options, dt_s), dt_s, 1.0]])
-    out: Floats = np.kron(np.eye(3), axis)
-    return out
+    return motion(dt_s, half_square(options, dt_s))
 
 
 def noise_rates(options: EpochOptions) -> Floats:

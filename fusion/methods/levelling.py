@@ -7,11 +7,14 @@ sensor's integral has beyond it is the mount's tilt.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion.compiled import compiled
+from fusion.filters.kalman import correct_scalar, predict
 from fusion.methods.epochs import Epochs
 from fusion.types import Floats
 
@@ -22,6 +25,8 @@ _DEFAULT_DOPPLER_SIGMA_MPS = 0.3
 _SUSPENSION = 0.011  # sd of the body's motion on its springs, as a grade
 _SUSPENSION_TAU_S = 1.0
 _MAX_POINTS = 400
+_ALTITUDE_WHITE_M = 0.5
+_VAGUE_M, _VAGUE_GRADE = 1e4, 1e2
 
 
 @dataclass(frozen=True)
@@ -115,8 +120,6 @@ def _gls_tilt(
     epochs: Epochs, index: NDArray[np.intp], time_s: Floats, distance: Floats, climb: Floats
 ) -> MountPitch:
     sigma = np.nan_to_num(epochs.v_acc_m[index], nan=_DEFAULT_ALTITUDE_SIGMA_M)
-    lag = np.abs(time_s[:, None] - time_s[None, :])
-    covariance = sigma[:, None] * sigma[None, :] * np.exp(-lag / _ALTITUDE_TAU_S)
     # The sensor's integral wanders as well: white suspension noise sums up to a random walk along the road.
     walk = (
         _SUSPENSION**2
@@ -125,10 +128,28 @@ def _gls_tilt(
         * np.mean(np.diff(distance) ** 2 / np.diff(time_s))
         / np.mean(np.diff(distance))
     )
-    covariance += walk * np.minimum(distance[:, None], distance[None, :])
-    covariance[np.diag_indices_from(covariance)] += 0.25
-    design = np.column_stack([np.ones(len(distance)), -distance])
-    solved = np.linalg.solve(covariance, np.column_stack([design, epochs.alt_m[index] - climb]))
-    normal = design.T @ solved[:, :2]
-    estimate = np.linalg.solve(normal, design.T @ solved[:, 2])
-    return MountPitch(float(estimate[1]), float(np.sqrt(np.linalg.inv(normal)[1, 1])), "altitude")
+    grade, variance = _tilt_of_misfit(epochs.alt_m[index] - climb, time_s, distance, sigma, float(walk))
+    return MountPitch(grade, math.sqrt(variance), "altitude")
+
+
+@compiled
+def _tilt_of_misfit(
+    misfit: Floats, time_s: Floats, distance: Floats, sigma: Floats, walk: float
+) -> tuple[float, float]:
+    """Fit misfit = offset - tilt * distance to n heights, (n,) each; returns the tilt and its variance.
+
+    Their errors are a Gauss-Markov process in time of ``sigma``, a random walk along the road of variance ``walk`` per
+    metre, and white noise. Least squares under such errors is a Kalman filter over offset, tilt and both errors.
+    """
+    level = misfit[0]
+    mean = np.zeros(4)
+    covariance = np.diag(np.array([_VAGUE_M**2, _VAGUE_GRADE**2, 1.0, walk * distance[0]]))
+    for k in range(len(misfit)):
+        if k:
+            keep = math.exp((time_s[k - 1] - time_s[k]) / _ALTITUDE_TAU_S)
+            noise = np.array([0.0, 0.0, 1.0 - keep * keep, walk * (distance[k] - distance[k - 1])])
+            F = np.diag(np.array([1.0, 1.0, keep, 1.0]))
+            mean, covariance = predict(mean, covariance, F, np.diag(noise))
+        row = np.array([1.0, -distance[k], sigma[k], 1.0])
+        correct_scalar(mean, covariance, misfit[k] - level - np.sum(row * mean), row, _ALTITUDE_WHITE_M**2)
+    return mean[1], covariance[1, 1]

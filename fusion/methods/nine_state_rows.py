@@ -1,7 +1,7 @@
 """Measurement functions of the nine-state model with their Jacobians, and what a Gaussian state says in their terms.
 
 Functions of a state (9,): heading atan2(vy, vx) of (7) and (2.14), pitch atan(vz / |v|) of (3.14), and the height
-z - H / cos(pitch) of the ground of (2.17). Near standstill angles have no derivative; below ``SLOWEST_MPS`` rows are
+z - H / cos(pitch) of the ground of (2.17). Near standstill angles have no derivative; below ``SLOWEST_MPS`` they are
 taken as if the vehicle moved that fast.
 """
 
@@ -35,10 +35,13 @@ def heading_row(state: Floats) -> tuple[float, Floats]:
 def pitch_row(state: Floats) -> tuple[float, Floats]:
     """Pitch of the way travelled, radians, and its derivative (9,)."""
     vx, vy, vz = state[VX], state[VY], state[VZ]
-    along = max(math.hypot(vx, vy), SLOWEST_MPS)
+    speed = math.hypot(vx, vy)
+    along = max(speed, SLOWEST_MPS)
     square = along * along + vz * vz
     row = np.zeros(STATES)
-    row[VX], row[VY], row[VZ] = -vz * vx / (along * square), -vz * vy / (along * square), along / square
+    row[VZ] = along / square
+    if speed > SLOWEST_MPS:
+        row[VX], row[VY] = -vz * vx / (along * square), -vz * vy / (along * square)
     return math.atan(vz / along), row
 
 
@@ -62,20 +65,44 @@ def map_rows(state: Floats) -> tuple[Floats, Floats]:
     return np.array([state[X], state[Y], heading]), design
 
 
+@compiled
+def map_covariance(covariance: Floats, heading: Floats) -> Floats:
+    """Covariance (3, 3) of x, y, heading, of which ``heading`` (9,) is the derivative."""
+    out = np.empty((3, 3))
+    out[0, 0], out[1, 1], out[0, 1] = covariance[X, X], covariance[Y, Y], covariance[X, Y]
+    out[0, 2], out[1, 2], out[2, 2] = 0.0, 0.0, 0.0
+    for a in range(STATES):
+        out[0, 2] += covariance[X, a] * heading[a]
+        out[1, 2] += covariance[Y, a] * heading[a]
+        for b in range(STATES):
+            out[2, 2] += heading[a] * covariance[a, b] * heading[b]
+    out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
+    return out
+
+
+@compiled
+def attitude_and_spreads(state: Floats, covariance: Floats) -> tuple[float, float, float, float]:
+    """Pitch and its sigma, radians; sigma of the position in the plane and of the height, metres: to first order."""
+    pitch, row = pitch_row(state)
+    variance = 0.0
+    for a in range(STATES):
+        for b in range(STATES):
+            variance += row[a] * covariance[a, b] * row[b]
+    return (
+        pitch,
+        math.sqrt(max(variance, 0.0)),
+        math.sqrt(max(covariance[X, X] + covariance[Y, Y], 0.0)),
+        math.sqrt(max(covariance[Z, Z], 0.0)),
+    )
+
+
 def predicted_map(state: Floats, covariance: Floats) -> PredictedMap:
     """What a map match starts from, to first order."""
-    at, design = map_rows(state)
-    return PredictedMap(float(at[0]), float(at[1]), float(at[2]), design @ covariance @ design.T)
+    heading, row = heading_row(state)
+    return PredictedMap(float(state[X]), float(state[Y]), heading, map_covariance(covariance, row))
 
 
 def gaussian_estimate(state: Floats, covariance: Floats) -> Estimate:
     """The estimate of a filter whose posterior is Gaussian, to first order."""
-    pitch, row = pitch_row(state)
-    return Estimate(
-        state=state.copy(),
-        heading_rad=math.atan2(state[VY], state[VX]),
-        pitch_rad=pitch,
-        pitch_sigma_rad=math.sqrt(max(float(row @ covariance @ row), 0.0)),
-        h_sigma_m=math.sqrt(max(float(covariance[X, X] + covariance[Y, Y]), 0.0)),
-        z_sigma_m=math.sqrt(max(float(covariance[Z, Z]), 0.0)),
-    )
+    pitch, pitch_sigma, h_sigma, z_sigma = attitude_and_spreads(state, covariance)
+    return Estimate(state.copy(), math.atan2(state[VY], state[VX]), pitch, pitch_sigma, h_sigma, z_sigma)

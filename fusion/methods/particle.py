@@ -2,7 +2,7 @@
 
 A sequential importance resampling filter of nine states corrects each epoch by GNSS, acceleration, in chapter 3 pitch,
 the matched road and the terrain around it, in this order; a line through the altitudes estimated on a segment gives
-its slope (3.4.3).
+its slope (3.4.3). The Kalman filters of the background chapter (1.4.2) take the same way.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from fusion.errors import MissingSensorError
 from fusion.methods.epoch_run import DriveRun, mount_report
 from fusion.methods.epoch_sensors import Sensors
 from fusion.methods.epochs import build_epochs
+from fusion.methods.kalman_run import KalmanRun
 from fusion.methods.levelling import MountPitch, estimate_mount
 from fusion.methods.line_slopes import ErrorShares, line_slopes
 from fusion.methods.particle_filter import ParticleCloud
@@ -69,25 +70,27 @@ class ParticleMethod:
     ) -> DriveResult:
         """See ``Method.estimate``."""
         run, mount = prepare(log, network, dem, options)
-        with _PARALLEL, threads_for(options.particles):
+        cloud: dict[str, object] = {}
+        if isinstance(run, DriveRun):
+            with _PARALLEL, threads_for(options.particles):
+                run.run(progress)
+            cloud = {"particles": options.particles, **run.cloud_report()}
+        else:
             run.run(progress)
         track = run.track()
         shares = _SHARES if run.sensors.measures_grade else replace(_SHARES, grade=1.0)
         sigma = mount.sigma if mount is not None and mount.known else 0.0
         slopes = line_slopes(track, shares, sigma, options.min_epochs)
-        report = {
-            "particles": options.particles,
-            **run.report(),
-            **run.cloud_report(),
-            **({} if mount is None else mount_report(mount)),
-        }
+        report = {**cloud, **run.report(), **({} if mount is None else mount_report(mount))}
         return DriveResult(track, slopes, report)
 
 
 def prepare(
     log: DriveLog, network: RoadNetwork, dem: Dem | None, options: ParticleOptions
-) -> tuple[DriveRun, MountPitch | None]:
-    """The run of a drive through the cloud, and the tilt of the pitch sensor (None in chapter 2, which has none).
+) -> tuple[DriveRun | KalmanRun, MountPitch | None]:
+    """The run of a drive through the filter, and the tilt of the pitch sensor (None where no pitch is used).
+
+    Chapter 2 has no pitch, and the Kalman filter takes none, for it is not linear in the state.
 
     Raises ``MissingSensorError`` where neither the log nor a DEM has heights.
     """
@@ -98,14 +101,16 @@ def prepare(
             "measure slopes from. Record altitudes, or import a DEM of the area."
         )
     mount = None
-    if options.variant == "ch3":
+    if options.variant == "ch3" and options.filter != "kf":
         mount = estimate_mount(epochs) if options.level_pitch else MountPitch(0.0, np.inf, "off")
     window = options.dem_window or _WINDOWS[options.variant]
     terrain = (
         None if dem is None else Terrain(dem, window, network, epochs, options, options.antenna_height_m)
     )
     sensors = Sensors(epochs, options, options, mount)
-    return DriveRun(epochs, network, ParticleCloud(options), options, sensors, terrain), mount
+    if options.filter == "sir":
+        return DriveRun(epochs, network, ParticleCloud(options), options, sensors, terrain), mount
+    return KalmanRun(epochs, network, options, sensors, terrain, linear=options.filter == "kf"), mount
 
 
 @contextmanager

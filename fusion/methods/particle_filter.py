@@ -96,7 +96,7 @@ class ParticleCloud:
         pitch = total[k.B_PITCH] / w
         n_eff = w * w / total[k.B_WW]
         heading = math.atan2(total[k.B_SIN], total[k.B_COS])
-        resampled = n_eff < self.options.n_eff_threshold * self.options.particles
+        resampled = n_eff < (self.options.trigger_threshold or 2 / 3) * self.options.particles
         if resampled:
             self._draw_again(total[k.B_LOGMAX], w)
         else:

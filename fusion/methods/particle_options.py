@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fusion.filters.resampling import RESAMPLERS
-from fusion.methods.epoch_options import EpochOptions, InertialOptions, TerrainOptions, registered
+from fusion.filters.triggers import TRIGGERS
+from fusion.methods.base import Registered
+from fusion.methods.epoch_options import EpochOptions, InertialOptions, TerrainOptions
 from fusion.terrain.windows import WINDOWS
 
 
@@ -17,6 +19,11 @@ class ParticleOptions(TerrainOptions, InertialOptions, EpochOptions):
     variant: Literal["ch2", "ch3"] = Field(
         "ch3",
         description="Chapter 2: GNSS, acceleration, map, terrain by triangles. Chapter 3: pitch and windows as well.",
+    )
+    filter: Literal["sir", "ekf", "kf"] = Field(
+        "sir",
+        description="Particles (thesis), its extended Kalman filter, which gives the same slopes in a fraction of the "
+        "time, or its Kalman filter, which can use neither pitch nor the direction of roads.",
     )
     particles: int = Field(
         100_000, ge=100, le=10_000_000, description="Number of particles (thesis: 100,000)."
@@ -28,15 +35,18 @@ class ParticleOptions(TerrainOptions, InertialOptions, EpochOptions):
         "optimal",
         description="Importance density: the optimal one for the linear sensors, or the dynamics alone (thesis).",
     )
-    resampling: Annotated[str, registered(RESAMPLERS)] = Field(
+    resampling: Annotated[str, Registered(RESAMPLERS)] = Field(
         "multinomial", description="Resampling scheme (thesis: multinomial)."
     )
-    n_eff_threshold: float = Field(
-        2 / 3,
-        gt=0,
-        le=1,
-        description="Resample when N_eff falls below this share of the particles (thesis: 2/3).",
+    resampling_trigger: Annotated[str, Registered(TRIGGERS)] = Field(
+        "n_eff",
+        description="What makes the filter resample: n_eff, entropy, or never, which is SIS (thesis: n_eff).",
     )
-    dem_window: Annotated[str | None, registered(WINDOWS)] = Field(
+    trigger_threshold: float | None = Field(
+        None,
+        gt=0,
+        description="Threshold of the trigger; by default n_eff 2/3 of the particles (thesis), entropy 0.2 nat.",
+    )
+    dem_window: Annotated[str, Registered(WINDOWS)] | None = Field(
         None, description="Selection of terrain points; by default the variant's: ch2 tin, ch3 adjacent."
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from fusion.methods.epoch_filter import PredictedMap
 from fusion.methods.epoch_options import EpochOptions, TerrainOptions
+from fusion.methods.epoch_rules import SHORTEST_WAY_M, whitened
 from fusion.methods.epochs import Epochs
 from fusion.roads.matching import PointMatch, nearest_mahalanobis
 from fusion.roads.network import RoadNetwork
@@ -45,7 +46,7 @@ class Terrain:
 
     ``offset_m`` is what was added to it to meet the log's heights: ellipsoidal heights lie tens of metres from a
     DEM above the geoid. A constant does no harm to slopes, but two sources that disagree by it would pull at the
-    filter.
+    filter. ``warnings`` are sentences for the drive's report.
     """
 
     def __init__(
@@ -57,33 +58,52 @@ class Terrain:
         options: TerrainOptions,
         antenna_m: float,
     ) -> None:
-        self._dem, self._network, self._options = dem, network, options
+        self._dem, self._network, self._options = dem.filtered(options.dem_min_quality), network, options
+        self.warnings = quality_warnings(dem, options)
         self._window = WINDOWS[window]
         self._models: dict[int, HeightModel | None] = {}
         self.offset_m = _datum_offset(epochs, network, dem, antenna_m)
 
     def height(self, segment: int, x_m: float, y_m: float) -> float | None:
         """Height of the ground by the matched segment's window (3.12); None on structures and where unknown."""
+        model = self.model(segment)
+        if model is None:
+            return None
+        height = model.height_at(x_m, y_m)
+        return height + self.offset_m if math.isfinite(height) else None
+
+    def model(self, segment: int) -> HeightModel | None:
+        """A segment's window, without the offset; None on structures and where the elevation model has no height."""
         table = self._network.table
         if table.bridge[segment] or table.tunnel[segment]:
             return None
         if segment not in self._models:
             self._models[segment] = self._window.model(self._dem, self._network, segment)
-        model = self._models[segment]
-        if model is None:
-            return None
-        height = float(model.height(np.array([x_m]), np.array([y_m]))[0])
-        return height + self.offset_m if math.isfinite(height) else None
+        return self._models[segment]
+
+    def report(self) -> dict[str, object]:
+        """What is to be said of the elevation model."""
+        return {"dem_offset_m": self.offset_m, "warnings": self.warnings}
 
     def inv_var(self, way_m: float) -> float:
         """Terrain errors hang together, so an epoch brings only the information of the way it covers."""
         o = self._options
-        return 1 / (o.dem_sigma_m**2 * (1 + 2 * o.dem_correlation_m / max(way_m, 0.1)))
+        return 1.0 / whitened(o.dem_sigma_m**2, max(way_m, SHORTEST_WAY_M), o.dem_correlation_m)
 
-    def below(self, x_m: float, y_m: float) -> float:
-        """Height of the triangulated surface at a place, NaN where unknown."""
-        lon, lat = self._network.projection.to_lonlat(np.array([x_m]), np.array([y_m]))
-        return float(self._dem.heights(lon, lat)[0])
+    def below(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Heights of the triangulated surface at places (n,), on the log's datum; NaN where unknown."""
+        lon, lat = self._network.projection.to_lonlat(x_m, y_m)
+        return self._dem.heights(lon, lat) + self.offset_m
+
+
+def quality_warnings(dem: Dem, options: TerrainOptions) -> list[str]:
+    """A threshold that some raster knows nothing of."""
+    if not options.dem_min_quality or not dem.without_quality:
+        return []
+    return [
+        f"{', '.join(dem.without_quality)}: no quality layer (..._num.tif) is known, so the option dem_min_quality has "
+        "no effect there. Put it beside the raster, or import both together."
+    ]
 
 
 def _datum_offset(epochs: Epochs, network: RoadNetwork, dem: Dem, antenna_m: float) -> float:

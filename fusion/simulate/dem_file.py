@@ -52,17 +52,22 @@ def dem_heights(town: Town) -> tuple[Floats, float, float]:
     x, y = town.projection.to_xy(*np.meshgrid(column, row))
     rng = np.random.default_rng([town.seed, 5])
     spacing = float(np.mean(np.diff(x, axis=1))), float(-np.mean(np.diff(y, axis=0)))
-    height = town.height(x, y) + _correlated(rng, x.shape, spacing)
+    height = town.height(x, y) + ERROR_SIGMA_M * correlated_field(rng, x.shape, spacing, ERROR_LENGTH_M)
     height[_void(rng, x, y)] = np.nan
     return height, left * POSTING_DEG, top * POSTING_DEG
 
 
-def _correlated(rng: np.random.Generator, shape: tuple[int, ...], spacing_m: tuple[float, float]) -> Floats:
-    """A random field of the error's sigma and length: white noise blurred by a Gaussian half as long."""
-    across, down = (ERROR_LENGTH_M / 2 / s for s in spacing_m)
+def correlated_field(
+    rng: np.random.Generator, shape: tuple[int, int], spacing_m: tuple[float, float], length_m: float
+) -> Floats:
+    """A random field of unit variance on a grid, of shape (rows, columns) and spacing (east, north).
+
+    White noise is blurred by a Gaussian half as long as ``length_m``, at which the correlation has fallen to 1/e.
+    """
+    across, down = (length_m / 2 / s for s in spacing_m)
     white = rng.normal(size=shape)
     blurred = gaussian_filter(white, (down, across), mode="wrap", truncate=5.0)
-    return np.asarray(ERROR_SIGMA_M * blurred * np.sqrt(4 * np.pi * across * down))
+    return np.asarray(blurred * np.sqrt(4 * np.pi * across * down))
 
 
 def _void(rng: np.random.Generator, x: Floats, y: Floats) -> NDArray[np.bool_]:

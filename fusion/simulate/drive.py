@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.simulate.motion import Motion, MotionState, move
+from fusion.simulate.motion import Driver, Motion, MotionState, move
 from fusion.simulate.receiver import (
     RECEIVERS,
     GnssReadings,
@@ -24,8 +24,9 @@ from fusion.simulate.receiver import (
     observe_gnss,
     observe_inertial,
 )
-from fusion.simulate.routes import plan_route
+from fusion.simulate.routes import Route, plan_route
 from fusion.simulate.ubx_file import ubx_bytes
+from fusion.simulate.wheels import WheelReadings, WheelSet, observe_wheels
 from fusion.types import Floats, Ints
 
 if TYPE_CHECKING:
@@ -53,8 +54,8 @@ class Pass(NamedTuple):
 class SimulatedDrive:
     """A drive through a town. ``time_s`` (Unix seconds, whole milliseconds) are the GNSS epochs.
 
-    ``truth`` is the true state at the epochs; ``gnss`` and ``inertial`` are the readings there. ``has_gnss``
-    is False in tunnels and outages, where the GNSS readings must not be used.
+    ``truth`` is the true state at the epochs; ``gnss``, ``inertial`` and, where asked for, ``wheels`` are the
+    readings there. ``has_gnss`` is False in tunnels and outages, where the GNSS readings must not be used.
     """
 
     town: Town
@@ -70,6 +71,7 @@ class SimulatedDrive:
     gnss: GnssReadings
     inertial: InertialReadings
     has_gnss: NDArray[np.bool_]
+    wheels: WheelReadings | None = None
 
     @property
     def profile(self) -> ReceiverProfile:
@@ -140,6 +142,9 @@ class SimulatedDrive:
             "pitch_acc_deg": np.full(n, p.pitch_acc_deg),
             "odo_speed_mps": imu.odo_speed_mps,
         }
+        if self.wheels is not None:
+            table["wheel_left_rad"] = self.wheels.left_rad
+            table["wheel_right_rad"] = self.wheels.right_rad
         for name in _POSITION_COLUMNS + _VELOCITY_COLUMNS:
             table[name] = np.where(self.has_gnss, table[name], np.nan)
         return table
@@ -156,7 +161,7 @@ class SimulatedDrive:
         Path(path).write_bytes(gzip.compress(data, mtime=0) if str(path).endswith(".gz") else data)
 
     def write_ubx(self, path: Path) -> None:
-        """Write u-blox binary messages (see ``fusion.simulate.ubx_file``)."""
+        """Write u-blox binary messages (see ``fusion.simulate.ubx_file``); they carry no wheels."""
         Path(path).write_bytes(ubx_bytes(self))
 
 
@@ -176,24 +181,33 @@ def simulate_drive(
     start_time_s: float | None = None,
     visits: Ints | None = None,
     first: NDArray[np.bool_] | None = None,
+    route: Route | None = None,
+    wheels: WheelSet | None = None,
+    driver: Driver = Driver(),  # noqa: B008  a tuple of numbers, never changed
 ) -> SimulatedDrive:
     """Drive a random route for ``duration_s``; everything random comes from the town's seed and ``seed``.
 
     ``outages`` are (start, length) in seconds from the drive's beginning, without GNSS as in tunnels.
     ``visits`` and ``first`` steer the route (``routes.plan_route``); the passes of this drive are added to
-    ``visits``. Raises ``UnknownNameError`` for an unknown receiver, ``ValueError`` for a duration or rate
-    that is not positive.
+    ``visits``. A ``route`` is driven as it is, to its end at most. ``wheels`` adds readings of theirs from a
+    stream of random numbers of its own: the rest of the drive is the same with and without.
+    Raises ``UnknownNameError`` for an unknown receiver, ``ValueError`` for a duration, rate or top speed that is
+    not positive.
     """
-    if duration_s <= 0 or rate_hz <= 0:
-        raise ValueError(f"a drive needs a positive duration and rate, not {duration_s} s at {rate_hz} Hz")
+    if duration_s <= 0 or rate_hz <= 0 or driver.top_speed_mps <= 0:
+        raise ValueError(
+            f"a drive needs a positive duration and rate, not {duration_s} s at {rate_hz} Hz, and a top speed, not "
+            f"{driver.top_speed_mps} m/s"
+        )
     profile = RECEIVERS[receiver]
 
     def chance(k: int) -> np.random.Generator:
         return np.random.default_rng([town.seed, seed, k])
 
-    earlier = None if visits is None else visits.copy()
-    route = plan_route(town, 1.3 * duration_s + 120.0, chance(20), visits=earlier, first=first)
-    motion = move(town, route, duration_s, chance(21), springs=profile.springs)
+    if route is None:
+        earlier = None if visits is None else visits.copy()
+        route = plan_route(town, 1.3 * duration_s + 120.0, chance(20), visits=earlier, first=first)
+    motion = move(town, route, duration_s, chance(21), springs=profile.springs, driver=driver)
     mounting = Mounting.draw(profile, chance(22))
     noise = chance(23)
     phase = float(noise.random()) / rate_hz
@@ -217,6 +231,7 @@ def simulate_drive(
         gnss=observe_gnss(truth, 1 / rate_hz, antenna_m, profile, mounting, noise),
         inertial=observe_inertial(truth, profile, mounting, noise),
         has_gnss=~lost,
+        wheels=None if wheels is None else observe_wheels(motion, elapsed, wheels, chance(26)),
     )
     if visits is not None:
         np.add.at(visits, [p.segment for p in drive.passes()], 1)

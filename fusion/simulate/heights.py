@@ -14,6 +14,7 @@ _EMBANKED_M = 3.0
 _KINK = {"motorway": 0.004, "motorway_link": 0.008, "primary": 0.012, "secondary": 0.012}
 _KINK_ELSEWHERE = 0.018
 _KINK_ON_STRUCTURE = 0.001
+_KINK_AT_MERGES = 0.002
 _CLEARANCE_SIGMA_M = 0.2
 
 
@@ -31,6 +32,9 @@ def node_heights(plan: Plan, ground_m: Floats) -> Floats:
             system.add([node], [1.0], float(ground_m[node]), tolerance)
     for street in plan.streets:
         _add_smoothness(system, plan, street)
+    for a, b, c in plan.merges:
+        lengths = [float(np.hypot(*(plan.xy(v) - plan.xy(u)))) for u, v in ((a, b), (b, c))]
+        _add_kink(system, (a, b, c), lengths, _KINK_AT_MERGES)
     for top, under, clearance in plan.clearances:
         share = -1.0 / len(under)
         system.add([top, *under], [1.0] + [share] * len(under), clearance, _CLEARANCE_SIGMA_M)
@@ -65,7 +69,7 @@ def _ground_tolerance(plan: Plan) -> Floats:
     for street in plan.streets:
         for k, kind in enumerate(street.kinds):
             for node in street.nodes[k : k + 2]:
-                banked = kind.highway == "motorway" or node in plan.embanked
+                banked = (kind.highway == "motorway" or node in plan.embanked) and node not in plan.level
                 allowed = _EMBANKED_M if banked else _ON_GROUND_M
                 if kind.structure == GROUND:
                     tolerance[node] = np.nanmax([tolerance[node], allowed])
@@ -76,10 +80,15 @@ def _add_smoothness(system: _System, plan: Plan, street: Street) -> None:
     length = segment_lengths(plan, street)
     for k in range(len(length) - (0 if street.closed else 1)):
         m = (k + 1) % len(length)
-        a, b = street.nodes[k], street.nodes[k + 1]
-        c = street.nodes[m + 1]
-        factors = [1 / length[k], -1 / length[k] - 1 / length[m], 1 / length[m]]
-        system.add([a, b, c], factors, 0.0, _kink(street.kinds[k], street.kinds[m]))
+        nodes = (street.nodes[k], street.nodes[k + 1], street.nodes[m + 1])
+        kink = _kink(street.kinds[k], street.kinds[m])
+        _add_kink(system, nodes, [float(length[k]), float(length[m])], kink)
+
+
+def _add_kink(system: _System, nodes: tuple[int, int, int], lengths: list[float], tolerance: float) -> None:
+    """Change of grade from the segment before the middle node to the one after it: none, within a tolerance."""
+    before, after = 1 / lengths[0], 1 / lengths[1]
+    system.add(list(nodes), [before, -before - after, after], 0.0, tolerance)
 
 
 def _kink(before: Kind, after: Kind) -> float:

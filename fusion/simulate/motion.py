@@ -24,7 +24,6 @@ _SPEED_UP_MPS2 = 1.4
 _SLOW_DOWN_MPS2 = 1.9
 _CRAWL_MPS = 0.6
 _SMOOTH_S = 0.6
-_STOP_CHANCE = 0.18
 _STOP_S = (3.0, 18.0)
 _FIRST_STAND_S = 4.0
 _SQUAT_RAD_PER_MPS2 = np.radians(0.2)
@@ -32,6 +31,18 @@ _LEAN_RAD_PER_MPS2 = np.radians(0.4)
 _PITCH_SPRINGS_RAD = 0.009
 _ROLL_SPRINGS_RAD = 0.006
 _SPRINGS_S = 0.45
+
+
+class Driver(NamedTuple):
+    """How a vehicle is driven: the highest speed wanted, the share of junctions of ordinary streets at which it halts.
+
+    ``lane_m`` is the way right of the centre line of two-way roads, ``wander_m`` one sigma of not keeping to it.
+    """
+
+    top_speed_mps: float = np.inf
+    stop_chance: float = 0.18
+    lane_m: float = 1.5
+    wander_m: float = 0.2
 
 
 class MotionState(NamedTuple):
@@ -126,17 +137,16 @@ def move(
     duration_s: float,
     rng: np.random.Generator,
     *,
-    lane_m: float = 1.5,
-    wander_m: float = 0.2,
     springs: float = 1.0,
+    driver: Driver = Driver(),  # noqa: B008  a tuple of numbers, never changed
 ) -> Motion:
     """Drive a route for ``duration_s``, or to its end if that comes first.
 
     ``springs`` scales the body's motion against the road (1: pitch leaves the grade by about 1 %, correlated
     over about a second, besides 0.2 degree of squat per m/s2; 0: the body follows the road).
     """
-    path = draw_path(town, route, lane_m, wander_m, rng)
-    knots_s, knots_m = _timetable(town, route, path, rng)
+    path = draw_path(town, route, driver.lane_m, driver.wander_m, rng)
+    knots_s, knots_m = _timetable(town, route, path, driver, rng)
     duration_s = min(duration_s, float(knots_s[-1]))
     grid = np.arange(-2.0, duration_s + 2.0, _GRID_S)
     travelled_m = gaussian_filter1d(np.interp(grid, knots_s, knots_m), _SMOOTH_S / _GRID_S, mode="nearest")
@@ -145,10 +155,12 @@ def move(
     return Motion(town, route, path, travelled, attitude, duration_s)
 
 
-def _timetable(town: Town, route: Route, path: Path, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _timetable(
+    town: Town, route: Route, path: Path, driver: Driver, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
     """Time and distance travelled at the path's knots, standing included."""
-    speed = _speed_limits(town, route, path, rng)
-    stops = _stops(town, route, path, rng)
+    speed = np.minimum(_speed_limits(town, route, path, rng), driver.top_speed_mps)
+    stops = _stops(town, route, path, driver.stop_chance, rng)
     speed[stops] = _CRAWL_MPS
     speed[[0, -1]] = _CRAWL_MPS
     square, s = speed**2, path.s_m
@@ -173,7 +185,7 @@ def _speed_limits(town: Town, route: Route, path: Path, rng: np.random.Generator
     return np.minimum(free, np.maximum(curve, 1.5))
 
 
-def _stops(town: Town, route: Route, path: Path, rng: np.random.Generator) -> Ints:
+def _stops(town: Town, route: Route, path: Path, chance: float, rng: np.random.Generator) -> Ints:
     """Knots at which the driver halts: at some junctions of ordinary streets, some metres before the node."""
     last = np.flatnonzero(np.diff(path.arc) > 0)
     arc = path.arc[last]
@@ -181,7 +193,7 @@ def _stops(town: Town, route: Route, path: Path, rng: np.random.Generator) -> In
     here, then = (town.roads.highway[route.segment[k]].astype(str) for k in (arc, path.arc[last + 1]))
     through = np.isin(here, ["motorway", "motorway_link"]) | np.isin(then, ["motorway", "motorway_link"])
     junction = (town.junction_degree[node] > 2) & ~through
-    halt = junction & (rng.random(len(last)) < _STOP_CHANCE)
+    halt = junction & (rng.random(len(last)) < chance)
     return np.maximum(last[halt] - round(8.0 / STEP_M), 1)
 
 

@@ -78,7 +78,7 @@ def _way(way_id: int, nodes: list[int], tags: dict[str, str]) -> list[str]:
 
 
 def _relation(town: Town) -> list[str]:
-    member = next(w.way_id for w in town.ways if w.name == "High Street")
+    member = next((w.way_id for w in town.ways if w.name == "High Street"), town.ways[0].way_id)
     return [
         f'  <relation id="700001" {_STAMP}>',
         f'    <member type="way" ref="{member}" role=""/>',

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from fusion.simulate.curved_path import curved_points
 from fusion.simulate.routes import Route
 from fusion.types import Floats, Ints
 
@@ -48,7 +49,7 @@ class Path:
 
 def draw_path(town: Town, route: Route, lane_m: float, wander_m: float, rng: np.random.Generator) -> Path:
     """Draw the driven line, ``lane_m`` right of the centre of two-way roads, ``wander_m`` its one sigma."""
-    points, arc = _raw_points(town, route, lane_m)
+    points, arc = (curved_points if town.curved else _raw_points)(town, route, lane_m)
     s = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points[:, :2], axis=0).T))]
     keep = np.r_[True, np.diff(s) > 1e-6]
     s, points, arc = s[keep], points[keep], arc[keep]

@@ -49,6 +49,10 @@ class Plan:
     """(node of a bridge, nodes of the road under it, metres between the two surfaces)."""
     embanked: set[int] = field(default_factory=set)
     """Nodes that may lie several metres off the ground, on a bank or in a cutting."""
+    level: set[int] = field(default_factory=set)
+    """Nodes that lie on the ground although their road may be banked elsewhere."""
+    merges: list[tuple[int, int, int]] = field(default_factory=list)
+    """Three nodes in a row across streets that should pass into each other without a kink in height."""
 
     def node(self, x_m: float, y_m: float) -> int:
         """Add a node and return its index."""

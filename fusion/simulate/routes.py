@@ -53,18 +53,23 @@ class Arcs:
     forward: NDArray[np.bool_]
     tail: Ints
     head: Ints
+    degree: Ints
+    """Number of open segments' ends at each of the town's nodes."""
 
     @classmethod
-    def of(cls, town: Town) -> Arcs:
-        """The legal arcs of a town: a one-way segment has one, any other two."""
-        with_way = np.flatnonzero(town.roads.oneway >= 0)
-        against = np.flatnonzero(town.roads.oneway <= 0)
+    def of(cls, town: Town, closed: NDArray[np.bool_] | None = None) -> Arcs:
+        """The legal arcs of a town: a one-way segment has one, any other two, a closed one none."""
+        shut = np.zeros(len(town.roads), bool) if closed is None else closed
+        with_way = np.flatnonzero((town.roads.oneway >= 0) & ~shut)
+        against = np.flatnonzero((town.roads.oneway <= 0) & ~shut)
+        ends = np.r_[town.start[~shut], town.end[~shut]]
         return cls(
             town,
             np.r_[with_way, against],
             np.r_[np.ones(len(with_way), bool), np.zeros(len(against), bool)],
             np.r_[town.start[with_way], town.end[against]],
             np.r_[town.end[with_way], town.start[against]],
+            np.bincount(ends, minlength=len(town.node_id)).astype(np.int64),
         )
 
     def __len__(self) -> int:
@@ -86,7 +91,7 @@ class Arcs:
         offset = np.arange(len(here)) - np.repeat(np.cumsum(last - first) - (last - first), last - first)
         there = order[np.repeat(first, last - first) + offset]
         back = self.segment[here] == self.segment[there]
-        dead_end = self.town.junction_degree[self.head[here]] == 1
+        dead_end = self.degree[self.head[here]] == 1
         keep = ~back | dead_end
         return here[keep], there[keep]
 
@@ -103,14 +108,16 @@ def plan_route(
     *,
     visits: Ints | None = None,
     first: NDArray[np.bool_] | None = None,
+    closed: NDArray[np.bool_] | None = None,
 ) -> Route:
     """Plan a route of at least ``duration_s`` (by cruising speeds) from a random place.
 
     It goes from least-visited segment to least-visited segment, each time to one that is near by driving
     times that chance changes from leg to leg. ``visits`` [segments] counts earlier passes and is updated;
-    segments of the mask ``first`` count as the most wanted until they are driven.
+    segments of the mask ``first`` count as the most wanted until they are driven, those of ``closed`` are not
+    driven.
     """
-    arcs = Arcs.of(town)
+    arcs = Arcs.of(town, closed)
     visits = np.zeros(len(town.roads), np.int64) if visits is None else visits
     wanted = np.zeros(len(town.roads), bool) if first is None else np.asarray(first) & (visits == 0)
     chosen = [int(rng.integers(len(arcs)))]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,6 +65,9 @@ class Town:
     footways: tuple[tuple[int, int], ...]
     terrain: Terrain
     projection: LocalProjection
+    curved: bool = False
+    """Whether the real road bends smoothly through the nodes, as OpenStreetMap's chords of bends do; the town's streets
+    run straight from node to node."""
 
     def height(self, x_m: Floats, y_m: Floats) -> Floats:
         """Height of the ground (not of bridges), metres above EGM96, at metres from the centre."""
@@ -101,32 +105,36 @@ def make_town(seed: int = 1) -> Town:
     terrain = Terrain.random(np.random.default_rng([seed, 0]))
     plan = Plan(np.random.default_rng([seed, 1]))
     draw_outskirts(draw_grid(plan))
+    return Town(**tabulated(seed, plan, terrain, LocalProjection(CENTRE_LON_DEG, CENTRE_LAT_DEG)))
+
+
+def tabulated(seed: int, plan: Plan, terrain: Terrain, projection: LocalProjection) -> dict[str, Any]:
+    """What a ``Town`` holds, by name, from a plan whose streets are all drawn: heights, ways, segments, slopes."""
     height = node_heights(plan, terrain.height(np.array(plan.x_m), np.array(plan.y_m)))
     ways = cut_into_ways(plan, height)
-    projection = LocalProjection(CENTRE_LON_DEG, CENTRE_LAT_DEG)
     lon, lat = projection.to_lonlat(np.array(plan.x_m), np.array(plan.y_m))
     lon, lat = np.round(lon, 7), np.round(lat, 7)  # what OpenStreetMap stores
     x, y = projection.to_xy(lon, lat)
     cut = tabulate(ways, lon, lat)
     length = np.hypot(x[cut.end] - x[cut.start], y[cut.end] - y[cut.start])
     slope = regression_slope(height[cut.start], height[cut.end], cut.grade_start, cut.grade_end, length)
-    return Town(
-        seed=seed,
-        roads=cut.roads,
-        start=cut.start,
-        end=cut.end,
-        grade_start=cut.grade_start,
-        grade_end=cut.grade_end,
-        length_m=length,
-        true_slope_percent=100 * slope,
-        node_id=node_ids(len(x)),
-        node_lon_deg=lon,
-        node_lat_deg=lat,
-        node_x_m=x,
-        node_y_m=y,
-        node_height_m=height,
-        ways=tuple(ways),
-        footways=tuple(plan.footways),
-        terrain=terrain,
-        projection=projection,
-    )
+    return {
+        "seed": seed,
+        "roads": cut.roads,
+        "start": cut.start,
+        "end": cut.end,
+        "grade_start": cut.grade_start,
+        "grade_end": cut.grade_end,
+        "length_m": length,
+        "true_slope_percent": 100 * slope,
+        "node_id": node_ids(len(x)),
+        "node_lon_deg": lon,
+        "node_lat_deg": lat,
+        "node_x_m": x,
+        "node_y_m": y,
+        "node_height_m": height,
+        "ways": tuple(ways),
+        "footways": tuple(plan.footways),
+        "terrain": terrain,
+        "projection": projection,
+    }

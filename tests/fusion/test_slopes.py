@@ -129,3 +129,21 @@ def test_sigma_is_the_spread_of_simulated_slopes() -> None:
     expected = np.std(errors @ weights)
     modelled = np.sqrt(weights @ model.covariance(np.arange(n)) @ weights)
     assert modelled == pytest.approx(expected, rel=0.02)
+
+
+def test_the_covariance_is_that_of_the_sums_written_as_matrices() -> None:
+    rng = np.random.default_rng(4)
+    n = 7
+    time_s = np.cumsum(rng.uniform(0.3, 3.0, n))
+    speed, white, slow, grade = rng.uniform(0.1, 3.0, (4, n))
+    model = AltitudeErrors(time_s, speed, white, slow, 20.0, grade, 3.0)
+    lag = np.abs(time_s[:, None] - time_s[None, :])
+    rates = np.outer(grade * speed, grade * speed) * np.exp(-lag / 3.0)
+    step = np.diff(time_s)
+    sums = np.zeros((n, n))
+    for k in range(1, n):
+        sums[k:, k - 1 : k + 1] += step[k - 1] / 2
+    expected = np.outer(slow, slow) * np.exp(-lag / 20.0) + np.diag(white**2) + sums @ rates @ sums.T
+    assert model.covariance(np.arange(n)) == pytest.approx(expected, rel=1e-12)
+    some = np.array([1, 2, 5])
+    assert model.covariance(some)[0, 0] == pytest.approx(expected[1, 1] - sums[1] @ rates @ sums[1])

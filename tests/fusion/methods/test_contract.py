@@ -19,6 +19,8 @@ from fusion.types import DriveLog, DriveResult
 
 MakeLog = Callable[..., DriveLog]
 QUICK = {"particle": {"particles": 2000}}
+MET_BY_POSITIONS = ("positions", "altitudes", "a DEM", "to bridge outages")
+"""How the needs begin that a log of positions and elevations meets beside a DEM, and those that only help."""
 
 
 def run(name: str, log: DriveLog, town: Town, dem: Dem | None) -> DriveResult:
@@ -91,9 +93,16 @@ def test_an_outage_is_survived(method: str, make_log: MakeLog, town: Town, town_
 def test_positions_and_elevations_alone_are_enough(
     method: str, make_log: MakeLog, town: Town, town_dem: Dem
 ) -> None:
+    """But for a method that declares a need beyond them: that one must refuse, in the words of its declaration."""
     full = make_log(1, duration_s=240)
     bare = DriveLog(source_format="gpx", fix=full.fix)
-    assert len(run(method, bare, town, town_dem).slopes) > 5
+    unmet = [need for need in METHODS[method].needs if not need.startswith(MET_BY_POSITIONS)]
+    if not unmet:
+        assert len(run(method, bare, town, town_dem).slopes) > 5
+        return
+    with pytest.raises(MissingSensorError) as refusal:
+        run(method, bare, town, town_dem)
+    assert f"Method {method!r} needs {unmet[0]}" in str(refusal.value)
 
 
 def test_without_any_height_a_method_says_what_is_missing(method: str, make_log: MakeLog, town: Town) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from fusion.frames import LocalProjection
 from fusion.methods.epochs import MAX_BRIDGED_S, build_epochs
-from fusion.types import Attitude, DriveLog, GnssFix, GnssVelocity, Odometry, SpecificForce
+from fusion.types import AngularRate, Attitude, DriveLog, GnssFix, GnssVelocity, Odometry, SpecificForce
 
 PLANE = LocalProjection(8.0, 49.0)
 
@@ -114,3 +114,28 @@ def test_heights_above_the_ellipsoid_serve_where_there_are_no_others() -> None:
     time = np.arange(5.0)
     fix = GnssFix.assemble(time, lon_deg=np.full(5, 8.0), lat_deg=np.full(5, 49.0), height_ell_m=150 + time)
     assert build_epochs(DriveLog("ubx", fix), PLANE).alt_m.tolist() == [150, 151, 152, 153, 154]
+
+
+def test_yaw_the_vehicles_own_speed_and_its_turns_are_laid_on_the_epochs() -> None:
+    """Yaw stays as logged; a gyroscope's rate is the mean over the epoch, so that steps of it add up to the turn."""
+    fast = np.arange(-0.45, 10.5, 0.1)
+    wobble = np.where(np.arange(len(fast)) % 2 == 0, 0.1, -0.1)
+    log = DriveLog(
+        "ubx",
+        fix=fixes(np.arange(10.0)),
+        attitude=Attitude.assemble(fast, yaw_rad=np.mod(np.pi + wobble, 2 * np.pi)),
+        rate=AngularRate.assemble(fast, gyr_z_radps=0.2 + wobble),
+        odometry=Odometry.assemble(np.arange(0.0, 5.0), speed_mps=np.full(5, 7.0)),
+    )
+    epochs = build_epochs(log, PLANE)
+    assert np.allclose(np.abs(epochs.yaw_rad), np.pi, atol=1e-9)
+    assert np.allclose(epochs.turn_radps, 0.2, atol=1e-9)
+    assert epochs.odo_mps.tolist()[:5] == [7.0] * 5
+    assert np.isnan(epochs.odo_mps[5:]).all()
+
+
+def test_a_log_of_positions_has_no_yaw_no_turns_and_no_speed_signal() -> None:
+    epochs = build_epochs(DriveLog("gpx", fixes(np.arange(20.0))), PLANE)
+    for column in (epochs.yaw_rad, epochs.turn_radps, epochs.odo_mps):
+        assert column.shape == (20,)
+        assert np.isnan(column).all()

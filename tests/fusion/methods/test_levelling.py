@@ -79,3 +79,22 @@ def test_a_drive_that_tells_nothing_leaves_the_sensor_alone() -> None:
     assert not found.known
     assert found.angle_rad == 0.0
     assert found.source == "none"
+
+
+def test_the_tilt_by_altitude_is_that_of_generalised_least_squares() -> None:
+    """The recursion over epochs against the dense normal equations under the errors' whole covariance."""
+    epochs = drive(0.02, 5, doppler=False)
+    found = estimate_mount(epochs)
+    time = epochs.time_s
+    step = 12.0 * np.diff(time)
+    grade = np.tan(epochs.pitch_rad)
+    distance = np.concatenate([[0.0], np.cumsum(step)])
+    climb = np.concatenate([[0.0], np.cumsum(step * 0.5 * (grade[1:] + grade[:-1]))])
+    slow = 3.5**2 * np.exp(-np.abs(time[:, None] - time[None, :]) / 100.0)
+    walk = 0.011**2 * 2 * 12.0 * np.minimum(distance[:, None], distance[None, :])
+    precision = np.linalg.inv(slow + walk + 0.25 * np.eye(len(time)))
+    design = np.column_stack([np.ones(len(time)), -distance])
+    normal = design.T @ precision @ design
+    tilt = np.linalg.solve(normal, design.T @ precision @ (epochs.alt_m - climb))[1]
+    assert found.grade == pytest.approx(tilt, rel=1e-6)
+    assert found.sigma == pytest.approx(np.sqrt(np.linalg.inv(normal)[1, 1]), rel=1e-6)

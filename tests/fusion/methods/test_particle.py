@@ -186,7 +186,7 @@ def _keys(table: object) -> list[list[int]]:
 
 
 @pytest.mark.parametrize(
-    "options", [{"particles": 10}, {"particles": "many"}, {"n_eff_threshold": 0}, {"discretisation": "euler"}]
+    "options", [{"particles": 10}, {"particles": "many"}, {"trigger_threshold": 0}, {"discretisation": "euler"}]
 )
 def test_options_out_of_range_are_refused(options: dict[str, object]) -> None:
     with pytest.raises(BadOptionsError, match=next(iter(options))):

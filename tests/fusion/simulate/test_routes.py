@@ -67,3 +67,22 @@ def test_structures_are_bridges_tunnel_and_motorway(town: Town) -> None:
     wanted = structures(town)
     assert np.all(wanted[town.roads.bridge | town.roads.tunnel])
     assert set(town.roads.highway[wanted]) == {"motorway", "motorway_link", "primary", "secondary"}
+
+
+@pytest.mark.parametrize("seed", (1, 2, 3))
+def test_closed_segments_are_not_driven(seed: int) -> None:
+    town = make_town(seed)
+    closed = np.isin(town.roads.highway.astype(str), ["motorway", "motorway_link"]) | town.roads.tunnel
+    route = plan_route(town, 3600.0, np.random.default_rng(seed), closed=closed)
+    assert not np.any(closed[route.segment])
+    entered, left = ends(town, route)
+    np.testing.assert_array_equal(entered[1:], left[:-1])
+    assert len(set(route.segment)) > 0.8 * np.sum(~closed)
+
+
+def test_a_given_route_is_driven(town: Town) -> None:
+    route = plan_route(town, 400.0, np.random.default_rng(8))
+    drive = town.drive(1, 200.0, route=route)
+    passed = [p.segment for p in drive.passes()]
+    assert passed == list(route.segment[: len(passed)])
+    assert len(passed) > 5

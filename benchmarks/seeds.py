@@ -1,0 +1,105 @@
+#!/usr/bin/env python3
+"""The experiments of the source documents on simulated drives of the same shape, their figures beside ours.
+
+    python benchmarks/seeds.py [DATA_DIR] [--only calais lahrech saadaoui methods] [--seeds N] [--roadtruth PATH]
+                               [--json FILE] [--write]
+
+Parts: ``calais`` (Al Assaad 2020: a 549 s drive through motorway interchanges, chapters 2 and 3, and the unscented
+filter that it compares with), ``lahrech`` (Lahrech et al. 2005: 325 s in town with two outages), ``saadaoui`` (Saadaoui
+2011: Kalman filters on linear, turning and outage drives) and ``methods``: every method on the sequences 09 and 10 of
+DATA_DIR (the folder ``karlsruhe``; ``roadtruth.py`` makes logs of them as for ``slope_accuracy.py``). Without DATA_DIR
+the last part is left out.
+
+Each row shows what the document prints beside the median, least and most of ours over the seeds, and where they differ
+a sentence. ``--write`` puts the tables into .docs/experiments.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import os
+import re
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from seeds_rows import Row, by_experiment, markdown_table, text_table
+
+from fusion.errors import FusionError
+
+PARTS = ("calais", "lahrech", "saadaoui", "methods")
+DOCUMENT = Path(__file__).resolve().parent.parent / ".docs" / "experiments.md"
+
+
+def show_progress(stage: str, share: float) -> None:
+    """A line on standard error, rewritten on a terminal."""
+    if sys.stderr.isatty():
+        print(f"\r{stage} {share:4.0%} ", end="", file=sys.stderr, flush=True)
+
+
+def run_part(part: str, args: argparse.Namespace) -> list[Row]:
+    """The rows of one part; its module is loaded only now."""
+    print(f"{part} ...", file=sys.stderr)
+    module = importlib.import_module(f"seeds_{part}")
+    if part == "methods":
+        rows = module.run(args.seeds, show_progress, args.data_dir, args.roadtruth)
+    else:
+        rows = module.run(args.seeds, show_progress)
+    if sys.stderr.isatty():
+        print("\r" + " " * 40 + "\r", end="", file=sys.stderr)
+    return list(rows)
+
+
+def renewed(document: str, part: str, rows: list[Row]) -> str:
+    """The document with the part's tables in the place between its markers.
+
+    Raises ``ValueError`` where the document has no place for the part.
+    """
+    tables = "\n\n".join(
+        f"### {name}\n\n{markdown_table(group)}" for name, group in by_experiment(rows).items()
+    )
+    pattern = re.compile(rf"(<!-- table: {part} -->\n).*?(\n<!-- end -->)", re.DOTALL)
+    text, count = pattern.subn(lambda found: f"{found[1]}\n{tables}\n{found[2]}", document)
+    if count != 1:
+        raise ValueError(f"{DOCUMENT.name} has {count} places for the tables of {part}, not one")
+    return text
+
+
+def chosen_parts(args: argparse.Namespace) -> list[str]:
+    """What to run: all that was asked for, the real drives only where they are."""
+    if args.data_dir is None and "methods" in (args.only or ()):
+        sys.exit("methods: name the folder with the sequences, DATA_DIR")
+    return [p for p in args.only or PARTS if p != "methods" or args.data_dir is not None]
+
+
+def main() -> None:
+    """Parse the command line, run, print, write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("data_dir", type=Path, nargs="?", metavar="DATA_DIR")
+    parser.add_argument("--only", nargs="+", choices=PARTS)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--roadtruth", type=Path)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--write", action="store_true", help="renew the tables in .docs/experiments.md")
+    args = parser.parse_args()
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
+    found: list[Row] = []
+    for part in chosen_parts(args):
+        try:
+            rows = run_part(part, args)
+        except FusionError as error:
+            sys.exit(f"{part}: {error}")
+        print(text_table(rows), end="\n\n", flush=True)
+        if args.write:
+            DOCUMENT.write_text(renewed(DOCUMENT.read_text(encoding="utf-8"), part, rows), encoding="utf-8")
+        found += rows
+    if args.json:
+        args.json.write_text(json.dumps([asdict(row) for row in found], indent=1))
+
+
+if __name__ == "__main__":
+    main()

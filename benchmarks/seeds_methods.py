@@ -1,0 +1,72 @@
+"""Every registered method on the precisely surveyed drives of DATA_DIR: accuracy, coverage, calibration, time.
+
+Logs are made by ``roadtruth.py`` with profile m8 at 1 Hz, one a seed, whole and with 40 s without GNSS from the 60th
+second. Scores are those of ``slope_accuracy.py``, every method with its default options, one drive each.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import slope_accuracy as accuracy
+from seeds_rows import Row
+
+from fusion.methods import METHODS
+from fusion.types import Progress
+
+SEQUENCES = ("09", "10")
+CUTS: dict[str, list[str] | None] = {"": None, ", 40 s without GNSS": ["60:40"]}
+_QUANTITIES = (
+    ("RMSE", "%"),
+    ("coverage", "%"),
+    ("within 1.96 sigma", "%"),
+    ("time", "s"),
+)
+NOTES: dict[str, str] = {}
+"""Sentences by method."""
+
+Values = dict[str, list[float]]
+
+
+def run(seeds: int, progress: Progress, data_dir: Path, roadtruth: Path | None = None) -> list[Row]:
+    """Scores of every method, by sequence, whole and cut."""
+    tool = accuracy.load_tool(roadtruth or data_dir.parent.parent / "tools" / "roadtruth.py")
+    sequences = [s for s in accuracy.find_sequences(data_dir) if s.name in SEQUENCES]
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        todo = [(sequence, cut) for sequence in sequences for cut in CUTS]
+        for k, (sequence, cut) in enumerate(todo):
+            args = Namespace(profile="m8", cut=CUTS[cut])
+            logs = [accuracy.make_log(tool, sequence, seed, args, Path(folder)) for seed in range(seeds)]
+            for j, method in enumerate(METHODS):
+                progress("methods", (k + j / len(METHODS)) / len(todo))
+                rows += _rows(
+                    f"Methods on karlsruhe {sequence.name}{cut}", method, _scores(sequence, logs, method)
+                )
+    return rows
+
+
+def _scores(sequence: accuracy.Sequence, logs: Sequence[Path], method: str) -> Values:
+    """Each quantity, one value a log."""
+    found: Values = {quantity: [] for quantity, _ in _QUANTITIES}
+    for log in logs:
+        begin = time.perf_counter()
+        slopes = accuracy.estimate(sequence, [log], method, {})
+        found["time"].append(time.perf_counter() - begin)
+        scores = accuracy.Scores([], [], [], [], [])
+        accuracy.add_score(scores, sequence.truth, slopes)
+        inside = scores.inside
+        found["RMSE"].append(scores.rmse[0] if scores.rmse else float("nan"))
+        found["coverage"].append(100 * scores.coverage[0])
+        found["within 1.96 sigma"].append(100 * sum(inside) / len(inside) if inside else float("nan"))
+    return found
+
+
+def _rows(experiment: str, method: str, found: Values) -> Iterator[Row]:
+    for quantity, unit in _QUANTITIES:
+        note = NOTES.get(method, "") if quantity == "RMSE" else ""
+        yield Row(experiment, f"{method}: {quantity}", unit, "", found[quantity], note)

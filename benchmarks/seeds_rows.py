@@ -1,0 +1,126 @@
+"""One published figure beside ours: the row that every part of ``seeds.py`` yields, and its tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+_HEADER = ("quantity", "unit", "published", "ours: median", "least", "most", "seeds")
+_TEXT_COLUMNS = {"", "quantity", "unit", "published"}
+"""Columns that stand to the left; figures stand to the right."""
+
+Table = list[tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A quantity of an experiment: what the document prints, as it stands there, and what we got, one value per seed.
+
+    NaN stands for a seed without a value. ``note`` is a sentence on the difference between the two. Where an experiment
+    compares several subjects, each quantity is named "subject: quantity", and its table has a line a subject.
+    """
+
+    experiment: str
+    quantity: str
+    unit: str
+    published: str
+    ours: list[float]
+    note: str = ""
+
+
+def median(values: Sequence[float]) -> float:
+    """The median of ascending values, NaN without any."""
+    middle = len(values) // 2
+    if not values:
+        return math.nan
+    return values[middle] if len(values) % 2 else (values[middle - 1] + values[middle]) / 2
+
+
+def number(value: float) -> str:
+    """Three significant digits without an exponent where that can be read; a dash for NaN."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    digits = 2 - math.floor(math.log10(abs(value)))
+    return f"{value:.1e}" if abs(value) < 1e-4 else f"{value:.{max(0, digits)}f}"
+
+
+def by_experiment(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """The rows under their experiments, both in the order in which they came."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.experiment, []).append(row)
+    return found
+
+
+def text_table(rows: Sequence[Row]) -> str:
+    """Tables for a terminal, one per experiment, with the notes below."""
+    blocks = []
+    for name, group in by_experiment(rows).items():
+        table = _table(group)
+        widths = [max(len(line[k]) for line in table) for k in range(len(table[0]))]
+        lines = [_aligned(line, table[0], widths) for line in table]
+        blocks.append("\n".join([name, *lines, *_notes(group)]))
+    return "\n\n".join(blocks)
+
+
+def markdown_table(rows: Sequence[Row]) -> str:
+    """One experiment's rows as a Markdown table, with the notes as a list below."""
+    head, *body = _table(rows)
+    rule = ["---" if name in _TEXT_COLUMNS else "---:" for name in head]
+    lines = [
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in (head, rule, *body)
+    ]
+    notes = _notes(rows)
+    return "\n".join([*lines, "", *notes] if notes else lines)
+
+
+def _table(rows: Sequence[Row]) -> Table:
+    """Header and lines: a line a row, or a line a subject where every row names one."""
+    if all(": " in row.quantity for row in rows):
+        return _by_subject(rows)
+    return [_HEADER, *(_cells(row) for row in rows)]
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    values = _known(row)
+    ends = (values[0], values[-1]) if values else (math.nan, math.nan)
+    figures = (number(value) for value in (median(values), *ends))
+    return row.quantity, row.unit, row.published or "-", *figures, str(len(values))
+
+
+def _by_subject(rows: Sequence[Row]) -> Table:
+    """A line a subject, a column a quantity: the median and, where seeds differ, least and most."""
+    found: dict[str, dict[str, str]] = {}
+    for row in rows:
+        subject, _, quantity = row.quantity.partition(": ")
+        values = _known(row)
+        least, most = (number(values[k]) if values else "-" for k in (0, -1))
+        spread = "" if least == most else f" ({least} to {most})"
+        title = f"{quantity}, {row.unit}" if row.unit else quantity
+        found.setdefault(subject, {})[title] = number(median(values)) + spread
+    columns = tuple(dict.fromkeys(title for line in found.values() for title in line))
+    lines = [(subject, *(line.get(title, "-") for title in columns)) for subject, line in found.items()]
+    return [("", *columns), *lines]
+
+
+def _known(row: Row) -> list[float]:
+    """The finite values, ascending."""
+    return sorted(value for value in row.ours if math.isfinite(value))
+
+
+def _notes(rows: Sequence[Row]) -> list[str]:
+    """Each sentence once, with the quantities it is about."""
+    about: dict[str, list[str]] = {}
+    for row in rows:
+        if row.note:
+            about.setdefault(row.note, []).append(row.quantity)
+    return [f"- {'; '.join(names)}: {note}" for note, names in about.items()]
+
+
+def _aligned(line: Sequence[str], head: Sequence[str], widths: Sequence[int]) -> str:
+    cells = zip(line, head, widths, strict=True)
+    parts = [text.ljust(w) if name in _TEXT_COLUMNS else text.rjust(w) for text, name, w in cells]
+    return "  ".join(parts).rstrip()

@@ -1,0 +1,185 @@
+"""The filter and smoother against one dense Gaussian over all states and measurements at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fusion.filters.smoother import LinearModel
+
+
+def random_model(
+    seed: int, steps: int, states: int, constants: int = 0, rows: int | None = None
+) -> LinearModel:
+    """A model with well-behaved random matrices; the first ``constants`` states never change."""
+    rng = np.random.default_rng(seed)
+    transition = np.eye(states) + 0.3 * rng.normal(size=(steps, states, states))
+    root = rng.normal(size=(steps, states, states))
+    transition[:, :constants] = np.eye(states)[:constants]
+    root[:, :constants] = 0.0
+    start = rng.normal(size=(states, states))
+    measured = int(rng.integers(1, 3 * steps + 1)) if rows is None else rows
+    return LinearModel(
+        transition=transition,
+        noise=root @ root.transpose(0, 2, 1),
+        mean=rng.normal(size=states),
+        covariance=start @ start.T + 0.1 * np.eye(states),
+        step=np.sort(rng.integers(0, steps, measured)),
+        design=rng.normal(size=(measured, states)),
+        value=3 * rng.normal(size=measured),
+        variance=rng.uniform(0.1, 2.0, measured),
+    )
+
+
+class Dense:
+    """The joint Gaussian of all states, stacked, and of the measurements, by its definition."""
+
+    def __init__(self, model: LinearModel) -> None:
+        n, d = model.transition.shape[:2]
+        self.shape = (n, d)
+        sources = np.zeros((n * d, n * d))  # what each step's innovation adds to the states
+        covariance = np.zeros((n * d, n * d))
+        mean = np.zeros((n, d))
+        for k in range(n):
+            here = slice(k * d, (k + 1) * d)
+            covariance[here, here] = model.noise[k] if k else model.covariance
+            mean[k] = model.transition[k] @ mean[k - 1] if k else model.mean
+            if k:
+                sources[here] = model.transition[k] @ sources[(k - 1) * d : k * d]
+            sources[here, here] = np.eye(d)
+        self.mean, self.sources = mean.ravel(), sources
+        self.covariance = sources @ covariance @ sources.T
+        self.design = np.zeros((len(model.step), n * d))
+        for i, k in enumerate(model.step):
+            self.design[i, k * d : (k + 1) * d] = model.design[i]
+        self.residual = model.value - self.design @ self.mean
+        self.seen = self.design @ self.covariance @ self.design.T + np.diag(model.variance)
+
+    def posterior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (n, d) and covariance (n, d, d) of each step's states given all measurements."""
+        n, d = self.shape
+        gain = np.linalg.solve(self.seen, self.design @ self.covariance).T
+        mean = (self.mean + gain @ self.residual).reshape(n, d)
+        covariance = self.covariance - gain @ self.design @ self.covariance
+        return mean, np.array([covariance[k * d : (k + 1) * d, k * d : (k + 1) * d] for k in range(n)])
+
+    def left_out(self, i: int) -> tuple[float, float]:
+        """Residual and its variance of measurement i against what the others say."""
+        others = np.arange(len(self.residual)) != i
+        across = self.seen[i, others]
+        weights = np.linalg.solve(self.seen[np.ix_(others, others)], across)
+        return float(self.residual[i] - weights @ self.residual[others]), float(
+            self.seen[i, i] - weights @ across
+        )
+
+    def log_likelihood(self) -> float:
+        """Without the constant m / 2 log 2 pi."""
+        return float(
+            -0.5
+            * (np.linalg.slogdet(self.seen)[1] + self.residual @ np.linalg.solve(self.seen, self.residual))
+        )
+
+    def break_score(self, k: int, a: int) -> float:
+        """How many sigmas a sudden change of state a on the way to step k is away from 0, were it allowed."""
+        effect = self.design @ self.sources[:, k * self.shape[1] + a]
+        weights = np.linalg.solve(self.seen, effect)
+        return float(weights @ self.residual / np.sqrt(weights @ effect))
+
+
+def check(model: LinearModel) -> None:
+    """Everything that ``smooth`` says, against the dense solution."""
+    dense, smoothed = Dense(model), model.smooth()
+    mean, covariance = dense.posterior()
+    assert smoothed.mean == pytest.approx(mean, rel=1e-7, abs=1e-7)
+    assert smoothed.covariance == pytest.approx(covariance, rel=1e-7, abs=1e-7)
+    assert np.array_equal(smoothed.covariance, smoothed.covariance.transpose(0, 2, 1))
+    expected = np.array([dense.left_out(i) for i in range(len(model.step))]).reshape(-1, 2).T
+    assert smoothed.residual == pytest.approx(expected[0], rel=1e-6, abs=1e-7)
+    assert smoothed.residual_variance == pytest.approx(expected[1], rel=1e-6)
+    assert smoothed.log_likelihood == pytest.approx(dense.log_likelihood(), rel=1e-8, abs=1e-8)
+    assert model.log_likelihood() == smoothed.log_likelihood
+
+
+@given(
+    seed=st.integers(0, 2**31), steps=st.integers(1, 8), states=st.integers(1, 4), constants=st.integers(0, 2)
+)
+def test_everything_is_what_one_dense_gaussian_says(
+    seed: int, steps: int, states: int, constants: int
+) -> None:
+    check(random_model(seed, steps, states, min(constants, states)))
+
+
+def test_without_measurements_the_states_only_move() -> None:
+    model = random_model(1, 5, 3, rows=0)
+    check(model)
+    assert model.smooth().log_likelihood == 0.0
+
+
+def test_many_measurements_in_the_last_step_and_none_before() -> None:
+    model = random_model(2, 6, 3, rows=7)
+    check(replace(model, step=np.full(7, 5)))
+    check(replace(model, step=np.zeros(7, np.int64)))
+
+
+def constant(value: np.ndarray, start_variance: float, variance: float) -> LinearModel:
+    """An unknown constant, around 0 at first, that is measured once a step."""
+    n = len(value)
+    return LinearModel(
+        transition=np.ones((n, 1, 1)),
+        noise=np.zeros((n, 1, 1)),
+        mean=np.zeros(1),
+        covariance=np.full((1, 1), start_variance),
+        step=np.arange(n),
+        design=np.ones((n, 1)),
+        value=value,
+        variance=np.full(n, variance),
+    )
+
+
+def test_a_constant_that_is_measured_again_and_again_is_averaged() -> None:
+    """The textbook's case: no noise, an unknown constant, n measurements of it."""
+    n, value = 40, np.random.default_rng(3).normal(7.0, 2.0, 40)
+    smoothed = constant(value, 1e4, 4.0).smooth()
+    precision = n / 4.0 + 1e-4
+    assert smoothed.mean == pytest.approx(np.full((n, 1), value.sum() / 4.0 / precision))
+    assert smoothed.covariance == pytest.approx(np.full((n, 1, 1), 1 / precision), rel=1e-5)
+    # The residual against the mean of the others is n / (n - 1) times that against the mean of all.
+    assert smoothed.residual == pytest.approx((value - value.mean()) * n / (n - 1), abs=0.01)
+
+
+def test_a_vague_start_costs_no_digits() -> None:
+    """A height known to a kilometre at first and then to a centimetre: the first variance is as good as the last."""
+    smoothed = constant(np.full(40, 7.0), 1e6, 1e-4).smooth()
+    assert smoothed.covariance.ravel() == pytest.approx(np.full(40, 1 / (40 / 1e-4 + 1e-6)), rel=0.01)
+
+
+def test_a_state_that_nobody_measures_keeps_what_was_known_of_it() -> None:
+    model = random_model(4, 6, 3, constants=1, rows=9)
+    blind = replace(model, design=model.design * [0.0, 1.0, 1.0])
+    blind.transition[:, 1:, 0] = 0.0
+    blind.covariance[0, 1:] = blind.covariance[1:, 0] = 0.0
+    smoothed = blind.smooth()
+    assert smoothed.mean[:, 0] == pytest.approx(np.full(6, blind.mean[0]))
+    assert smoothed.covariance[:, 0, 0] == pytest.approx(np.full(6, blind.covariance[0, 0]))
+    check(blind)
+
+
+@given(seed=st.integers(0, 2**31), steps=st.integers(1, 6), states=st.integers(1, 3))
+def test_the_break_score_is_the_size_of_a_sudden_change_in_sigmas(seed: int, steps: int, states: int) -> None:
+    model = random_model(seed, steps, states)
+    dense, smoothed = Dense(model), model.smooth()
+    for k in range(int(model.step[-1]) + 1):  # later changes are seen by no measurement
+        for a in range(states):
+            assert smoothed.break_score[k, a] == pytest.approx(dense.break_score(k, a), rel=1e-5, abs=1e-6)
+
+
+def test_smoothing_leaves_the_model_as_it_was() -> None:
+    model = random_model(5, 4, 2, rows=6)
+    before = {name: np.copy(getattr(model, name)) for name in model.__dataclass_fields__}
+    first, again = model.smooth(), model.smooth()
+    assert np.array_equal(first.mean, again.mean)
+    assert all(np.array_equal(getattr(model, name), value) for name, value in before.items())
