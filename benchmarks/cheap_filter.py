@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Whether a cheaper filter gives the answer of 100,000 particles, and in what part of their time.
 
-    python benchmarks/cheap_filter.py DATA_DIR [--filters ekf,kf] [--seeds 8] [--filter-seeds 2] [--particles 100000]
-                                      [--profile m8|phone|f9p] [--cut 60:40] [--rounds 3] [--json FILE]
+    python benchmarks/cheap_filter.py DATA_DIR [--filters ekf,kf] [--roads 09,10,town] [--seeds 8] [--filter-seeds 2]
+                                      [--particles 100000] [--profile m8|phone|f9p] [--cut 60:40] [--rounds 3]
+                                      [--json FILE]
 
 DATA_DIR holds the karlsruhe sequences (see ``slope_accuracy.py``); beside its drives 09 and 10 stands the simulated
 town. Each filter of method ``particle`` takes the same logs, one a drive seed; the cloud takes each log with several
@@ -75,12 +76,14 @@ def roads_of(args: argparse.Namespace, folder: Path) -> Iterator[tuple[str, list
     """Each road with its drives."""
     tool = load_tool(args.roadtruth or args.data_dir.parent.parent / "tools" / "roadtruth.py")
     for sequence in find_sequences(args.data_dir):
-        if sequence.name in ("09", "10"):
+        if sequence.name in args.roads.split(","):
             logs = [make_log(tool, sequence, seed, args, folder) for seed in range(args.seeds)]
             yield (
                 sequence.name,
                 [drive_of(log, sequence.roads, sequence.dem, sequence.truth) for log in logs],
             )
+    if "town" not in args.roads.split(","):
+        return
     town = make_town(seed=1)
     town.write_dem(folder / "dem.tif")
     dem = Dem.open([folder / "dem.tif"])
@@ -212,6 +215,7 @@ def main() -> None:
     )
     parser.add_argument("data_dir", type=Path)
     parser.add_argument("--filters", default="ekf,kf", help="what to hold against the cloud")
+    parser.add_argument("--roads", default="09,10,town")
     parser.add_argument("--seeds", type=int, default=8, help="drives over each road")
     parser.add_argument("--filter-seeds", type=int, default=2, help="seeds of the cloud on each drive")
     parser.add_argument("--particles", type=int, default=100_000)

@@ -11,7 +11,7 @@ DATA_DIR (the folder ``karlsruhe``; ``roadtruth.py`` makes logs of them as for `
 the last part is left out.
 
 Each row shows what the document prints beside the median, least and most of ours over the seeds, and where they differ
-a sentence. ``--write`` puts the tables into .docs/experiments.md.
+a sentence. ``--write`` puts the tables into .docs/experiments.md, and with ``calais`` draws its picture beside it.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from fusion.errors import FusionError
 
 PARTS = ("calais", "lahrech", "saadaoui", "methods")
 DOCUMENT = Path(__file__).resolve().parent.parent / ".docs" / "experiments.md"
+PICTURE = DOCUMENT.with_name("calais.png")
 
 
 def show_progress(stage: str, share: float) -> None:
@@ -67,6 +68,13 @@ def renewed(document: str, part: str, rows: list[Row]) -> str:
     return text
 
 
+def write(part: str, rows: list[Row]) -> None:
+    """Renew the page."""
+    DOCUMENT.write_text(renewed(DOCUMENT.read_text(encoding="utf-8"), part, rows), encoding="utf-8")
+    if part == "calais":
+        importlib.import_module("seeds_picture").draw(PICTURE)
+
+
 def chosen_parts(args: argparse.Namespace) -> list[str]:
     """What to run: all that was asked for, the real drives only where they are."""
     if args.data_dir is None and "methods" in (args.only or ()):
@@ -95,7 +103,7 @@ def main() -> None:
             sys.exit(f"{part}: {error}")
         print(text_table(rows), end="\n\n", flush=True)
         if args.write:
-            DOCUMENT.write_text(renewed(DOCUMENT.read_text(encoding="utf-8"), part, rows), encoding="utf-8")
+            write(part, rows)
         found += rows
     if args.json:
         args.json.write_text(json.dumps([asdict(row) for row in found], indent=1))

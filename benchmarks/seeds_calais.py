@@ -27,7 +27,16 @@ from seeds_calais_measure import (
     estimate,
     gnss_alone,
 )
-from seeds_calais_published import CHAPTER_2, CHAPTER_3, NOTES, UNSCENTED
+from seeds_calais_published import (
+    CASE_2,
+    CASE_3,
+    CASE_3_DOPPLER,
+    CASE_UKF,
+    CHAPTER_2,
+    CHAPTER_3,
+    NOTES,
+    UNSCENTED,
+)
 from seeds_rows import Row
 
 from fusion.types import Progress
@@ -53,7 +62,7 @@ class Case:
 
 CASES = (
     Case(
-        "Calais, chapter 2: particle, variant ch2, the thesis's sensors, ASTER-like DEM by TIN",
+        CASE_2,
         "particle",
         "aster",
         {**_THESIS, "variant": "ch2", "doppler": False, "dem_sigma_m": 12.6},
@@ -61,7 +70,7 @@ CASES = (
         CHAPTER_2,
     ),
     Case(
-        "Calais, chapter 3: particle, variant ch3, the thesis's sensors, World-30-like DEM by FGA",
+        CASE_3,
         "particle",
         "world30",
         {**_THESIS, "variant": "ch3", "doppler": False, "dem_sigma_m": 6.0},
@@ -69,7 +78,7 @@ CASES = (
         CHAPTER_3,
     ),
     Case(
-        "Calais, chapter 3 with Doppler velocity, as particle does by default",
+        CASE_3_DOPPLER,
         "particle",
         "world30",
         {**_THESIS, "variant": "ch3", "doppler": True, "dem_sigma_m": 6.0},
@@ -77,7 +86,7 @@ CASES = (
         CHAPTER_3,
     ),
     Case(
-        "Calais: ukf-dem, ASTER-like DEM by TIN",
+        CASE_UKF,
         "ukf-dem",
         "aster",
         {"period_s": 1.0, "min_epochs": 4, "dem_sigma_m": 12.6},

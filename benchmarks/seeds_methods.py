@@ -26,9 +26,6 @@ _QUANTITIES = (
     ("within 1.96 sigma", "%"),
     ("time", "s"),
 )
-NOTES: dict[str, str] = {}
-"""Sentences by method."""
-
 Values = dict[str, list[float]]
 
 
@@ -68,5 +65,4 @@ def _scores(sequence: accuracy.Sequence, logs: Sequence[Path], method: str) -> V
 
 def _rows(experiment: str, method: str, found: Values) -> Iterator[Row]:
     for quantity, unit in _QUANTITIES:
-        note = NOTES.get(method, "") if quantity == "RMSE" else ""
-        yield Row(experiment, f"{method}: {quantity}", unit, "", found[quantity], note)
+        yield Row(experiment, f"{method}: {quantity}", unit, "", found[quantity])

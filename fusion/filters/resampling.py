@@ -53,7 +53,10 @@ def multinomial(weights: Floats, seed: int, step: int) -> Ints:
 
 
 def residual(weights: Floats, seed: int, step: int) -> Ints:
-    """The whole part of n w_i copies of each particle (1.53); independent draws from what is left over (1.54)."""
+    """The whole part of n w_i copies of each particle (1.53); independent draws from what is left over (1.54).
+
+    The thesis's text rounds n w_i to the nearest number, which may make more than n copies; spec 1 takes the floor.
+    """
     copies, left_over = _whole_parts(weights, _cumulative(weights)[-1])
     below = np.cumsum(copies)
     missing = len(weights) - int(below[-1])

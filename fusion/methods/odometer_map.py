@@ -72,7 +72,7 @@ class OdometerMapMethod:
         run.run(progress)
         track = run.track()
         shares = _SHARES_OF_CLIMB if run.sensors.measures_grade else _SHARES
-        slopes = line_slopes(_measured_heights(run, track), shares, 0.0, options.min_epochs)
+        slopes = line_slopes(_for_slopes(run, track, shares), shares, 0.0, options.min_epochs)
         return DriveResult(track, slopes, {**run.report(), **_own_report(run, engine, options)})
 
 
@@ -112,10 +112,21 @@ def prepare(
     return DriveRun(epochs, network, engine, options, sensors, terrain, paper, roads), engine
 
 
-def _measured_heights(run: DriveRun, track: Track) -> Track:
-    """The track without the heights of epochs at which nothing measured one: they hold no slope."""
+def _for_slopes(run: DriveRun, track: Track, shares: ErrorShares) -> Track:
+    """The track without the heights that nothing measured, and with the climb less sure while the altitude settles.
+
+    After an outage the altitude runs to where the fixes are, several metres in as many seconds, and its sigma falls
+    with it. That is no road's climb.
+    """
     measured = track.has_gnss | run.rows.ground[run.rows.done]
-    return replace(track, alt_m=np.where(measured, track.alt_m, np.nan))
+    fallen = np.maximum(-np.diff(track.alt_sigma_m, prepend=track.alt_sigma_m[0]), 0.0)
+    way = np.maximum(track.speed_mps * np.diff(track.time_s, prepend=track.time_s[0] - 1.0), 1.0)
+    climb = np.where(track.starts, 0.0, fallen / way) / shares.grade
+    return replace(
+        track,
+        alt_m=np.where(measured, track.alt_m, np.nan),
+        pitch_sigma_rad=np.hypot(track.pitch_sigma_rad, climb),
+    )
 
 
 def without_waiting(epochs: Epochs) -> Epochs:

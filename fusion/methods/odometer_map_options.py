@@ -37,6 +37,9 @@ class OdometerMapOptions(TerrainOptions, EpochOptions):
         description="Use velocity, Doppler or else the fixes' own rate of change; by default with policy always, "
         "and not with the paper's, which is position only.",
     )
+    sigma_vel_mps: float = Field(
+        0.2, gt=0, description="Process noise of horizontal velocity, m/s per root second."
+    )
     sigma_pos_m: float = Field(
         0.1, gt=0, description="Process noise of horizontal position, m per root second."
     )

@@ -8,6 +8,8 @@ correct: of v_{k+1} they hold the heading only.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from fusion.filters import kalman
@@ -22,6 +24,8 @@ BEFORE = slice(13, 15)
 NEW_ROUNDING = slice(15, 17)
 WIDE = 17
 AFTER = [VX, VY]
+
+_LONGEST_S = 1.1  # the paper's second, and some jitter
 
 
 class StepState:
@@ -52,9 +56,8 @@ class StepState:
         """Predict the nine states over ``dt_s`` (8), and join what a reading at its end depends on."""
         step, noise = np.zeros((WIDE, KEPT)), np.zeros((WIDE, WIDE))
         step[:KEPT] = np.eye(KEPT)
-        step[:STATES, :STATES] = transition(options, dt_s)
+        step[:STATES, :STATES], noise[:STATES, :STATES] = _over(options, dt_s)
         step[BEFORE, AFTER] = np.eye(2)
-        noise[:STATES, :STATES] = np.diag(noise_rates(options).ravel() * dt_s)
         noise[NEW_ROUNDING, NEW_ROUNDING] = self._rounding
         self.mean, self.covariance = kalman.predict(self.mean, self.covariance, step, noise)
 
@@ -76,3 +79,15 @@ class StepState:
             self.mean[ROUNDING] = 0.0
             self.covariance[ROUNDING, :] = self.covariance[:, ROUNDING] = 0.0
             self.covariance[ROUNDING, ROUNDING] = self._rounding
+
+
+def _over(options: EpochOptions, dt_s: float) -> tuple[Floats, Floats]:
+    """F and Q (9, 9) over ``dt_s``: of a step as printed, or of several where it is longer than the paper's."""
+    steps = max(1, math.ceil(dt_s / _LONGEST_S))
+    once = transition(options, dt_s / steps)
+    fresh = np.diag(noise_rates(options).ravel() * dt_s / steps)
+    moved, noise = once, fresh
+    for _ in range(steps - 1):
+        # Noise of an acceleration has to reach the position: within one step, as printed, it does not.
+        moved, noise = once @ moved, once @ noise @ once.T + fresh
+    return moved, noise

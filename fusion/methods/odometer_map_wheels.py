@@ -58,7 +58,7 @@ class WheelSensors(Sensors):
 def rotations_between(log: DriveLog, epochs: Epochs) -> Rotations:
     """Rotations at the epochs of a drive, each (n,): the counters read between their samples, never across gaps."""
     left, right = (
-        _steps(log.odometry.time_s, column, log.gaps_s, epochs)
+        _steps(log.odometry.time_s, column, log.gaps_s, epochs.time_s)
         for column in (log.odometry.wheel_left_rad, log.odometry.wheel_right_rad)
     )
     return Rotations(left, right)
@@ -71,7 +71,6 @@ def with_inertial_turns(rotations: Rotations, epochs: Epochs, options: OdometerM
     turn = _mean_with_previous(epochs.turn_radps) * step_s
     by_yaw = np.remainder(np.pi - np.diff(epochs.yaw_rad, prepend=np.nan), 2 * np.pi) - np.pi
     turn = np.where(np.isfinite(turn), turn, by_yaw)
-    way[epochs.restart] = np.nan
     apart = 0.5 * options.track_width_m * turn
     left = (way - apart) / options.wheel_radius_left_m
     right = (way + apart) / options.wheel_radius_right_m
@@ -84,22 +83,21 @@ def _mean_with_previous(values: Floats) -> Floats:
     return 0.5 * (before + values)
 
 
-def _steps(time_s: Floats, counter_rad: Floats, gaps_s: Floats, epochs: Epochs) -> Floats:
+def _steps(time_s: Floats, counter_rad: Floats, gaps_s: Floats, epochs_s: Floats) -> Floats:
     known = np.isfinite(counter_rad)
     time_s, counter_rad = time_s[known], counter_rad[known]
-    unknown = np.full(len(epochs), np.nan)
+    unknown = np.full(len(epochs_s), np.nan)
     if len(time_s) < 2:
         return unknown
     whole = _unbroken(time_s, counter_rad, gaps_s)
     total = np.concatenate([[0.0], np.cumsum(np.where(whole, np.diff(counter_rad), 0.0))])
     run = np.concatenate([[0], np.cumsum(~whole)])
-    here = np.interp(epochs.time_s, time_s, total, left=np.nan, right=np.nan)
-    before = np.clip(np.searchsorted(time_s, epochs.time_s, side="right") - 1, 0, None)
-    after = np.clip(np.searchsorted(time_s, epochs.time_s, side="left"), None, len(time_s) - 1)
+    here = np.interp(epochs_s, time_s, total, left=np.nan, right=np.nan)
+    before = np.clip(np.searchsorted(time_s, epochs_s, side="right") - 1, 0, None)
+    after = np.clip(np.searchsorted(time_s, epochs_s, side="left"), None, len(time_s) - 1)
     here[run[before] != run[after]] = np.nan
     steps = unknown
-    together = (run[before][1:] == run[before][:-1]) & ~epochs.restart[1:]
-    steps[1:] = np.where(together, np.diff(here), np.nan)
+    steps[1:] = np.where(run[before][1:] == run[before][:-1], np.diff(here), np.nan)
     return steps
 
 

@@ -50,7 +50,7 @@ class RoadNetwork:
         if not all(np.isfinite(v).all() for v in (x0, y0, x1, y1)):
             raise ValueError("a segment lies too far from the centre of the projection")
         return cls(
-            table, projection, x0, y0, x1, y1, np.hypot(x1 - x0, y1 - y0), np.arctan2(y1 - y0, x1 - x0)
+            table, projection, x0, y0, x1, y1, np.hypot(x1 - x0, y1 - y0), np.arctan2(y1 - y0 + 0.0, x1 - x0)
         )
 
     def __len__(self) -> int:

@@ -53,7 +53,8 @@ class Topological(PointMatcher):
     is lost after ``patience`` positions in a row without a candidate or with one that weighs ``doubt`` more than the
     best place anywhere, or after ``gap_s`` (s) without a match; then another anchor is sought. A position that is
     no anchor, or at which the vehicle gets lost, has no match: between matches of neighbouring positions no more
-    than ``gap_s`` apart there is always such a way.
+    than ``gap_s`` apart there is always such a way. Without headings the direction of driving is that of the way; on
+    the first road it is the one in which that was drawn, and turning round is not seen before the next junction.
     """
 
     sigma_m: float = 10.0
@@ -129,7 +130,7 @@ def way_m(
 ) -> float:
     """Metres from place pa on directed chain ea to place pb on eb, infinite where no way was found.
 
-    ``ahead`` has been searched from the head of ea, ``behind`` from its tail.
+    ``ahead`` has been searched from the head of ea, ``behind`` from its tail; what they reached bears the stamp.
     """
     chain = ea >> 1
     length = graph.length_m[chain]
@@ -175,22 +176,21 @@ def _step(
     k: int,
     last: int,
     bound: float,
-    stamp: int,
     ahead: Reach,
     behind: Reach,
     rules: _Rules,
 ) -> tuple[int, bool]:
     """The lightest place of sample k within reach of place ``last`` (_NONE: none), and whether it is in doubt."""
     ea, pa = places.edge[last], places.at_m[last]
-    search_from(graph, ahead, graph.head[ea], bound, stamp)
-    search_from(graph, behind, graph.tail[ea], bound, stamp)
+    search_from(graph, ahead, graph.head[ea], bound, k)
+    search_from(graph, behind, graph.tail[ea], bound, k)
     best, least, lightest = _NONE, np.inf, np.inf
     for j in range(places.start[k], places.start[k + 1]):
         eb, pb, weight = places.edge[j], places.at_m[j], places.cost[j]
         lightest = min(lightest, weight)
         if eb == ea ^ 1:
             weight += rules.turn_round
-        if weight < least and way_m(graph, ahead, behind, stamp, ea, pa, eb, pb, rules.back_m) <= bound:
+        if weight < least and way_m(graph, ahead, behind, k, ea, pa, eb, pb, rules.back_m) <= bound:
             best, least = j, weight
     return best, best == _NONE or least > lightest + rules.doubt
 
@@ -219,7 +219,7 @@ def _follow(
             continue
         moved = math.hypot(x[k] - x[at], y[k] - y[at])
         bound = rules.slack_m + min(rules.detour * moved, rules.fastest_mps * (time[k] - time[at]))
-        best, doubtful = _step(graph, places, k, last, bound, k, ahead, behind, rules)
+        best, doubtful = _step(graph, places, k, last, bound, ahead, behind, rules)
         misses = misses + 1 if doubtful else 0
         if misses >= rules.patience:
             last = _NONE

@@ -1,6 +1,7 @@
 """A hilly synthetic town with known slopes, and drives through it, all from one seed.
 
 ``write_all`` makes everything as files; ``make_town`` and ``Town.drive`` give the same as objects.
+``make_interchange`` with ``calais_drive``, and ``lahrech_drive``, have the shapes of published experiments.
 """
 
 from fusion.simulate.bundle import Bundle, NamedDrive, demo_drives, write_all

@@ -28,6 +28,8 @@ DURATION_S = 549.0
 _FLATTENED = 0.2
 """Share of the town's hills that this coast has: grades of the ground of 0.6 % (root mean square)."""
 _BASE_M = 6.0
+_HOME_M = (-60.0, 1010.0)
+"""Where the circuit begins and ends, on the board: on the road that leads west from the northern roundabout."""
 _LARGEST_TURN_RAD = np.radians(6.0)
 _DRIVER = Driver(top_speed_mps=25.0, stop_chance=0.0)
 """In the thesis's traffic: at most 90 km/h, its mean is 60 km/h; yielding at roundabouts is in the bends' speeds."""
@@ -87,14 +89,10 @@ def _turn(plan: Plan, angle_rad: float) -> None:
     plan.y_m = (np.sin(angle_rad) * x + np.cos(angle_rad) * y).tolist()
 
 
-HOME_XY_M = (-60.0, 1010.0)
-"""Where the circuit begins and ends, on the board; the road is the one that leads west from the northern roundabout."""
-
-
 def _stops(board: Board) -> list[int]:
     """Nodes that the circuit passes, in order."""
     drawn = board.drawn
-    home = drawn["coast"].node_near(HOME_XY_M)
+    home = drawn["coast"].node_near(_HOME_M)
     through = ("S", "turn down", "exit W", "overpass", "entry E", "loop up", "N")
     return [home, *(drawn[key].middle for key in through), home, drawn["coast"].nodes[-1]]
 

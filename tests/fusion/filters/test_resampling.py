@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from fusion.errors import UnknownNameError
-from fusion.filters.resampling import RESAMPLERS, Resampler, multinomial, normalised
+from fusion.filters.resampling import (
+    _BLOCK,
+    RESAMPLERS,
+    Resampler,
+    _sorted_uniforms,
+    _uniforms,
+    multinomial,
+    normalised,
+)
 
 SCHEMES = list(RESAMPLERS)
 EXACT_IF_EQUAL = ["residual", "stratified", "systematic"]
@@ -140,6 +148,12 @@ def test_large_clouds_are_unbiased_across_the_blocks_of_the_loops(scheme: str) -
         total += np.bincount(RESAMPLERS[scheme](weights, 3, step) // (n // groups), minlength=groups)
     z = (total - runs * n * share) / np.sqrt(runs * n * share * (1 - share))
     assert np.abs(z).max() < stats.norm.isf(FALSE_ALARM / (2 * groups))
+
+
+def test_every_block_of_the_loops_draws_numbers_of_its_own() -> None:
+    for draws in (_uniforms(1, 2, 4 * _BLOCK), np.diff(_sorted_uniforms(1, 2, 4 * _BLOCK), prepend=0.0)):
+        apart = np.corrcoef(draws.reshape(4, _BLOCK)) - np.eye(4)
+        assert np.abs(apart).max() < 5 / np.sqrt(_BLOCK)
 
 
 @each_scheme

@@ -139,27 +139,26 @@ def test_what_it_cannot_work_with_is_refused() -> None:
         Unscented().sigma_points(np.zeros(2), np.diag([1.0, -1e-3]))
 
 
-def corrected_heading(turn_rad: float) -> tuple[np.ndarray, np.ndarray]:
+def corrected_heading(turn_rad: float, alpha: float) -> tuple[np.ndarray, np.ndarray]:
     """A vehicle that heads ``turn_rad``, and a compass that says a little less; headings are given in (-pi, pi]."""
 
     def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return wrap(a - b)
 
-    unscented = Unscented()
-    x, p = unscented.predict(
-        wrap(np.array([turn_rad])),
-        np.array([[0.04]]),
-        lambda points: wrap(points + 0.01),
-        1e-4 * np.eye(1),
-        differ,
-    )
+    def drift(points: np.ndarray) -> np.ndarray:
+        return wrap(points + 0.01)
+
+    unscented = Unscented(alpha)
+    start = wrap(np.array([turn_rad])), np.array([[0.04]])
+    x, p = unscented.predict(*start, drift, 1e-4 * np.eye(1), differ)
     return unscented.correct(x, p, wrap(np.array([turn_rad - 0.02])), wrap, 0.01 * np.eye(1), differ)
 
 
-@pytest.mark.parametrize("turn_rad", [np.pi - 0.005, np.pi, -np.pi + 1e-4, 3.0, 40.0])
-def test_no_heading_is_worse_than_another(turn_rad: float) -> None:
-    x, p = corrected_heading(turn_rad)
-    expected_x, expected_p = corrected_heading(0.0)
+@pytest.mark.parametrize("alpha", [1e-3, 1.0])
+@pytest.mark.parametrize("turn_rad", [np.pi - 0.01, np.pi - 0.005, np.pi, -np.pi + 1e-4, 3.0, 40.0])
+def test_no_heading_is_worse_than_another(turn_rad: float, alpha: float) -> None:
+    x, p = corrected_heading(turn_rad, alpha)
+    expected_x, expected_p = corrected_heading(0.0, alpha)
     assert wrap(x - turn_rad) == pytest.approx(expected_x, abs=1e-8)
     assert p == pytest.approx(expected_p, rel=1e-8)
 
@@ -221,3 +220,21 @@ def test_on_a_linear_model_the_order_of_magnitude_of_states_does_no_harm(alpha: 
         assert general[1] / np.outer(scale, scale) == pytest.approx(
             linear[1] / np.outer(scale, scale), abs=1e-9
         )
+
+
+def test_rounding_far_from_the_origin_is_not_taken_for_a_bend_of_the_model() -> None:
+    """Nine states, 15 m/s, some kilometres away: weighed by 1e6, rounding would move the mean by 1e-7 m."""
+    transition = np.kron(np.eye(3), [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.5, 1.0, 1.0]])
+    design = np.eye(9)[2::3]
+    q, r = np.diag(np.tile([0.1, 0.01, 0.01], 3)), 25.0 * np.eye(3)
+    start = np.tile([0.0, 15.0, 5000.0], 3)
+    linear = general = (start, np.diag(np.tile([1.0, 4.0, 25.0], 3)))
+    unscented = Unscented(1e-3)
+    for second, error in enumerate(np.random.default_rng(6).normal(0.0, 5.0, (200, 3)), start=1):
+        z = 5000.0 + 15.0 * second + error
+        x, p = kalman.predict(*linear, transition, q)
+        linear = kalman.correct(x, p, z - design @ x, design, r)
+        general = unscented.predict(*general, lambda points: points @ transition.T, q)
+        general = unscented.correct(*general, z, lambda points: points[:, 2::3], r)
+        assert general[0] == pytest.approx(linear[0], rel=0, abs=1e-8)
+        assert general[1] == pytest.approx(linear[1], rel=0, abs=1e-6)

@@ -1,4 +1,4 @@
-"""Wheels, speed and road as functions of the state: (3)-(7) of Lahrech et al. 2005 against closed forms and derivatives."""
+"""Wheels, speed and road as functions of the state, (3)-(7) of Lahrech et al. 2005: closed forms, derivatives."""
 
 from __future__ import annotations
 

@@ -25,7 +25,11 @@ T0 = 1000.0
 
 
 def make_log(
-    fix_s: np.ndarray, wheel_s: np.ndarray, left: np.ndarray, right: np.ndarray | None = None, **tables: object
+    fix_s: np.ndarray,
+    wheel_s: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray | None = None,
+    **tables: object,
 ) -> DriveLog:
     n = len(fix_s)
     fix = GnssFix(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fusion.errors import UnknownNameError
 from fusion.frames import acceleration_enu, wrap_angle
-from fusion.simulate import RECEIVERS, SimulatedDrive, Town, make_town
+from fusion.simulate import RECEIVERS, Driver, SimulatedDrive, Town, make_town
 from fusion.simulate.receiver import gauss_markov
 
 RATE_HZ = 20.0
@@ -148,7 +148,7 @@ def test_gauss_markov_starts_in_its_stationary_state() -> None:
     assert np.std(first) == pytest.approx(2.0, rel=0.1)
 
 
-@pytest.mark.parametrize("receiver", ("m8", "phone", "f9p"))
+@pytest.mark.parametrize("receiver", ("m8", "m8u", "phone", "f9p"))
 def test_errors_have_the_size_that_the_profile_says(town: Town, receiver: str) -> None:
     p = RECEIVERS[receiver]
     drives = [town.drive(300 + k, 120.0, receiver=receiver) for k in range(40)]
@@ -235,6 +235,18 @@ def test_a_seed_makes_one_drive(town: Town) -> None:
     assert not np.array_equal(a.gnss.alt_msl_m[:50], c.gnss.alt_msl_m[:50])
 
 
+def test_a_driver_may_be_held_back(town: Town) -> None:
+    plain, slow = town.drive(11, 200.0), town.drive(11, 200.0, driver=Driver(top_speed_mps=6.0))
+    assert plain.truth.speed_mps.max() > 8
+    assert slow.truth.speed_mps.max() < 6.1
+    np.testing.assert_array_equal(slow.motion.route.segment, plain.motion.route.segment)
+    never = town.drive(11, 400.0, driver=Driver(stop_chance=0.0))
+    always = town.drive(11, 400.0, driver=Driver(stop_chance=1.0))
+    halts = [int(np.sum(np.diff((d.truth.speed_mps < 0.2).astype(int)) == 1)) for d in (never, always)]
+    assert halts[0] == 0
+    assert halts[1] >= 3
+
+
 def test_bad_wishes_are_refused(town: Town) -> None:
     with pytest.raises(UnknownNameError, match="There is no receiver called 'x9'"):
         town.drive(1, 60.0, receiver="x9")
@@ -242,6 +254,8 @@ def test_bad_wishes_are_refused(town: Town) -> None:
         town.drive(1, 0.0)
     with pytest.raises(ValueError, match="positive duration and rate"):
         town.drive(1, 60.0, rate_hz=0.0)
+    with pytest.raises(ValueError, match=r"a top speed, not 0\.0 m/s"):
+        town.drive(1, 60.0, driver=Driver(top_speed_mps=0.0))
 
 
 def test_profiles_have_no_negative_figure() -> None:
