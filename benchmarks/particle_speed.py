@@ -1,35 +1,43 @@
 #!/usr/bin/env python3
 """Time of the particle filter per epoch, beside a vectorised numpy loop of the same filter in the same run.
 
-    python benchmarks/particle_speed.py [--particles 1000 10000 100000] [--rounds 3] [--duration 549] [--json FILE]
+    python benchmarks/particle_speed.py [--particles 1000 10000 100000 1000000] [--rounds 3] [--duration 549]
+                                        [--profile N] [--json FILE]
 
 A simulated drive of the length of the thesis's (549 s at 1 Hz) with all five corrections: GNSS, acceleration, pitch,
 map, terrain. Both filters take the same epochs, roads and terrain, the same importance density and the same matcher;
-the numpy loop (``NumpyCloud`` below) does the arithmetic by whole arrays, with ``numpy.random.Generator`` and
-multinomial resampling. Rounds alternate between the two; the figures are medians. Memory is the peak resident size of
-the process above what it held before the filter, in a fresh process per particle count.
+the numpy loop (``particle_numpy.py``) does the arithmetic by whole arrays in double precision. Above 100,000 particles
+the drive is cut short in proportion, to no less than a minute. Rounds alternate between the two; figures are medians.
+Memory is the peak resident size of the process above what it held before the filter, in a fresh process per size.
 
-Columns: particles; ms per epoch of ours and of numpy's; their ratio; our peak memory.
+Columns: particles; threads; ms per epoch of ours and of numpy's; their ratio; ns per particle beyond what an epoch
+takes with hardly any particles, which is the same in every row if time grows linearly (times threads: two share the
+work of large clouds); our peak memory.
+
+``--profile N`` prints instead, for N particles, where an epoch's time goes: its parts, the loops over a block in the
+cache one by one, and what the memory's speed would allow.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
+import numba
+import particle_profile
+from particle_numpy import NumpyCloud
 
 from fusion.formats import read_log
-from fusion.methods import kinematics as k
-from fusion.methods.epoch_filter import Estimate, Measurement, PredictedMap
+from fusion.methods.epoch_filter import EpochFilter
+from fusion.methods.epoch_run import DriveRun
 from fusion.methods.particle import prepare, threads_for
 from fusion.methods.particle_filter import ParticleCloud
 from fusion.methods.particle_options import ParticleOptions
@@ -39,94 +47,9 @@ from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, no_progress
 
 Scene = tuple[DriveLog, RoadNetwork, Dem]
-
-
-class NumpyCloud(ParticleCloud):
-    """The same filter by whole-array numpy: what one writes first, done with care."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._rng = np.random.default_rng(self.options.seed)
-
-    def restart(self, mean: np.ndarray, sigma: np.ndarray) -> None:
-        self._cloud = mean[:, None] + sigma[:, None] * self._rng.standard_normal(self._cloud.shape)
-        self._logw = np.zeros(self.options.particles)
-        self._ref[:] = mean[k.X], mean[k.Y], math.atan2(mean[k.VY], mean[k.VX]), mean[k.Z]
-
-    def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
-        if dt_s is not None:
-            self._move(dt_s, measured)
-        c = self._cloud
-        self._pitch = np.arctan(c[k.VZ] / np.hypot(c[k.VX], c[k.VY]))
-        self._logw -= 0.5 * (measured.pitch_rad - self._pitch) ** 2 * measured.inv_var_pitch
-        heading = np.arctan2(c[k.VY], c[k.VX]) - self._ref[2]
-        self._turn = (heading + np.pi) % (2 * np.pi) - np.pi
-        w = np.exp(self._logw - self._logw.max())
-        w /= w.sum()
-        z = np.stack([c[k.X] - self._ref[0], c[k.Y] - self._ref[1], self._turn])
-        mean = z @ w
-        covariance = (z * w) @ z.T - np.outer(mean, mean)
-        x, y, heading = self._ref[:3] + mean
-        return PredictedMap(x, y, math.remainder(heading, 2 * math.pi), covariance)
-
-    def _move(self, dt: float, measured: Measurement) -> None:
-        c, q = self._cloud, self._q_per_s * dt
-        half = 0.5 * dt * dt if self.options.discretisation == "exact" else 0.0
-        for axis in range(3):
-            a, v, u = 3 * axis, 3 * axis + 1, 3 * axis + 2
-            for row, mean, var in (
-                (u, c[u] + c[v] * dt + c[a] * half, q[axis, 2]),
-                (v, c[v] + c[a] * dt, q[axis, 1]),
-                (a, c[a], q[axis, 0]),
-            ):
-                inv = measured.inv_var[row]
-                gain = var * inv / (1 + var * inv)
-                miss = measured.z[row] - mean
-                self._logw -= 0.5 * miss**2 * (inv / (1 + var * inv))
-                noise = self._rng.standard_normal(len(mean))
-                c[row] = mean + gain * miss + math.sqrt(var * (1 - gain)) * noise
-
-    def locate(
-        self,
-        road: tuple[float, float, float] | None,
-        use_heading: bool,
-        ground_m: float | None,
-        inv_var_ground: float,
-    ) -> Estimate:
-        o, c = self.options, self._cloud
-        if road is not None:
-            off = (c[k.X] - road[0]) ** 2 + (c[k.Y] - road[1]) ** 2
-            self._logw -= 0.5 * off / o.map_sigma_m**2
-            if use_heading:
-                turn = self._turn - road[2] + self._ref[2]
-                turn = (turn + np.pi) % (2 * np.pi) - np.pi
-                self._logw -= 0.5 * turn**2 / o.map_sigma_rad**2
-        if ground_m is not None:
-            miss = ground_m - (c[k.Z] - o.antenna_height_m / np.cos(self._pitch))
-            self._logw -= 0.5 * miss**2 * inv_var_ground
-        w = np.exp(self._logw - self._logw.max())
-        w /= w.sum()
-        state = c @ w
-        pitch = float(self._pitch @ w)
-        spread = (c - state[:, None]) ** 2 @ w
-        heading = self._ref[2] + math.atan2(np.sin(self._turn) @ w, np.cos(self._turn) @ w)
-        n_eff = float(1 / np.sum(w**2))
-        resampled = n_eff < (o.trigger_threshold or 2 / 3) * o.particles
-        if resampled:
-            # Side "right" of the cumulative weights inverts them; the last may round below 1.
-            ancestors = np.searchsorted(np.cumsum(w), np.sort(self._rng.random(o.particles)), side="right")
-            self._cloud = c[:, np.minimum(ancestors, o.particles - 1)]
-            self._logw = np.zeros(o.particles)
-        return Estimate(
-            state=state,
-            heading_rad=math.remainder(heading, 2 * math.pi),
-            pitch_rad=pitch,
-            pitch_sigma_rad=math.sqrt(float((self._pitch - pitch) ** 2 @ w)),
-            h_sigma_m=math.sqrt(spread[k.X] + spread[k.Y]),
-            z_sigma_m=math.sqrt(spread[k.Z]),
-            n_eff=n_eff,
-            resampled=resampled,
-        )
+FEWEST = 100
+WHOLE_DRIVE = 100_000
+SHORTEST_S = 60.0
 
 
 def make_scene(duration_s: float) -> Scene:
@@ -140,10 +63,12 @@ def make_scene(duration_s: float) -> Scene:
     return log, network, Dem.open([folder / "dem.tif"])
 
 
-def seconds_per_epoch(cloud: type[ParticleCloud], particles: int, scene: Scene) -> float:
+def seconds_per_epoch(cloud: Callable[[ParticleOptions], EpochFilter], particles: int, scene: Scene) -> float:
     """Run the method's own loop over the scene with the given cloud."""
     options = ParticleOptions(particles=particles)
-    run, _ = prepare(*scene, options)
+    run = prepare(*scene, options)[0]
+    if not isinstance(run, DriveRun):
+        raise TypeError("the particle filter is to go epoch by epoch")
     run.engine = cloud(options)
     begin = time.perf_counter()
     with threads_for(particles):
@@ -163,42 +88,110 @@ def memory_of(particles: int, duration_s: float) -> float:
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
+def duration_for(particles: int, whole_s: float) -> float:
+    """How much of the drive a cloud of this size goes through."""
+    return min(whole_s, max(SHORTEST_S, whole_s * WHOLE_DRIVE / particles))
+
+
+def compare(sizes: list[int], rounds: int, whole_s: float) -> list[dict[str, float]]:
+    """One row a size, printed as it comes."""
+    scene = make_scene(whole_s)
+    seconds_per_epoch(ParticleCloud, FEWEST, scene)  # compiles, or loads what was compiled
+    fixed = 1000 * statistics.median(seconds_per_epoch(ParticleCloud, FEWEST, scene) for _ in range(rounds))
+    print(f"{len(scene[0].fix)} epochs, medians of {rounds} rounds; {fixed:.3f} ms with {FEWEST} particles")
+    print(
+        f"{'particles':>10} {'threads':>7} {'ms/epoch':>9} {'numpy ms':>9} {'ratio':>6} {'ns/particle':>11} {'MiB':>6}"
+    )
+    rows = []
+    for particles in sizes:
+        duration_s = duration_for(particles, whole_s)
+        scene = make_scene(duration_s)
+        with threads_for(particles):
+            threads = numba.get_num_threads()
+        times = [
+            [seconds_per_epoch(cloud, particles, scene) for cloud in (ParticleCloud, NumpyCloud)]
+            for _ in range(rounds)
+        ]
+        ours, theirs = (1000 * statistics.median(column) for column in zip(*times, strict=True))
+        each_ns = 1e6 * (ours - fixed) / (particles - FEWEST)
+        mib = memory_of(particles, duration_s)
+        rows.append(
+            {
+                "particles": particles,
+                "threads": threads,
+                "ms": ours,
+                "numpy_ms": theirs,
+                "ratio": theirs / ours,
+                "ns_per_particle": each_ns,
+                "mib": mib,
+            }
+        )
+        print(
+            f"{particles:10d} {threads:7d} {ours:9.3f} {theirs:9.3f} {theirs / ours:6.1f} {each_ns:11.1f} {mib:6.1f}"
+        )
+    return rows
+
+
+def profile(particles: int, rounds: int, whole_s: float) -> dict[str, object]:
+    """Print and return where the time of an epoch goes."""
+    scene = make_scene(duration_for(particles, whole_s))
+    seconds_per_epoch(ParticleCloud, FEWEST, scene)
+    runs = [profiled_run(particles, scene) for _ in range(rounds)]
+    total, parts = min(runs, key=lambda run: run[0])
+    print(f"{particles} particles, {total:.3f} ms per epoch, best of {rounds} rounds")
+    parts["the rest: sensors, match, terrain's height, track"] = total - sum(parts.values())
+    for name, ms in parts.items():
+        print(f"  {ms:8.3f} ms {ms / total:5.0%}  {name}")
+    loops = particle_profile.loops(particles)
+    print(f"one core, a block in the cache: {sum(loops.values()):.1f} ns per particle")
+    for name, ns in loops.items():
+        print(f"  {ns:8.2f} ns {ns / sum(loops.values()):5.0%}  {name}")
+    speed, moved = particle_profile.memory_gb_per_s(), particle_profile.bytes_per_particle()
+    print(
+        f"memory: one core copies {speed:.0f} GB/s; {moved} bytes per particle and epoch would take "
+        f"{1e-6 * moved * particles / speed:.3f} ms"
+    )
+    return {"particles": particles, "ms": total, "parts_ms": parts, "loops_ns": loops, "gb_per_s": speed}
+
+
+def profiled_run(particles: int, scene: Scene) -> tuple[float, dict[str, float]]:
+    """Milliseconds per epoch, whole and by part."""
+    seconds: dict[str, float] = {}
+    options = ParticleOptions(particles=particles)
+    cloud = ParticleCloud(options)
+    with particle_profile.timed_parts(seconds, cloud):
+        whole = seconds_per_epoch(lambda _: cloud, particles, scene)
+    epochs = len(scene[0].fix)
+    return 1000 * whole, {name: 1000 * spent / epochs for name, spent in seconds.items()}
+
+
 def main() -> None:
     """Parse the command line, run, print."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--particles", type=int, nargs="+", default=[1000, 10_000, 100_000])
+    parser.add_argument("--particles", type=int, nargs="+", default=[1000, 10_000, 100_000, 1_000_000])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--duration", type=float, default=549.0, help="length of the drive, s")
+    parser.add_argument("--profile", type=int, metavar="N", help="where the time goes with N particles")
     parser.add_argument("--memory-of", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    scene = make_scene(args.duration)
-    seconds_per_epoch(ParticleCloud, 1000, scene)  # compiles, or loads what was compiled
     if args.memory_of:
+        scene = make_scene(args.duration)
+        seconds_per_epoch(ParticleCloud, FEWEST, scene)
         before = resident_mib("VmRSS")
         Path("/proc/self/clear_refs").write_text("5")  # resets the peak
         seconds_per_epoch(ParticleCloud, args.memory_of, scene)
         print(resident_mib("VmHWM") - before)
         return
-    print(f"{len(scene[0].fix)} epochs, medians of {args.rounds} rounds")
-    print(f"{'particles':>10} {'ms/epoch':>9} {'numpy ms':>9} {'ratio':>6} {'MiB':>6}")
-    rows = []
-    for particles in args.particles:
-        rounds = [
-            [seconds_per_epoch(cloud, particles, scene) for cloud in (ParticleCloud, NumpyCloud)]
-            for _ in range(args.rounds)
-        ]
-        ours, theirs = (1000 * statistics.median(column) for column in zip(*rounds, strict=True))
-        memory = memory_of(particles, args.duration)
-        rows.append(
-            {"particles": particles, "ms": ours, "numpy_ms": theirs, "ratio": theirs / ours, "mib": memory}
-        )
-        print(f"{particles:10d} {ours:9.3f} {theirs:9.3f} {theirs / ours:6.1f} {memory:6.1f}")
+    if args.profile:
+        result: object = profile(args.profile, args.rounds, args.duration)
+    else:
+        result = compare(args.particles, args.rounds, args.duration)
     if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+        args.json.write_text(json.dumps(result, indent=1))
 
 
 if __name__ == "__main__":

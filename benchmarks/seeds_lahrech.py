@@ -80,7 +80,7 @@ CASES = (
         "Lahrech, policy paper, terrain as altitude",
         {"dem": "always"},
         dem=True,
-        note="Calais is flat and the town hilly: without terrain the altitude is open loop in an outage.",
+        note="The town is hilly and Calais flat; its raster errs by as much as an open loop of 40 s drifts.",
     ),
     Case("Lahrech, policy paper, ordinary wheels (radii 0.3 %, slip 0.2 %, 96 ticks)", wheels="ordinary"),
     Case("Lahrech, as printed, ordinary wheels", _PRINTED, wheels="ordinary"),

@@ -1,8 +1,9 @@
 """Random numbers for compiled loops that come out the same on any number of threads.
 
-Particles are processed in fixed blocks; each block of each step owns a xoshiro256++ stream (Blackman and
-Vigna 2021) keyed by (seed, step, block), so neither the number of threads nor their order can change a
-draw. Normals come from a 256-layer ziggurat (Marsaglia and Tsang 2000), a few nanoseconds each.
+Particles are processed in fixed blocks; each block of each step owns xoshiro256++ streams (Blackman and Vigna 2021)
+keyed by (seed, step, block), so neither the number of threads nor their order can change a draw. Where many normals are
+needed, a block runs 64 such streams side by side, which processors advance by whole vector registers, and turns pairs
+of uniforms into pairs of normals (Box and Muller 1958) by polynomials: below a nanosecond each.
 """
 
 from __future__ import annotations
@@ -13,38 +14,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, compiled_vector
+from fusion.fast_math import Single, Singles, cos_quarters, log_positive, sin_quarters
+from fusion.types import Floats
 
-Floats = NDArray[np.float64]
 Stream = NDArray[np.uint64]
 """Four words of state of one stream."""
 
-_LAYERS = 256
-_TAIL_START = 3.6541528853610088  # right edge of the base layer for 256 layers of equal area
-_LAYER_AREA = 4.92867323399e-3
+LANES = 64
+LANE_WORDS = 8 * LANES
+Lanes = NDArray[np.uint64]
+"""``LANE_WORDS`` words: four rows of state of ``LANES`` streams, then four rows for what they give in four steps."""
 
-_MASK_53 = np.uint64(0x1FFFFFFFFFFFFF)
+GROUP = 8 * LANES
+"""Number of 32-bit draws in those four rows."""
+
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _U64 = np.uint64
 
-
-def _ziggurat_edges() -> Floats:
-    """Edges x[0] > x[1] > ... > x[256] = 0 of the layers under exp(-x^2/2); x[0] stands for the tail's box."""
-    edges = np.zeros(_LAYERS + 1)
-    edges[1] = _TAIL_START
-    density = math.exp(-0.5 * _TAIL_START**2)
-    edges[0] = _LAYER_AREA / density
-    for layer in range(2, _LAYERS):
-        density += _LAYER_AREA / edges[layer - 1]
-        edges[layer] = math.sqrt(-2 * math.log(density))
-    return edges
-
-
-_EDGES = _ziggurat_edges()
-_SCALED_EDGES = _EDGES / 2.0**53
-_HEIGHTS = np.exp(-0.5 * _EDGES**2)
+_I32 = np.int32
+_ONE_BIT, _31_BITS = np.int32(1), np.int32(0x7FFFFFFF)
+_STEP_31 = Single(2.0**-31)
+_ZERO, _HALF, _MINUS_TWO = Single(0.0), Single(0.5), Single(-2.0)
 
 
 @compiled
@@ -56,28 +49,37 @@ def _mix(value: Any) -> Any:
 
 
 @compiled
+def _key(seed: int, step: int, block: int) -> Any:
+    key = _mix(_U64(seed) + _GOLDEN) ^ _mix(_U64(step) * _GOLDEN + _MIX_1)
+    return _mix(key + _U64(block) * _MIX_2 + _GOLDEN)
+
+
+@compiled
 def seed_stream(seed: int, step: int, block: int, state: Stream) -> None:
     """Fill ``state`` (uint64[4]) with the stream keyed by (seed, step, block)."""
-    key = _mix(_U64(seed) + _GOLDEN) ^ _mix(_U64(step) * _GOLDEN + _MIX_1)
-    key = _mix(key + _U64(block) * _MIX_2 + _GOLDEN)
+    key = _key(seed, step, block)
     for k in range(4):
         key = key + _GOLDEN
         state[k] = _mix(key)
 
 
+@compiled_vector
+def _next(s0: Any, s1: Any, s2: Any, s3: Any) -> Any:
+    """64 random bits of xoshiro256++, and the state that follows."""
+    total = s0 + s3
+    bits = ((total << _U64(23)) | (total >> _U64(41))) + s0
+    shifted = s1 << _U64(17)
+    s2 ^= s0
+    s3 ^= s1
+    return bits, s0 ^ s3, s1 ^ s2, s2 ^ shifted, (s3 << _U64(45)) | (s3 >> _U64(19))
+
+
 @compiled
 def next_uint64(state: Stream) -> Any:
     """Advance xoshiro256++ by one and return 64 random bits."""
-    total = state[0] + state[3]
-    result = ((total << _U64(23)) | (total >> _U64(41))) + state[0]
-    shifted = state[1] << _U64(17)
-    state[2] ^= state[0]
-    state[3] ^= state[1]
-    state[1] ^= state[2]
-    state[0] ^= state[3]
-    state[2] ^= shifted
-    state[3] = (state[3] << _U64(45)) | (state[3] >> _U64(19))
-    return result
+    bits, s0, s1, s2, s3 = _next(state[0], state[1], state[2], state[3])
+    state[0], state[1], state[2], state[3] = s0, s1, s2, s3
+    return bits
 
 
 @compiled
@@ -87,52 +89,82 @@ def next_uniform(state: Stream) -> float:
 
 
 @compiled
-def _rare_normal(state: Stream, layer: np.int64, x: float) -> tuple[bool, float]:
-    """The 1.2 % of draws that fall outside a layer's rectangle: (accepted, |value|)."""
-    if layer == 0:
-        while True:
-            tail = -math.log(1.0 - next_uniform(state)) / _TAIL_START
-            if -2.0 * math.log(1.0 - next_uniform(state)) > tail * tail:
-                return True, _TAIL_START + tail
-    height = _HEIGHTS[layer] + next_uniform(state) * (_HEIGHTS[layer + 1] - _HEIGHTS[layer])
-    return height < math.exp(-0.5 * x * x), x
-
-
-@compiled
-def fill_normals(state: Stream, out: Floats) -> None:
-    """Fill the 1-D array ``out`` with independent standard normal draws from the stream ``state``.
-
-    The stream's words live in local variables inside the loop: as array elements each draw would load and
-    store them anew, since the compiler cannot know that ``out`` does not overlap them.
-    """
-    s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
-    i = 0
-    n = out.shape[0]
-    while i < n:
-        total = s0 + s3
-        bits = ((total << _U64(23)) | (total >> _U64(41))) + s0
-        shifted = s1 << _U64(17)
-        s2 ^= s0
-        s3 ^= s1
-        s1 ^= s2
-        s0 ^= s3
-        s2 ^= shifted
-        s3 = (s3 << _U64(45)) | (s3 >> _U64(19))
-        layer = np.int64(bits & _U64(255))
-        x = np.float64(np.int64(bits >> _U64(11))) * _SCALED_EDGES[layer]
-        if x >= _EDGES[layer + 1]:
-            state[0], state[1], state[2], state[3] = s0, s1, s2, s3
-            accepted, x = _rare_normal(state, layer, x)
-            s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
-            if not accepted:
-                continue
-        out[i] = -x if bits & _U64(256) else x
-        i += 1
-    state[0], state[1], state[2], state[3] = s0, s1, s2, s3
-
-
-@compiled
 def fill_uniforms(state: Stream, out: Floats) -> None:
     """Fill the 1-D array ``out`` with independent uniform draws from [0, 1)."""
     for i in range(out.shape[0]):
         out[i] = next_uniform(state)
+
+
+@compiled_vector
+def seed_lanes(seed: int, step: int, block: int, lanes: Lanes) -> None:
+    """Fill ``lanes`` with the streams keyed by (seed, step, block)."""
+    key = _key(seed, step, block)
+    for i in range(4 * LANES):
+        key = key + _GOLDEN
+        lanes[i] = _mix(key)
+
+
+@compiled_vector
+def _advance(lanes: Lanes) -> None:
+    """Advance every lane by four, so that states are loaded and stored once for four draws."""
+    for i in range(LANES):
+        s0, s1, s2, s3 = lanes[i], lanes[LANES + i], lanes[2 * LANES + i], lanes[3 * LANES + i]
+        first, s0, s1, s2, s3 = _next(s0, s1, s2, s3)
+        second, s0, s1, s2, s3 = _next(s0, s1, s2, s3)
+        third, s0, s1, s2, s3 = _next(s0, s1, s2, s3)
+        fourth, s0, s1, s2, s3 = _next(s0, s1, s2, s3)
+        lanes[i], lanes[LANES + i], lanes[2 * LANES + i], lanes[3 * LANES + i] = s0, s1, s2, s3
+        lanes[4 * LANES + i], lanes[5 * LANES + i] = first, second
+        lanes[6 * LANES + i], lanes[7 * LANES + i] = third, fourth
+
+
+@compiled_vector
+def _fraction(bits: np.int32) -> Single:
+    """A uniform draw from (0, 1] out of the 31 upper ones of 32 random bits."""
+    return (Single(_I32(_I32(bits >> _ONE_BIT) & _31_BITS)) + _HALF) * _STEP_31
+
+
+@compiled_vector
+def _fill_pairs(lanes: Lanes, out: Singles) -> None:
+    """Fill ``out`` (GROUP,) with normals, in pairs that lie half a group apart."""
+    _advance(lanes)
+    bits = lanes[4 * LANES :].view(np.int32)
+    for i in range(GROUP // 2):
+        first, second = bits[i], bits[GROUP // 2 + i]
+        # The radius ends at 6.7; the bit that it leaves over is the half of the circle.
+        radius = Single(math.sqrt(max(_MINUS_TWO * log_positive(_fraction(first)), _ZERO)))
+        quarters = Single(second) * _STEP_31
+        across = radius * cos_quarters(quarters)
+        out[i] = radius * sin_quarters(quarters)
+        out[GROUP // 2 + i] = -across if first & _ONE_BIT else across
+
+
+@compiled_vector
+def fill_normals(lanes: Lanes, out: Singles) -> None:
+    """Fill the 1-D array ``out`` with independent standard normal draws of single precision, |draw| < 6.7.
+
+    Each call begins with a fresh group of draws; what the last group of a call leaves over is lost.
+    """
+    n = len(out)
+    whole = n - n % GROUP
+    for begin in range(0, whole, GROUP):
+        _fill_pairs(lanes, out[begin : begin + GROUP])
+    if whole < n:
+        rest = np.empty(GROUP, np.float32)
+        _fill_pairs(lanes, rest)
+        for i in range(whole, n):
+            out[i] = rest[i - whole]
+
+
+@compiled_vector
+def fill_exponentials(lanes: Lanes, out: Singles) -> None:
+    """Fill the 1-D array ``out`` with independent standard exponential draws of single precision, from 0 to 22.
+
+    Groups are as in ``fill_normals``.
+    """
+    bits = lanes[4 * LANES :].view(np.int32)
+    for begin in range(0, len(out), GROUP):
+        _advance(lanes)
+        part = out[begin : begin + GROUP]
+        for i in range(len(part)):
+            part[i] = -log_positive(_fraction(bits[i]))

@@ -1,15 +1,14 @@
-"""Compiled second pass of the particle method: map, terrain, the estimate, resampling."""
+"""Compiled second pass of the particle method: map, terrain, what the estimate needs, weights for resampling."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import prange
 
-from fusion.compiled import compiled, compiled_parallel, compiled_vector
+from fusion.compiled import compiled_parallel, compiled_vector
+from fusion.fast_math import LEAST_RANK, Single, Singles, cos_quarters, exp_negative, from_rank, rank_of
 from fusion.methods.kinematics import AX, AY, AZ, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
-from fusion.methods.particle_kernels import fill_weights
 from fusion.methods.particle_layout import (
     B_COS,
     B_LOGMAX,
@@ -18,143 +17,141 @@ from fusion.methods.particle_layout import (
     B_SIN,
     B_STATE,
     B_W,
+    B_WLOGW,
     B_WW,
     B_XX,
     B_YY,
     B_ZZ,
     BLOCK,
+    LOGW,
+    PITCH,
+    ROW,
+    TURN,
 )
 from fusion.types import Floats
 
-_STEEPEST_TAN2 = math.tan(STEEPEST_RAD) ** 2
+_ZERO, _TINY = Single(0.0), Single(1e-12)
+_PI, _CIRCLE = Single(math.pi), Single(2.0 * math.pi)
+_STEEPEST, _QUARTERS_PER_RAD = Single(STEEPEST_RAD), Single(2.0 / math.pi)
 
 
 @compiled_vector
 def _weigh_road(
-    part: Floats,
-    logw: Floats,
-    angles: Floats,
-    turn: float,
+    chunk: Singles,
+    n: int,
     road: Floats,
     inv_var_road: Floats,
-    ground_m: float,
-    antenna_m: float,
+    ground: float,
     inv_var_ground: float,
-) -> None:
-    """Map correction (2.13)-(2.15) and terrain correction (2.16)-(2.18), h = z - H / cos(pitch)."""
-    for i in range(len(logw)):
-        dx = road[0] - part[X, i]
-        dy = road[1] - part[Y, i]
-        dt = angles[0, i] - turn
-        dt -= 2.0 * math.pi * math.floor((dt + math.pi) / (2.0 * math.pi))
-        across2 = part[VX, i] * part[VX, i] + part[VY, i] * part[VY, i] + 1e-12
-        lift = antenna_m * math.sqrt(1.0 + min(part[VZ, i] * part[VZ, i] / across2, _STEEPEST_TAN2))
-        dz = ground_m - part[Z, i] + lift
-        logw[i] -= 0.5 * (
-            dx * dx * inv_var_road[0]
-            + dy * dy * inv_var_road[1]
-            + dt * dt * inv_var_road[2]
-            + dz * dz * inv_var_ground
-        )
+    antenna: float,
+) -> Single:
+    """Map correction (2.13)-(2.15) and terrain correction (2.16)-(2.18), h = z - H / cos(pitch).
+
+    Returns the greatest log weight.
+    """
+    x, y, turn = Single(road[0]), Single(road[1]), Single(road[2])
+    h_x, h_y, h_t = (
+        Single(0.5 * inv_var_road[0]),
+        Single(0.5 * inv_var_road[1]),
+        Single(0.5 * inv_var_road[2]),
+    )
+    level, height, h_z = Single(ground), Single(antenna), Single(0.5 * inv_var_ground)
+    top = LEAST_RANK
+    for i in range(min(n, BLOCK)):
+        dx = x - chunk[X * ROW + i]
+        dy = y - chunk[Y * ROW + i]
+        dt = chunk[TURN * ROW + i] - turn
+        dt = dt - _CIRCLE if dt > _PI else dt
+        dt = dt + _CIRCLE if dt < -_PI else dt
+        pitch = min(abs(chunk[PITCH * ROW + i]), _STEEPEST)
+        dz = level - chunk[Z * ROW + i] + height / cos_quarters(pitch * _QUARTERS_PER_RAD)
+        logw = chunk[LOGW * ROW + i] - (dx * dx * h_x + dy * dy * h_y + dt * dt * h_t + dz * dz * h_z)
+        chunk[LOGW * ROW + i] = logw
+        top = max(top, rank_of(logw))
+    return from_rank(top)
 
 
 @compiled_vector
-def _attitude_moments(part: Floats, w: Floats, pitch: Floats, row: Floats) -> None:
-    """Weighted circular moments of the heading (2.38, on the circle), moments of the pitch (2.37), sums of w."""
-    s_w = s_ww = s_cos = s_sin = s_p = s_pp = 0.0
-    for i in range(len(w)):
-        wi = w[i]
-        vx = part[VX, i]
-        vy = part[VY, i]
-        over = wi / math.sqrt(vx * vx + vy * vy + 1e-12)
-        s_w += wi
-        s_ww += wi * wi
+def _attitude_moments(chunk: Singles, n: int, top: Single, row: Floats) -> None:
+    """Sums over the weights; circular moments of the heading (2.38, on the circle), moments of the pitch (2.37)."""
+    s_w = s_ww = s_wl = s_cos = s_sin = s_p = s_pp = _ZERO
+    for i in range(min(n, BLOCK)):
+        below = chunk[LOGW * ROW + i] - top
+        w = exp_negative(below)
+        vx, vy, pitch = chunk[VX * ROW + i], chunk[VY * ROW + i], chunk[PITCH * ROW + i]
+        over = w / math.sqrt(vx * vx + vy * vy + _TINY)
+        wp = w * pitch
+        s_w += w
+        s_ww += w * w
+        s_wl += w * below
         s_cos += over * vx
         s_sin += over * vy
-        s_p += wi * pitch[i]
-        s_pp += wi * pitch[i] * pitch[i]
-    row[B_W], row[B_WW], row[B_COS], row[B_SIN], row[B_PITCH], row[B_PITCH2] = (
-        s_w,
-        s_ww,
-        s_cos,
-        s_sin,
-        s_p,
-        s_pp,
-    )
+        s_p += wp
+        s_pp += wp * pitch
+    row[B_LOGMAX], row[B_W], row[B_WW], row[B_WLOGW] = top, s_w, s_ww, s_wl
+    row[B_COS], row[B_SIN], row[B_PITCH], row[B_PITCH2] = s_cos, s_sin, s_p, s_pp
 
 
 @compiled_vector
-def _moments(state: Floats, w: Floats, about: float) -> tuple[float, float]:
-    """Weighted sums of a state and of its square, about a point near its mean."""
-    first = second = 0.0
-    for i in range(len(w)):
-        d = state[i] - about
-        first += w[i] * d
-        second += w[i] * d * d
-    return first, second
+def _state_moments(chunk: Singles, n: int, top: Single, row: Floats) -> None:
+    """Weighted sums of the states, and of the squares of positions."""
+    s_ax = s_vx = s_x = s_ay = s_vy = s_y = s_az = s_vz = s_z = s_xx = s_yy = s_zz = _ZERO
+    for i in range(min(n, BLOCK)):
+        w = exp_negative(chunk[LOGW * ROW + i] - top)
+        x, y, z = chunk[X * ROW + i], chunk[Y * ROW + i], chunk[Z * ROW + i]
+        wx, wy, wz = w * x, w * y, w * z
+        s_ax += w * chunk[AX * ROW + i]
+        s_ay += w * chunk[AY * ROW + i]
+        s_az += w * chunk[AZ * ROW + i]
+        s_vx += w * chunk[VX * ROW + i]
+        s_vy += w * chunk[VY * ROW + i]
+        s_vz += w * chunk[VZ * ROW + i]
+        s_x += wx
+        s_y += wy
+        s_z += wz
+        s_xx += wx * x
+        s_yy += wy * y
+        s_zz += wz * z
+    row[B_STATE + AX], row[B_STATE + VX], row[B_STATE + X] = s_ax, s_vx, s_x
+    row[B_STATE + AY], row[B_STATE + VY], row[B_STATE + Y] = s_ay, s_vy, s_y
+    row[B_STATE + AZ], row[B_STATE + VZ], row[B_STATE + Z] = s_az, s_vz, s_z
+    row[B_XX], row[B_YY], row[B_ZZ] = s_xx, s_yy, s_zz
 
 
 @compiled_parallel
 def weigh_and_estimate(
-    cloud: Floats,
-    logw: Floats,
-    angles: Floats,
-    weights: Floats,
+    cloud: Singles,
+    n: int,
     sums: Floats,
-    ref: Floats,
     road: Floats,
     inv_var_road: Floats,
-    ground_m: float,
-    antenna_m: float,
+    ground: float,
     inv_var_ground: float,
+    antenna: float,
 ) -> None:
-    """Second pass: map and terrain corrections; moments of the estimate, ``sums`` (blocks, 19).
+    """Second pass: map and terrain corrections; moments of the estimate, ``sums`` (blocks, B_COLUMNS).
 
-    ``road`` is the matched (x, y, heading), ``inv_var_road`` its inverse variances (0 leaves out);
-    ``ground_m`` the terrain's height under the vehicle, ``antenna_m`` the antenna's above the road.
-    ``weights`` (n,) receives weights on the scale of each block's greatest.
+    ``road`` is the matched (x, y, heading) and ``ground`` the terrain's height under the vehicle, both from the
+    cloud's origin and heading, headings within a turn; inverse variances of 0 leave a correction out. ``antenna`` is
+    the antenna's height above the road.
     """
-    n = cloud.shape[1]
-    turn = road[2] - ref[2]
-    for b in prange((n + BLOCK - 1) // BLOCK):
-        part = cloud[:, b * BLOCK : min(n, (b + 1) * BLOCK)]
-        lw = logw[b * BLOCK : min(n, (b + 1) * BLOCK)]
-        an = angles[:, b * BLOCK : min(n, (b + 1) * BLOCK)]
-        w = weights[b * BLOCK : min(n, (b + 1) * BLOCK)]
-        _weigh_road(part, lw, an, turn, road, inv_var_road, ground_m, antenna_m, inv_var_ground)
-        row = sums[b]
-        row[B_LOGMAX] = fill_weights(lw, w)
-        _attitude_moments(part, w, an[1], row)
-        row[B_STATE + X], row[B_XX] = _moments(part[X], w, ref[0])
-        row[B_STATE + Y], row[B_YY] = _moments(part[Y], w, ref[1])
-        row[B_STATE + Z], row[B_ZZ] = _moments(part[Z], w, ref[3])
-        for k in (AX, VX, AY, VY, AZ, VZ):
-            row[B_STATE + k] = _moments(part[k], w, 0.0)[0]
-
-
-@compiled
-def merge_sums(sums: Floats, squared: int, out: Floats) -> Floats:
-    """Add the blocks' sums in block order on the scale of the greatest log weight.
-
-    Column ``squared`` (-1: none) holds squared weights and scales with the square.
-    """
-    top = -np.inf
-    for b in range(sums.shape[0]):
-        top = max(top, sums[b, 0])
-    out[:] = 0.0
-    out[0] = top
-    for b in range(sums.shape[0]):
-        scale = math.exp(sums[b, 0] - top)
-        for c in range(1, sums.shape[1]):
-            out[c] += (scale * scale if c == squared else scale) * sums[b, c]
-    return out
+    for b in prange(cloud.shape[0]):
+        m = min(n - b * BLOCK, BLOCK)
+        top = _weigh_road(cloud[b], m, road, inv_var_road, ground, inv_var_ground, antenna)
+        _attitude_moments(cloud[b], m, top, sums[b])
+        _state_moments(cloud[b], m, top, sums[b])
 
 
 @compiled_vector
-def normalise_blocks(weights: Floats, sums: Floats, top: float, total: float) -> None:
-    """Bring the blocks' weights to one scale, on which they sum to 1."""
+def _fill_block(logw: Singles, top: Single, scale: Single, weights: Floats) -> None:
+    for i in range(len(weights)):
+        weights[i] = scale * exp_negative(logw[i] - top)
+
+
+@compiled_parallel
+def fill_weights(cloud: Singles, top: float, total: float, weights: Floats) -> None:
+    """Fill ``weights`` (n,), which sum to 1; ``total`` is their sum on the scale of the greatest, e^top."""
     n = len(weights)
-    for b in range(sums.shape[0]):
-        scale = math.exp(sums[b, B_LOGMAX] - top) / total
-        for i in range(b * BLOCK, min(n, (b + 1) * BLOCK)):
-            weights[i] *= scale
+    for b in prange(cloud.shape[0]):
+        part = weights[b * BLOCK : min(n, (b + 1) * BLOCK)]
+        _fill_block(cloud[b, LOGW * ROW :], Single(top), Single(1.0 / total), part)

@@ -55,6 +55,11 @@ def positions_only(log: DriveLog) -> DriveLog:
     return DriveLog("gpx", log.fix)
 
 
+def lonely_fix(log: DriveLog) -> DriveLog:
+    """A position between two pauses, of which nobody knows the speed."""
+    return DriveLog("gpx", log.fix, gaps_s=log.fix.time_s[[60, 61]] - 0.2)
+
+
 def no_attitude(log: DriveLog) -> DriveLog:
     return replace(log, attitude=Attitude.empty(), velocity=GnssVelocity.empty())
 
@@ -66,6 +71,7 @@ LOGS = [
     no_first_heights,
     no_first_heights_of_another_datum,
     positions_only,
+    lonely_fix,
     no_attitude,
 ]
 CHOICES = [
@@ -120,7 +126,7 @@ def test_the_compiled_run_is_the_textbook_filter(
     assert run.rows.ground.any()
     if change is wild_fixes:
         assert run.rows.outlier.sum() >= 4
-    if change in (wild_fixes, paused):
+    if change in (wild_fixes, paused, lonely_fix):
         assert run.rows.start.sum() >= 2
     if change in (no_first_heights, no_first_heights_of_another_datum):
         assert not run.rows.outlier.any()

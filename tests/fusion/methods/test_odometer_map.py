@@ -209,17 +209,20 @@ def test_slopes_are_less_sure_while_the_altitude_settles_after_an_outage(
     cut = make_log(6, duration_s=240, outages=[(100.0, 40.0)], wheels=WheelSet())
     end_s = cut.fix.time_s[np.argmax(np.diff(cut.fix.time_s)) + 1]
     sure, settling = (
-        {s.segment: s for s in run_drive(log, town.roads, None, method=NAME)[1].slopes}
+        {
+            s.segment: s
+            for s in run_drive(log, town.roads, None, method=NAME, options={"policy": "always"})[1].slopes
+        }
         for log in (whole, cut)
     )
     after = [k for k, s in settling.items() if k in sure and end_s <= s.first_time_s < end_s + 6.0]
     assert after
     for k in after:
-        assert settling[k].slope_sigma_percent > 1.5 * sure[k].slope_sigma_percent
+        assert settling[k].slope_sigma_percent > 2 * sure[k].slope_sigma_percent
     late = [k for k, s in settling.items() if k in sure and s.first_time_s > end_s + 40.0]
     assert late
     for k in late:
-        assert settling[k].slope_sigma_percent < 1.2 * sure[k].slope_sigma_percent
+        assert settling[k].slope_sigma_percent < 1.1 * sure[k].slope_sigma_percent
 
 
 def test_terrain_gives_the_heights_that_a_log_lacks(make_log: MakeLog, town: Town, town_dem: Dem) -> None:
