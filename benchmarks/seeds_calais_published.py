@@ -153,10 +153,6 @@ _STEEPEST = "Another scene: the true slopes of segments with four epochs and mor
 _UNSCENTED = (
     "The thesis cites this system without figures (its reference [29]); the rows stand for comparison."
 )
-_UNSCENTED_SIGMA = (
-    "Heights by triangles follow each of ASTER's bumps, 10 m high and 120 m wide here; the stated sigmas were "
-    "fitted to milder terrain models."
-)
 
 
 def _notes() -> dict[tuple[str, str], str]:
@@ -185,7 +181,7 @@ def _notes() -> dict[tuple[str, str], str]:
         "steepest slope up": _STEEPEST,
     }
     doppler = {"position U, std": _ALTITUDE_3_DOPPLER, "position U, std, receiver m8": _HARSH}
-    unscented = {"position U, std": _UNSCENTED, "slope errors within 1.96 sigma": _UNSCENTED_SIGMA}
+    unscented = {"position U, std": _UNSCENTED}
     return {
         (case, quantity): note
         for case, notes in (
