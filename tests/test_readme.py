@@ -98,7 +98,7 @@ def methods() -> str:
         (
             code(name) + (" (default)" if name == DEFAULT_METHOD else ""),
             item.description,
-            ", ".join(item.needs),
+            "; ".join(item.needs),
             item.source,
         )
         for name, item in METHODS.items()

@@ -87,7 +87,7 @@ def _show(console: Console, name: str, method: Method) -> None:
     default = "  (default)" if name == DEFAULT_METHOD else ""
     typer.echo(f"{name}{default}: {method.description}")
     typer.echo(f"  source: {method.source}")
-    typer.echo(f"  needs:  {', '.join(method.needs)}")
+    typer.echo(f"  needs:  {'; '.join(method.needs)}")
     rows = [
         [f"  {option}", _plain(o["default"]), o["allowed"], o["description"]]
         for option, o in options(method).items()

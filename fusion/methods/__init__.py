@@ -9,14 +9,16 @@ from fusion.methods.profile import ProfileMethod
 from fusion.methods.raw import RawMethod
 from fusion.methods.ukf_dem import UkfDemMethod
 
-METHODS.add(ProfileMethod.name, ProfileMethod())
-METHODS.add(ParticleMethod.name, ParticleMethod())
-METHODS.add(OdometerMapMethod.name, OdometerMapMethod())
-METHODS.add(UkfDemMethod.name, UkfDemMethod())
-METHODS.add(RawMethod.name, RawMethod())
-METHODS.add(DemMethod.name, DemMethod())
-for _gps_ins in GPS_INS_METHODS:
-    METHODS.add(_gps_ins.name, _gps_ins)
+for _method in (
+    ProfileMethod(),
+    ParticleMethod(),
+    OdometerMapMethod(),
+    *GPS_INS_METHODS,
+    UkfDemMethod(),
+    RawMethod(),
+    DemMethod(),
+):
+    METHODS.add(_method.name, _method)
 
 DEFAULT_METHOD = ProfileMethod.name
 
