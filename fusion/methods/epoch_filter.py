@@ -45,6 +45,9 @@ class PredictedMap:
     covariance: Floats
 
 
+_FEWEST = 3.0
+
+
 @dataclass(frozen=True)
 class Estimate:
     """State (9,), attitude and spread after all corrections, (2.36)-(2.38).
@@ -60,6 +63,12 @@ class Estimate:
     z_sigma_m: float
     n_eff: float = 0.0
     resampled: bool = False
+
+    @property
+    def collapsed(self) -> bool:
+        """Whether one or two particles have all the weight and have just been copied to all places: such a cloud says
+        nothing of its own error, and the filter has to begin anew."""
+        return self.resampled and self.n_eff < _FEWEST
 
 
 Road = tuple[float, float, float]

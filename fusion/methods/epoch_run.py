@@ -83,7 +83,8 @@ class DriveRun:
         estimate = self.engine.locate(road, moving, ground, weight)
         self.rows.put(e, estimate, -1 if match is None else match.segment)
         self.rows.ground[e] = ground is not None
-        self._last = None if self._rejected >= OUTLIERS_BEFORE_RESTART else estimate
+        lost = self._rejected >= OUTLIERS_BEFORE_RESTART or estimate.collapsed
+        self._last = None if lost else estimate
 
     def _speed(self, e: int) -> float:
         """Ground speed as logged; in an outage without a speed signal the filter's own."""

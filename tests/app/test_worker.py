@@ -30,7 +30,7 @@ from fusion.simulate import Town
 REPOSITORY = Path(__file__).resolve().parents[2]
 PATIENCE_S = 120.0
 # Enough particles that nobody waits for the end by accident, few enough that the test ends.
-SLOW = {"particles": 30_000}
+SLOW = {"particles": 200_000}
 
 Send = Callable[..., DriveRow]
 Workers = Callable[[], AbstractContextManager["subprocess.Popen[bytes]"]]
