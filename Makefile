@@ -20,7 +20,7 @@ demo: setup  ## from nothing to slopes: the whole job on simulated drives, resul
 	@$(BIN)/versant demo --output demo
 
 test: setup  ## every test, on a private PostGIS
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n 2
 
 check: $(INSTALLED)  ## linters, types and the fast tests, in under a minute
 	@$(BIN)/ruff check .
