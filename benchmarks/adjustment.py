@@ -35,13 +35,13 @@ from typing import Any, TypeVar
 import numpy as np
 from adjustment_drives import Copies, Synthetic, town_drives
 
-from fusion.evidence import SegmentEvidence
-from fusion.factors import PassFactor
-from fusion.neighbourhoods import PUBLISH_RADIUS_M, WINDOW_RADIUS_M, gap_rows, neighbourhood
-from fusion.network_adjustment import Adjustment, adjust
-from fusion.roads import read_roads
+from fusion.network.adjust import Adjustment, adjust
+from fusion.network.evidence import SegmentEvidence
+from fusion.network.pass_factor import PassFactor
+from fusion.network.window import PUBLISH_RADIUS_M, WINDOW_RADIUS_M, gap_rows, neighbourhood
+from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
-from fusion.simulate import make_town
+from fusion.simulate.scene.town import make_town
 
 HEIDELBERG = (
     Path(__file__).resolve().parents[2] / "shared" / "data" / "maps" / "heidelberg-2024-09.test.osm.pbf"

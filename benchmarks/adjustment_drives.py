@@ -11,12 +11,12 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from fusion.factors import PassFactor
 from fusion.formats import read_log
-from fusion.knots import grade_rows, knot_length, slope_row, smoothness
+from fusion.network.curve import grade_rows, knot_length, slope_row, smoothness
+from fusion.network.pass_factor import PassFactor
 from fusion.pipeline import run_drive
 from fusion.roads.table import RoadTable
-from fusion.simulate import Town
+from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 
 RECEIVERS = ("m8", "f9p", "phone", "m8")

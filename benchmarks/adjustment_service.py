@@ -16,12 +16,18 @@ from unittest import mock
 from adjustment_drives import Copies, town_drives
 from sqlalchemy import text
 
-from app import migrate
-from app.db import Sessions, make_engine, session_factory
-from app.embedded import EmbeddedPostgres
-from app.store import databases, drives, locks, network, passes, roads, slopes
-from fusion.factors import PassFactor
-from fusion.simulate import make_town
+from app.core import databases, migrate
+from app.core.db import Sessions, make_engine, session_factory
+from app.drives import store as drives
+from app.embedded.cluster import EmbeddedPostgres
+from app.network import passes
+from app.network import results as slopes
+from app.network import solve as network
+from app.network import versions as locks
+from app.roads import imports as roads
+from app.roads import store as road_store
+from fusion.network.pass_factor import PassFactor
+from fusion.simulate.scene.town import make_town
 from fusion.types import Ints, SegmentSlope
 
 STEPS = {
@@ -69,7 +75,7 @@ def publish(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> uui
     drive = new_drive(sessions)
     with sessions.begin() as session:
         locks.own_network(session)
-        version = roads.current_road_version(session)
+        version = road_store.current_road_version(session)
         assert version is not None  # noqa: S101 - imported at the start
         provenance = slopes.RunProvenance("profile", {}, "1.0", version.id, None)
         slopes.save_result(session, drive, ids, estimates_of(factors), provenance, factors)
@@ -159,7 +165,7 @@ def service_part(sizes: Sequence[int], repeat: int) -> list[dict[str, object]]:
         with sessions.begin() as session:
             roads.replace_roads(session, town.roads, "town.osm", "0" * 64)
         with sessions() as session:
-            ids = roads.all_roads(session)[1]
+            ids = road_store.all_roads(session)[1]
         stored = 0
         for count in sizes:
             start = time.perf_counter()

@@ -34,11 +34,12 @@ from slope_accuracy import find_sequences, load_tool, make_log
 
 from fusion.formats import read_log
 from fusion.methods import METHODS
-from fusion.methods.particle import prepare, threads_for
-from fusion.methods.particle_options import ParticleOptions
+from fusion.methods.particle.method import prepare, threads_for
+from fusion.methods.particle.options import ParticleOptions
 from fusion.pipeline import ROAD_MARGIN_M
-from fusion.roads.network import RoadNetwork, RoadTable
-from fusion.simulate import make_town
+from fusion.roads.network import RoadNetwork
+from fusion.roads.table import RoadTable
+from fusion.simulate.scene.town import make_town
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, no_progress
 

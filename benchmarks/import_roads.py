@@ -17,12 +17,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from app import migrate
-from app.db import make_engine, session_factory
-from app.embedded import EmbeddedPostgres
-from app.ingest import import_roads
-from app.store import databases
-from fusion.roads import read_roads
+from app.core import databases, migrate
+from app.core.db import make_engine, session_factory
+from app.embedded.cluster import EmbeddedPostgres
+from app.roads.imports import import_roads
+from fusion.roads.osm import read_roads
 
 
 def seconds(work: Callable[[], object]) -> float:

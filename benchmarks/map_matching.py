@@ -13,8 +13,8 @@ route: Newson & Krumm 2009, made aware of order, direction and repeats. Points p
 processor time of one thread, second pass, median over the tracks; preparing the matcher for a network is counted
 apart (median seconds).
 
-    drive    fusion.roads.matching.DriveMatcher, default settings
-    the names in fusion.roads.point_matchers.MATCHERS, default settings
+    drive    fusion.matching.drive.DriveMatcher, default settings
+    the names in fusion.matching.points.MATCHERS, default settings
              points thinned to 14 m, the course is that of the neighbours; each point gets a segment, so that short
              arcs between two points are missed. ``mahalanobis`` is the rule of Al Assaad 2020
     drive-points
@@ -39,9 +39,11 @@ import matching_leuven
 import numpy as np
 from matching_tracks import Track, error, find_tracks, read_track
 
-from fusion.roads.hmm_candidates import thin
-from fusion.roads.matching import DriveMatcher, PointMatches
-from fusion.roads.point_matchers import MATCHERS, PointMatcher
+from fusion.matching.candidates import thin
+from fusion.matching.drive import DriveMatcher
+from fusion.matching.points import MATCHERS
+from fusion.matching.points.base import PointMatcher
+from fusion.matching.points.mahalanobis import PointMatches
 
 LAST_TUNED = 18
 SPACING_M = 14.0

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from fusion.frames import LocalProjection
-from fusion.roads import RoadNetwork, RoadTable
+from fusion.roads.network import RoadNetwork
+from fusion.roads.table import RoadTable
 
 
 @dataclass(frozen=True, eq=False)

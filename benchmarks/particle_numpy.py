@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from fusion.methods import kinematics as k
-from fusion.methods.epoch_filter import Estimate, Measurement, PredictedMap, Road
-from fusion.methods.particle_options import ParticleOptions
+from fusion.methods.nine_state import motion as k
+from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap, Road
+from fusion.methods.particle.options import ParticleOptions
 from fusion.types import Floats
 
 _SMALLEST_SPEED_MPS = 1e-6

@@ -14,11 +14,11 @@ from contextlib import contextmanager
 import numpy as np
 
 from fusion.filters.random import LANE_WORDS, fill_normals, seed_lanes
-from fusion.methods import kinematics as k
-from fusion.methods import particle_estimate as second
-from fusion.methods import particle_filter
-from fusion.methods import particle_kernels as first
-from fusion.methods import particle_layout as layout
+from fusion.methods.nine_state import motion as k
+from fusion.methods.particle import cloud as first
+from fusion.methods.particle import estimate as second
+from fusion.methods.particle import filter as particle_filter
+from fusion.methods.particle import layout
 
 # The compiled parts of an epoch by what the filter calls them.
 PARTS = {

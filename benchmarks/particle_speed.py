@@ -36,13 +36,13 @@ import particle_profile
 from particle_numpy import NumpyCloud
 
 from fusion.formats import read_log
-from fusion.methods.epoch_filter import EpochFilter
-from fusion.methods.epoch_run import DriveRun
-from fusion.methods.particle import prepare, threads_for
-from fusion.methods.particle_filter import ParticleCloud
-from fusion.methods.particle_options import ParticleOptions
+from fusion.methods.nine_state.filter import EpochFilter
+from fusion.methods.nine_state.run import DriveRun
+from fusion.methods.particle.filter import ParticleCloud
+from fusion.methods.particle.method import prepare, threads_for
+from fusion.methods.particle.options import ParticleOptions
 from fusion.roads.network import RoadNetwork
-from fusion.simulate import make_town
+from fusion.simulate.scene.town import make_town
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, no_progress
 

@@ -62,7 +62,16 @@ def make_logs(data_dir: Path, tool: Path, seeds: int, folder: Path) -> dict[str,
         for seed in range(seeds):
             out = folder / f"{road}_{seed}.csv"
             reference = data_dir / "karlsruhe" / f"ref_{road}.csv"
-            command = [sys.executable, str(tool), "drive", str(reference), "-o", str(out), "--seed", str(seed)]
+            command = [
+                sys.executable,
+                str(tool),
+                "drive",
+                str(reference),
+                "-o",
+                str(out),
+                "--seed",
+                str(seed),
+            ]
             if not out.exists():
                 subprocess.run([*command, "--profile", "m8"], check=True, stdout=subprocess.DEVNULL)
             logs.setdefault(road, []).append(out)

@@ -11,17 +11,22 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+from scenes.calais import Interchange, calais_drive, make_interchange
 
 from fusion.formats import read_log
 from fusion.frames import wrap_angle
-from fusion.methods import METHODS, particle, ukf_dem
-from fusion.methods.kinematics import AX, VX
+from fusion.methods import METHODS
+from fusion.methods.base import DriveResult
+from fusion.methods.nine_state.motion import AX, VX
+from fusion.methods.particle import method as particle
+from fusion.methods.ukf_dem import method as ukf_dem
 from fusion.pipeline import parse_options
 from fusion.roads.network import RoadNetwork
-from fusion.simulate import RECEIVERS, Interchange, SimulatedDrive, calais_drive, make_interchange
-from fusion.simulate.motion import MotionState
+from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.motion.motion import MotionState
+from fusion.simulate.receiver.receiver import RECEIVERS
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, DriveResult, Floats, no_progress
+from fusion.types import DriveLog, Floats, no_progress
 
 RASTERS = ("aster", "world30")
 AXES = ("E", "N", "U")

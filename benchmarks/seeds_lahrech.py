@@ -19,14 +19,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scenes.lahrech import lahrech_drive
 from seeds_rows import Row
 
 from fusion.formats import read_log
+from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
-from fusion.simulate import SimulatedDrive, lahrech_drive
-from fusion.simulate.wheels import TEN_PERCENT_WHEELS, WheelSet
+from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, DriveResult, Floats, Progress
+from fusion.types import DriveLog, Floats, Progress
 
 Figures = dict[str, float]
 

@@ -38,8 +38,8 @@ from app.cli.fuse_files import Fusion
 from fusion.errors import FusionError, MissingSensorError
 from fusion.methods import DEFAULT_METHOD
 from fusion.pipeline import parse_options
-from fusion.roads.network import RoadTable
 from fusion.roads.osm import read_roads
+from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 
 Key = tuple[int, int, int]

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from fusion.factors import PassFactor
+    pass
+
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -290,18 +291,3 @@ class Measurements:
     along_m: Floats
     value: Floats
     is_height: NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class DriveResult:
-    """Everything a method says about a drive. ``report`` is JSON-serialisable.
-
-    ``factors``: what the drive contributes to the network adjustment, one a pass; empty for methods that give only
-    slopes. ``measurements``: what the estimate is drawn over, where the method offers it.
-    """
-
-    track: Track
-    slopes: tuple[SegmentSlope, ...]
-    report: dict[str, Any]
-    factors: tuple[PassFactor, ...] = ()
-    measurements: Measurements | None = None

@@ -1,7 +1,7 @@
 """Alembic's entry: where the database is, and which of its objects are ours.
 
 The database is ``config.attributes["connection"]`` (a SQLAlchemy connection, used as it is), else the option
-``sqlalchemy.url`` that ``app.migrate`` sets, else ``VERSANT_DATABASE_URL``.
+``sqlalchemy.url`` that ``app.core.migrate`` sets, else ``VERSANT_DATABASE_URL``.
 """
 
 import os
@@ -11,8 +11,8 @@ from alembic import context
 from geoalchemy2 import alembic_helpers
 from sqlalchemy import Connection, create_engine, pool
 
-from app.models import Base
-from app.settings import sqlalchemy_url
+from app.core.settings import sqlalchemy_url
+from app.core.tables import Base
 
 
 def include_object(thing: Any, name: str | None, kind: str, reflected: bool, compare_to: Any) -> bool:

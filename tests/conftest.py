@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings as hypothesis_settings
 
-from app import migrate
-from app.embedded import EmbeddedPostgres, PostgresMissingError
-from app.settings import ENV_PREFIX, get_settings
-from app.store import databases
+from app.core import databases, migrate
+from app.core.settings import ENV_PREFIX, get_settings
+from app.embedded.cluster import EmbeddedPostgres
+from app.embedded.errors import PostgresMissingError
 
 if TYPE_CHECKING:
-    from fusion.simulate import Town
+    from fusion.simulate.scene.town import Town
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 TEMPLATE = "template_versant"
@@ -122,7 +122,7 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def town() -> Town:
     """The synthetic town of seed 1, with its true slopes."""
-    from fusion.simulate import make_town  # noqa: PLC0415 - only the tests that use it pay for it
+    from fusion.simulate.scene.town import make_town  # noqa: PLC0415 - only the tests that use it pay for it
 
     return make_town(seed=1)
 

@@ -15,8 +15,8 @@ import typer
 import yaml
 
 from app.cli import app as command_line
+from app.core.settings import ENV_PREFIX, Settings
 from app.main import create_app
-from app.settings import ENV_PREFIX, Settings
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCKERFILE = REPOSITORY / ".docker" / "Dockerfile"

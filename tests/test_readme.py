@@ -18,10 +18,10 @@ import typer
 
 from app.cli import COMMANDS
 from app.cli import app as cli
+from app.core.settings import ENV_PREFIX, Settings
 from app.main import create_app
-from app.outputs import OUTPUTS
-from app.outputs.features import PROPERTIES
-from app.settings import ENV_PREFIX, Settings
+from app.map.outputs import OUTPUTS
+from app.map.segment import PROPERTIES
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS

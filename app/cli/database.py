@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from app.db import Sessions, make_engine, session_factory
-from app.embedded import open_database
-from app.settings import Settings, load_settings
+from app.core.db import Sessions, make_engine, session_factory
+from app.core.settings import Settings, load_settings
+from app.embedded.access import open_database
 
 
 def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
@@ -22,7 +22,7 @@ def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
 def database(settings: Settings, *, embedded: bool | None = None) -> Iterator[Settings]:
     """Yield the settings with ``database_url`` set, for as long as the block lasts.
 
-    ``embedded``: see ``app.embedded.open_database``. The embedded cluster is started if it does not run, and
+    ``embedded``: see ``app.embedded.access.open_database``. The embedded cluster is started if it does not run, and
     migrated.
     """
     with open_database(settings, embedded=embedded) as url:

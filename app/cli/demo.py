@@ -11,8 +11,8 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile
 from app.cli.supervisor import reach, stop_signals
-from app.demo import DemoResult, demo_service, run_demo
 from app.demo.files import figures, write_files
+from app.demo.run import DemoResult, demo_service, run_demo
 from app.demo.score import Score, examples
 
 EXAMPLES = 24

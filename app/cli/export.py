@@ -12,9 +12,11 @@ from sqlalchemy.orm import Session
 from app.cli.console import Console, write_json
 from app.cli.database import sessions
 from app.cli.options import Box, DataDir, JsonFile, in_a_folder, parse_box
-from app.outputs import SegmentFeature, output_for, write
-from app.outputs.attribution import attribution
-from app.store import dem, segments
+from app.map import store as segments
+from app.map.attribution import attribution
+from app.map.outputs import output_for, write
+from app.map.segment import SegmentFeature
+from app.terrain import store as dem
 from fusion.errors import UnknownNameError
 from fusion.types import Progress
 

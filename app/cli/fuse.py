@@ -13,13 +13,14 @@ import typer
 from app.cli.console import Bars, Console, write_json
 from app.cli.fuse_files import FusedLog, Fusion, summary
 from app.cli.options import JsonFile, in_a_folder, parse_assignments
-from app.outputs import output_for, write
-from app.outputs.attribution import attribution
-from app.outputs.features import SegmentFeature, collection_chunks
-from app.outputs.profile import build_profile, table_facts
-from app.outputs.profile_png import printable, profile_png
-from app.outputs.slope_map import slope_map_png
-from app.outputs.track import track_chunks
+from app.drives.outputs.profile import build_profile, table_facts
+from app.drives.outputs.profile_picture import printable, profile_png
+from app.drives.outputs.track import track_chunks
+from app.map.attribution import attribution
+from app.map.outputs import output_for, write
+from app.map.outputs.geojson import collection_chunks
+from app.map.segment import SegmentFeature
+from app.map.slope_map import slope_map_png
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.methods import DEFAULT_METHOD
 from fusion.methods.base import Options

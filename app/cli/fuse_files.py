@@ -12,17 +12,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from app.cli.fuse_network import solve_network, surroundings
-from app.outputs.features import SegmentFeature
-from app.published import Part, published
-from app.window import rows_of
+from app.map.segment import SegmentFeature
 from fusion.formats import read_log
-from fusion.methods.base import Options
-from fusion.pipeline import run_drive
-from fusion.roads.network import RoadNetwork, RoadTable
+from fusion.methods.base import DriveResult, Options
+from fusion.network.combine import Part, published
+from fusion.network.window import rows_of
+from fusion.pipeline import run_drive, solve_network, surroundings
+from fusion.roads.network import RoadNetwork
+from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
-from fusion.types import DriveResult, Ints, Progress, no_progress
+from fusion.types import Ints, Progress, no_progress
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,12 @@ from typing import Annotated
 
 import typer
 
-from app import ingest
 from app.cli.console import Console, write_json
 from app.cli.database import sessions
 from app.cli.options import DataDir, JsonFile
-from app.store.rows import ImportCounts
+from app.roads import imports as road_imports
+from app.roads.store import ImportCounts
+from app.terrain import store as dem_store
 from fusion.terrain.quality import pair
 
 app = typer.Typer(add_completion=False)
@@ -34,7 +35,7 @@ def import_roads(
     console: Console = ctx.obj
     started = time.perf_counter()
     with sessions(data_dir) as (settings, factory), console.progress() as bars:
-        counts = ingest.import_roads(factory, file, settings.dem_dir, bars.work(file.name))
+        counts = road_imports.import_roads(factory, file, settings.dem_dir, bars.work(file.name))
     seconds = time.perf_counter() - started
     segments = counts.kept + counts.moved + counts.added
     typer.echo(
@@ -85,7 +86,7 @@ def import_dem(
     console: Console = ctx.obj
     started = time.perf_counter()
     with sessions(data_dir) as (settings, factory), console.progress() as bars:
-        active = ingest.import_dem(factory, files, settings.dem_dir, bars.work("elevation"))
+        active = dem_store.import_dem(factory, files, settings.dem_dir, bars.work("elevation"))
     seconds = time.perf_counter() - started
     with_quality = [path.name for path, quality in pair(active.paths) if quality is not None]
     typer.echo(

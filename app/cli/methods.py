@@ -9,14 +9,14 @@ import typer
 
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile
-from app.outputs import OUTPUTS
+from app.map.outputs import OUTPUTS
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
 from fusion.gnss import POSITIONINGS
 from fusion.methods import DEFAULT_METHOD, METHODS
 from fusion.methods.base import Method, option_facts
-from fusion.simulate import RECEIVERS
+from fusion.simulate.receiver.receiver import RECEIVERS
 from fusion.terrain.windows import WINDOWS
 
 app = typer.Typer(add_completion=False)

@@ -9,7 +9,7 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.database import sessions
 from app.cli.options import DataDir, JsonFile
-from app.store.rebuild import rebuild_network
+from app.network.rebuild import rebuild_network
 
 app = typer.Typer(add_completion=False)
 

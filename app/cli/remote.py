@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from app.client import Client, ClientError
-from app.settings import load_settings
+from app.cli.client import Client, ClientError
+from app.core.settings import load_settings
 
 Server = Annotated[
     str | None, typer.Option(metavar="URL", help="Address of the service.  [default: VERSANT_SERVER]")

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
+from app.cli.client import RemoteBatch
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile
 from app.cli.remote import Server, service_client
-from app.client import RemoteBatch
 
 app = typer.Typer(add_completion=False)
 

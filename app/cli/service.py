@@ -8,15 +8,15 @@ from typing import Annotated
 import typer
 import uvicorn
 
-from app import migrate as migrations
 from app.cli.console import Console
 from app.cli.database import database, settings_for
 from app.cli.options import DataDir
 from app.cli.supervisor import free_port, reach, stop_with_parent
+from app.core import migrate as migrations
+from app.core.databases import require_reachable
+from app.core.settings import Settings
+from app.drives.worker import run_worker
 from app.main import create_app
-from app.settings import Settings
-from app.store.databases import require_reachable
-from app.worker import run_worker
 
 GRACEFUL_S = 3  # followers of a drive's events would otherwise keep a stopping server open
 

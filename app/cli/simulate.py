@@ -10,7 +10,10 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile
 from fusion.errors import UnknownNameError
-from fusion.simulate import RECEIVERS, simulate_drive, structures, write_all
+from fusion.simulate.bundle import write_all
+from fusion.simulate.drive import simulate_drive
+from fusion.simulate.motion.routes import structures
+from fusion.simulate.receiver.receiver import RECEIVERS
 
 app = typer.Typer(add_completion=False)
 

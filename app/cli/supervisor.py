@@ -18,8 +18,8 @@ from typing import Self
 import httpx
 
 from app.cli.console import Console, sentence
-from app.embedded import EmbeddedPostgres
-from app.settings import ENV_PREFIX, Settings
+from app.core.settings import ENV_PREFIX, Settings
+from app.embedded.cluster import EmbeddedPostgres
 from fusion.errors import FusionError
 
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})

@@ -10,8 +10,8 @@ import typer
 from app.cli.console import Console
 from app.cli.database import settings_for
 from app.cli.supervisor import Service, reach, stop_signals
-from app.embedded import open_cluster
-from app.settings import Settings
+from app.core.settings import Settings
+from app.embedded.access import open_cluster
 
 app = typer.Typer(add_completion=False)
 

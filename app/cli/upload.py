@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
+from app.cli.client import Client, RemoteDrive, shown
 from app.cli.console import Bars, Console, write_json
 from app.cli.options import JsonFile, parse_assignments
 from app.cli.remote import Server, service_client
-from app.client import Client, RemoteDrive, shown
 from fusion.errors import FusionError
 
 app = typer.Typer(add_completion=False)

@@ -11,7 +11,8 @@ from app.cli.console import Bars
 from app.cli.fuse_files import Fusion
 from app.demo.score import Estimate, SegmentKey
 from fusion.pipeline import parse_options
-from fusion.simulate import Bundle, Town
+from fusion.simulate.bundle import Bundle
+from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 
 

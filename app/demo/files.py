@@ -14,7 +14,7 @@ import numpy as np
 from app.demo.baselines import feature_key
 from app.demo.run import DemoResult
 from app.demo.score import Score
-from fusion.plot_map import MapSegments, draw_slope_map
+from app.map.slope_map import MapSegments, draw_slope_map
 
 CREDIT = "Simulated town; no real place. Made by `versant demo`."
 

@@ -12,17 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from app import ingest, migrate
+from app.cli.client import Client, RemoteDrive, shown
 from app.cli.console import Bars, Console
 from app.cli.supervisor import Service
-from app.client import Client, RemoteDrive, shown
-from app.db import make_engine, session_factory
+from app.core import migrate
+from app.core.db import make_engine, session_factory
+from app.core.settings import Settings
 from app.demo.baselines import baselines, feature_key
 from app.demo.score import Estimate, Score, SegmentKey, Truth, by_kind, by_structure, score
-from app.embedded import EmbeddedPostgres
-from app.settings import Settings
+from app.embedded.cluster import EmbeddedPostgres
+from app.roads import imports as road_imports
+from app.terrain import store as dem_store
 from fusion.errors import FusionError
-from fusion.simulate import Bundle, write_all
+from fusion.simulate.bundle import Bundle, write_all
 
 DRIVES, SEED, DURATION_S = 6, 1, 600.0
 DRIVE_TIMEOUT_S = 600.0
@@ -150,8 +152,8 @@ def _import(settings: Settings, bundle: Bundle, bars: Bars) -> None:
     engine = make_engine(settings.database_url, pool_size=1)
     try:
         sessions = session_factory(engine)
-        ingest.import_roads(sessions, bundle.osm, settings.dem_dir, bars.work(bundle.osm.name))
-        ingest.import_dem(sessions, [bundle.dem], settings.dem_dir, bars.work(bundle.dem.name))
+        road_imports.import_roads(sessions, bundle.osm, settings.dem_dir, bars.work(bundle.osm.name))
+        dem_store.import_dem(sessions, [bundle.dem], settings.dem_dir, bars.work(bundle.dem.name))
     finally:
         engine.dispose()
 

@@ -5,17 +5,3 @@ cluster.py   initialise, start, attach, stop    config.py    the server's settin
 lockfile.py  is a server running here?          sockets.py   the private folder of its socket
 locks.py     locks between programs             errors.py    what can go wrong
 """
-
-from app.embedded.access import open_cluster, open_database
-from app.embedded.binaries import find_binaries
-from app.embedded.cluster import EmbeddedPostgres
-from app.embedded.errors import EmbeddedPostgresError, PostgresMissingError
-
-__all__ = [
-    "EmbeddedPostgres",
-    "EmbeddedPostgresError",
-    "PostgresMissingError",
-    "find_binaries",
-    "open_cluster",
-    "open_database",
-]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from app import migrate
+from app.core import migrate
+from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
-from app.settings import Settings
 
 
 @contextmanager

@@ -12,6 +12,8 @@ from types import TracebackType
 from typing import Self
 from urllib.parse import quote
 
+from app.core import databases
+from app.core.settings import SQLALCHEMY_SCHEME
 from app.embedded.account import Account, account_for, with_access
 from app.embedded.binaries import find_binaries
 from app.embedded.config import HBA, INCLUDE, server_settings
@@ -19,8 +21,6 @@ from app.embedded.errors import EmbeddedPostgresError
 from app.embedded.lockfile import Postmaster, remove_stale_lock, running_postmaster
 from app.embedded.locks import FileLock
 from app.embedded.sockets import PORT, clear_sockets, prepare_socket_dir
-from app.settings import SQLALCHEMY_SCHEME
-from app.store import databases
 
 SUPERUSER = "versant"
 START_TIMEOUT_S = 120.0

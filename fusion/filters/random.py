@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.compiled import compiled, compiled_vector
-from fusion.fast_math import Single, Singles, cos_quarters, log_positive, sin_quarters
+from fusion.filters.single_precision import Single, Singles, cos_quarters, log_positive, sin_quarters
 from fusion.types import Floats
 
 Stream = NDArray[np.uint64]

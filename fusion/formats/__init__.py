@@ -22,8 +22,6 @@ from fusion.formats.versant_csv import VersantCsvFormat
 from fusion.registry import Registry
 from fusion.types import DriveLog, Progress, no_progress
 
-__all__ = ["FORMATS", "HEAD_BYTES", "MAX_BYTES", "LogFormat", "read_log"]
-
 HEAD_BYTES = 4 << 20
 """How much of a log the formats see to recognise it: text may stand before the first binary message."""
 

@@ -14,8 +14,7 @@ from pyarrow import compute as pc
 from pyarrow import csv
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import Notes
-from fusion.formats.timestamps import unix_seconds
+from fusion.formats.base import Notes, unix_seconds
 from fusion.types import Floats, Ints
 
 NUMBERS: tuple[str, ...] = (

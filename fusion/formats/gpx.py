@@ -14,8 +14,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import iterparse
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats.base import Data, Notes, build_log, ground_velocity, usable_positions
-from fusion.formats.timestamps import unix_seconds
+from fusion.formats.base import Data, Notes, build_log, ground_velocity, unix_seconds, usable_positions
 from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Progress
 
 ROOT = re.compile(rb"<(?:[\w.-]+:)?gpx[\s>]")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from fusion.formats.base import Data
-from fusion.formats.nmea_sentences import looks_like_nmea
-from fusion.formats.stream import read_stream
+from fusion.formats.receiver.nmea_sentences import looks_like_nmea
+from fusion.formats.receiver.stream import read_stream
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import looks_like_dump
 from fusion.types import DriveLog, Progress

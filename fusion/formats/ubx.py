@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from fusion.formats.base import Data
-from fusion.formats.stream import read_stream
-from fusion.formats.ubx_frame import SYNC, find_frames
+from fusion.formats.receiver.stream import read_stream
+from fusion.formats.receiver.ubx_frames import SYNC, find_frames
 from fusion.types import DriveLog, Progress
 
 

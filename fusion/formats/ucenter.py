@@ -18,8 +18,8 @@ from collections.abc import Callable, Iterator
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, Notes
-from fusion.formats.stream import read_stream
-from fusion.formats.ubx_frame import frame
+from fusion.formats.receiver.stream import read_stream
+from fusion.formats.receiver.ubx_frames import frame
 from fusion.types import DriveLog, Progress
 
 _CLASSES = rb"(?:NAV|ESF|HNR|RXM|MON|CFG|TIM|ACK|INF|SEC|AID|LOG)"

@@ -1,13 +1,13 @@
 """The estimators, by name. A new one is one file with a class that follows ``Method``, and one line here."""
 
 from fusion.methods.base import METHODS
-from fusion.methods.dem import DemMethod
-from fusion.methods.gps_ins import GPS_INS_METHODS
-from fusion.methods.odometer_map import OdometerMapMethod
-from fusion.methods.particle import ParticleMethod
-from fusion.methods.profile import ProfileMethod
-from fusion.methods.raw import RawMethod
-from fusion.methods.ukf_dem import UkfDemMethod
+from fusion.methods.baselines.dem import DemMethod
+from fusion.methods.baselines.raw import RawMethod
+from fusion.methods.gps_ins.method import GPS_INS_METHODS
+from fusion.methods.odometer_map.method import OdometerMapMethod
+from fusion.methods.particle.method import ParticleMethod
+from fusion.methods.profile.method import ProfileMethod
+from fusion.methods.ukf_dem.method import UkfDemMethod
 
 for _method in (
     ProfileMethod(),

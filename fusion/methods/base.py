@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
@@ -12,7 +12,10 @@ from fusion.errors import UnknownNameError
 from fusion.registry import Registry
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, DriveResult, Progress
+from fusion.types import DriveLog, Measurements, Progress, SegmentSlope, Track
+
+if TYPE_CHECKING:
+    from fusion.network.pass_factor import PassFactor
 
 
 class Options(BaseModel):
@@ -122,3 +125,18 @@ class Method(Protocol):
 
 
 METHODS: Registry[Method] = Registry("method")
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """Everything a method says about a drive. ``report`` is JSON-serialisable.
+
+    ``factors``: what the drive contributes to the network adjustment, one a pass; empty for methods that give only
+    slopes. ``measurements``: what the estimate is drawn over, where the method offers it.
+    """
+
+    track: Track
+    slopes: tuple[SegmentSlope, ...]
+    report: dict[str, Any]
+    factors: tuple[PassFactor, ...] = ()
+    measurements: Measurements | None = None

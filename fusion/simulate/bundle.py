@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
-from fusion.simulate.routes import structures
-from fusion.simulate.town import Town, make_town
+from fusion.simulate.motion.routes import structures
+from fusion.simulate.scene.town import Town, make_town
 from fusion.types import Progress, no_progress
 
 _MIX = (

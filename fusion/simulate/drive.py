@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.simulate.motion import Driver, Motion, MotionState, move
-from fusion.simulate.receiver import (
+from fusion.simulate.motion.motion import Driver, Motion, MotionState, move
+from fusion.simulate.motion.routes import Route, plan_route
+from fusion.simulate.receiver.receiver import (
     RECEIVERS,
     GnssReadings,
     InertialReadings,
@@ -24,13 +25,12 @@ from fusion.simulate.receiver import (
     observe_gnss,
     observe_inertial,
 )
-from fusion.simulate.routes import Route, plan_route
-from fusion.simulate.ubx_file import ubx_bytes
-from fusion.simulate.wheels import WheelReadings, WheelSet, observe_wheels
+from fusion.simulate.receiver.wheels import WheelReadings, WheelSet, observe_wheels
+from fusion.simulate.write.ubx_file import ubx_bytes
 from fusion.types import Floats, Ints
 
 if TYPE_CHECKING:
-    from fusion.simulate.town import Town
+    from fusion.simulate.scene.town import Town
 
 FIRST_START_S = 1_717_394_400.0
 """2024-06-03T06:00:00Z, when the drive of seed 0 begins."""
@@ -161,7 +161,7 @@ class SimulatedDrive:
         Path(path).write_bytes(gzip.compress(data, mtime=0) if str(path).endswith(".gz") else data)
 
     def write_ubx(self, path: Path) -> None:
-        """Write u-blox binary messages (see ``fusion.simulate.ubx_file``); they carry no wheels."""
+        """Write u-blox binary messages (see ``fusion.simulate.write.ubx_file``); they carry no wheels."""
         Path(path).write_bytes(ubx_bytes(self))
 
 

@@ -11,8 +11,8 @@ import httpx
 import pytest
 from fast import FAST_OPTIONS
 
-from app.client import Client, ClientError
-from fusion.simulate import Bundle
+from app.cli.client import Client, ClientError
+from fusion.simulate.bundle import Bundle
 from tests.end_to_end.conftest import Up
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from fusion.methods import METHODS
-from fusion.simulate import Bundle
+from fusion.simulate.bundle import Bundle
 from tests.end_to_end.conftest import Up, versant
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from fusion.simulate import Bundle
+from fusion.simulate.bundle import Bundle
 from tests.end_to_end.conftest import FAST, Up, versant
 
 pytestmark = pytest.mark.slow

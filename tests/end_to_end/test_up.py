@@ -7,8 +7,8 @@ import signal
 
 import pytest
 
-from app.client import Client
-from fusion.simulate import Bundle
+from app.cli.client import Client
+from fusion.simulate.bundle import Bundle
 from tests.end_to_end.conftest import PROC, STOP_S, Up, await_true, versant
 
 pytestmark = [

@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from factor_support import PLANE
 
-from fusion import knots
-from fusion import network_adjustment as tuned
-from fusion import node_couplings as turns
-from fusion.evidence import SegmentEvidence
-from fusion.knots import interval_count, slope_row, variable_count
+from fusion.network import adjust as tuned
+from fusion.network import curve as knots
+from fusion.network import joints as turns
+from fusion.network.curve import interval_count, slope_row, variable_count
+from fusion.network.evidence import SegmentEvidence
 from fusion.roads.table import RoadTable
 
 
 class DenseAdjustment:
-    """The same model as ``fusion.network_adjustment``, written down equation by equation and solved densely.
+    """The same model as ``fusion.network.adjust``, written down equation by equation and solved densely.
 
     Every rule is restated here from the docstrings, so that a slip there does not repeat itself here; only the numbers
     that are a matter of tuning are the module's.

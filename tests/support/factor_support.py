@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from fusion.evidence import SegmentEvidence
-from fusion.factors import PassFactor
 from fusion.frames import LocalProjection
-from fusion.knots import grade_rows, height_rows, slope_row, smoothness, variable_count
+from fusion.network.curve import grade_rows, height_rows, slope_row, smoothness, variable_count
+from fusion.network.evidence import SegmentEvidence
+from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
 
 PLANE = LocalProjection(8.5, 49.0)

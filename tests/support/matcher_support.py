@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fusion.frames import LocalProjection
-from fusion.roads import PointMatches, RoadNetwork, RoadTable
-from fusion.roads.point_matchers import PointMatcher
+from fusion.matching.points.base import PointMatcher
+from fusion.matching.points.mahalanobis import PointMatches
+from fusion.roads.network import RoadNetwork
+from fusion.roads.table import RoadTable
 
 PLANE = LocalProjection(8.0, 49.0)
 

@@ -9,12 +9,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from sqlalchemy import text
 
-from app.db import Sessions
-from app.store import drives, locks, roads, slopes
-from fusion.factors import PassFactor
-from fusion.knots import slope_row, variable_count
+from app.core.db import Sessions
+from app.drives import store as drives
+from app.network import passes
+from app.network import results as slopes
+from app.network import versions as locks
+from app.roads import store as roads
+from fusion.network.curve import slope_row, variable_count
+from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
-from fusion.simulate import Town
+from fusion.simulate.scene.town import Town
 from fusion.types import Ints, SegmentSlope
 
 T0_S = 1_700_000_000.0
@@ -74,7 +78,7 @@ def new_drive(sessions: Sessions, name: str | None = None, method: str = "profil
     return drive.id
 
 
-def publish(sessions: Sessions, drive: uuid.UUID, ids: Ints, factors: Sequence[PassFactor]) -> slopes.Hearing:
+def publish(sessions: Sessions, drive: uuid.UUID, ids: Ints, factors: Sequence[PassFactor]) -> passes.Hearing:
     """Store what the drive says, as the worker does; segments of factors are rows of the table behind ``ids``."""
     with sessions.begin() as session:
         locks.own_network(session)

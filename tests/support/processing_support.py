@@ -8,9 +8,9 @@ from typing import Any
 
 from sqlalchemy import text
 
-from app.process import Workbench
-from app.store import drives
-from app.store.rows import DriveRow
+from app.drives import store as drives
+from app.drives.process import Workbench
+from app.drives.store import DriveRow
 
 Send = Callable[..., DriveRow]
 

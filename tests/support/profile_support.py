@@ -15,27 +15,21 @@ from numpy.typing import ArrayLike
 
 from fusion.formats import read_log
 from fusion.frames import GRAVITY_MPS2, LocalProjection
-from fusion.methods.profile import MIN_ROWS, ProfileOptions
-from fusion.methods.profile_model import Steps, build_steps
-from fusion.methods.profile_noise import Learned, learn, prior_noise
-from fusion.methods.profile_path import DrivenPath, find_path
-from fusion.methods.profile_rows import Rows, build_rows
+from fusion.matching.drive import MatchOptions
+from fusion.methods.base import DriveResult
+from fusion.methods.profile.measurements import Rows, build_rows
+from fusion.methods.profile.method import MIN_ROWS, ProfileOptions
+from fusion.methods.profile.model import Steps, build_steps
+from fusion.methods.profile.noise import Learned, learn, prior_noise
+from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.pipeline import run_drive
-from fusion.roads.matching import MatchOptions
-from fusion.roads.network import RoadNetwork, RoadTable
-from fusion.simulate import SimulatedDrive, Town, make_town, structures
+from fusion.roads.network import RoadNetwork
+from fusion.roads.table import RoadTable
+from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.motion.routes import structures
+from fusion.simulate.scene.town import Town, make_town
 from fusion.terrain.dem import Dem
-from fusion.types import (
-    Attitude,
-    DriveLog,
-    DriveResult,
-    Floats,
-    GnssFix,
-    GnssVelocity,
-    Ints,
-    Pressure,
-    SpecificForce,
-)
+from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Ints, Pressure, SpecificForce
 
 Columns = dict[str, Floats]
 Change = Callable[[Columns], None]

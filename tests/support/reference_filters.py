@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.filters import extended, kalman
-from fusion.methods.epoch_filter import Estimate, Measurement, PredictedMap, Road
-from fusion.methods.epoch_options import EpochOptions
-from fusion.methods.kinematics import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
-from fusion.methods.nine_state_rows import SLOWEST_MPS
+from fusion.methods.epochs.options import EpochOptions
+from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap, Road
+from fusion.methods.nine_state.measurements import SLOWEST_MPS
+from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
 from fusion.types import Floats
 
 Function = Callable[[Floats], Floats]

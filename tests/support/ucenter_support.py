@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
-from fusion.formats.ubx_frame import find_frames, fletcher
+from fusion.formats.receiver.ubx_frames import find_frames, fletcher
 
 GPS_EPOCH_S, WEEK_S = 315_964_800, 604_800
 _SENSORS = {

@@ -13,11 +13,11 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 from app.cli import app
-from app.outputs import OUTPUTS
+from app.map.outputs import OUTPUTS
 from fusion.formats import FORMATS, read_log
 from fusion.gnss import POSITIONINGS
 from fusion.methods import METHODS
-from fusion.simulate import Bundle, write_all
+from fusion.simulate.bundle import Bundle, write_all
 from fusion.terrain.windows import WINDOWS
 
 runner = CliRunner()

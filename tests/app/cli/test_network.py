@@ -16,10 +16,12 @@ from sqlalchemy import text
 from typer.testing import CliRunner, Result
 
 from app.cli import app
-from app.cli.fuse_network import solve_network
-from app.db import Sessions, make_engine, session_factory
-from app.store import roads
-from fusion.simulate import Town, write_all
+from app.core.db import Sessions, make_engine, session_factory
+from app.roads import imports as roads
+from app.roads import store as road_store
+from fusion.pipeline import solve_network
+from fusion.simulate.bundle import write_all
+from fusion.simulate.scene.town import Town
 
 runner = CliRunner()
 
@@ -32,7 +34,7 @@ def sessions(database_url: str, monkeypatch: pytest.MonkeyPatch, town: Town) -> 
     factory = session_factory(engine)
     with factory.begin() as session:
         roads.replace_roads(session, town.roads, "town.osm", "0" * 64)
-        table, ids = roads.all_roads(session)
+        table, ids = road_store.all_roads(session)
     drive_over(factory, table, ids, {row: (2.0, 0.5) for row in range(0, 60) if row % 4})
     yield factory
     engine.dispose()

@@ -9,7 +9,7 @@ import pytest
 
 from app.cli.console import Console
 from app.cli.supervisor import LONGEST_PAUSE_S, DatabaseWatch
-from app.embedded import EmbeddedPostgresError
+from app.embedded.errors import EmbeddedPostgresError
 
 
 class Clock:

@@ -12,11 +12,11 @@ import pytest
 from fast import FAST_OPTIONS
 
 from app.cli.console import Console
-from app.demo import DemoError, demo_service, run_demo
 from app.demo.baselines import straight_lines
 from app.demo.files import figures, write_files
+from app.demo.run import DemoError, demo_service, run_demo
 from app.demo.score import Estimate, Truth, by_kind, by_structure, examples, score
-from fusion.simulate import Town
+from fusion.simulate.scene.town import Town
 
 ROADS = {
     (1, 1, 2): Truth(2.0, "primary", bridge=False, tunnel=False),

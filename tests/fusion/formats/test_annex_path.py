@@ -16,13 +16,15 @@ import pytest
 from ucenter_support import ucenter_listing
 
 from fusion.formats import read_log
-from fusion.formats.ubx_messages import ESF_DATA, signed_24
+from fusion.formats.receiver.ubx_messages import ESF_DATA, signed_24
 from fusion.frames import GRAVITY_MPS2
-from fusion.methods.epochs import Epochs, build_epochs
+from fusion.methods.base import DriveResult
+from fusion.methods.epochs.table import Epochs, build_epochs
 from fusion.pipeline import run_drive
-from fusion.simulate import SimulatedDrive, Town
-from fusion.simulate.ubx_file import LEAP_SECONDS
-from fusion.types import DriveLog, DriveResult
+from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.scene.town import Town
+from fusion.simulate.write.ubx_file import LEAP_SECONDS
+from fusion.types import DriveLog
 
 G = GRAVITY_MPS2
 SECONDS = 12

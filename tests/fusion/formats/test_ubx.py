@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from pyubx2 import GET, UBXMessage, UBXReader
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats import read_log, ubx_frame
-from fusion.formats.ubx_frame import find_frames, frame
+from fusion.formats import read_log
+from fusion.formats.receiver import ubx_frames as ubx_frame
+from fusion.formats.receiver.ubx_frames import find_frames, frame
 from fusion.frames import acceleration_enu
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fusion.formats import read_log
-from fusion.simulate import Town
+from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog
 

@@ -12,10 +12,11 @@ import pytest
 
 from fusion.errors import BadOptionsError, EmptyLogError, MissingSensorError, NoMatchError
 from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, run_drive
-from fusion.simulate import Town
+from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, DriveResult
+from fusion.types import DriveLog
 
 MakeLog = Callable[..., DriveLog]
 QUICK = {"particle": {"particles": 2000}}

@@ -10,7 +10,7 @@ import pytest
 
 from fusion.methods import METHODS
 from fusion.pipeline import run_drive
-from fusion.simulate import Town
+from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.types import Attitude, DriveLog, GnssVelocity, SpecificForce
 

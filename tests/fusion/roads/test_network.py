@@ -12,7 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from fusion.roads import RoadNetwork, RoadTable, read_roads
+from fusion.roads.network import RoadNetwork
+from fusion.roads.osm import read_roads
+from fusion.roads.table import RoadTable
 
 MakeNetwork = Callable[..., RoadNetwork]
 COORDINATES = st.floats(-3000, 3000).map(lambda v: round(v, 2))

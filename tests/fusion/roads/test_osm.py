@@ -14,8 +14,8 @@ import pytest
 from osmium.osm.mutable import Node, Way
 
 from fusion.errors import RoadsError
-from fusion.roads import RoadTable, read_roads
-from fusion.roads.osm import DRIVABLE
+from fusion.roads.osm import DRIVABLE, read_roads
+from fusion.roads.table import RoadTable
 
 NODES = {1: (8.40, 49.00), 2: (8.41, 49.01), 3: (8.42, 49.01), 4: (8.43, 49.02), 5: (8.43, 49.02)}
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.roads import RoadTable
+from fusion.roads.table import RoadTable
 
 IDS = st.lists(st.tuples(*[st.integers(0, 4)] * 3), max_size=40)
 

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 from fusion.errors import UnknownNameError
 from fusion.frames import acceleration_enu, wrap_angle
-from fusion.simulate import RECEIVERS, Driver, SimulatedDrive, Town, make_town
-from fusion.simulate.receiver import gauss_markov
+from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.motion.motion import Driver
+from fusion.simulate.receiver.receiver import RECEIVERS, gauss_markov
+from fusion.simulate.scene.town import Town, make_town
 
 RATE_HZ = 20.0
 

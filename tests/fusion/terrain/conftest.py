@@ -13,7 +13,8 @@ from affine import Affine
 from numpy.typing import ArrayLike
 
 from fusion.frames import LocalProjection
-from fusion.roads import RoadNetwork, RoadTable
+from fusion.roads.network import RoadNetwork
+from fusion.roads.table import RoadTable
 
 WriteRaster = Callable[..., Path]
 WriteHgt = Callable[..., Path]

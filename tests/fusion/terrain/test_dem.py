@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from pyproj import Transformer
 
 from fusion.frames import LocalProjection
-from fusion.terrain import Dem, store
 from fusion.terrain import dem as dem_module
+from fusion.terrain import store
+from fusion.terrain.dem import Dem
 
 Write = Callable[..., Path]
 POSTS = Affine(0.001, 0, 8.0, 0, -0.001, 49.0)  # of most rasters here: north-west post at (8, 49)

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from pyproj import Transformer
 
 from fusion.frames import LocalProjection
-from fusion.terrain import Dem
 from fusion.terrain import dem as dem_module
+from fusion.terrain.dem import Dem
 from fusion.terrain.local_grid import LocalGrid, polynomial
 
 Write = Callable[..., Path]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.terrain import fit_plane
+from fusion.terrain.plane import fit_plane
 
 SLOPE = st.floats(-0.5, 0.5)
 POSTING = st.sampled_from([1.0, 30.0, 90.0])

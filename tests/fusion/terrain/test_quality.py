@@ -13,8 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fusion.errors import TerrainError
-from fusion.roads import RoadNetwork
-from fusion.terrain import WINDOWS, Dem, PlaneModel, TinModel
+from fusion.roads.network import RoadNetwork
+from fusion.terrain.dem import Dem
+from fusion.terrain.plane import PlaneModel
+from fusion.terrain.windows import WINDOWS, TinModel
 
 Write = Callable[..., Path]
 MakeNetwork = Callable[..., RoadNetwork]

@@ -11,7 +11,8 @@ import rasterio
 from affine import Affine
 
 from fusion.errors import TerrainError
-from fusion.terrain import Dem, refuse_void
+from fusion.terrain.dem import Dem
+from fusion.terrain.raster import refuse_void
 
 Write = Callable[..., Path]
 POSTS = Affine(0.001, 0, 8.0, 0, -0.001, 49.0)

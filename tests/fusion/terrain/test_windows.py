@@ -14,9 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fusion.frames import LocalProjection
-from fusion.roads import RoadNetwork, read_roads
-from fusion.terrain import WINDOWS, Dem, PlaneModel, TinModel, dem_slopes, fit_plane
-from fusion.terrain.windows import PlaneWindow
+from fusion.roads.network import RoadNetwork
+from fusion.roads.osm import read_roads
+from fusion.terrain.dem import Dem
+from fusion.terrain.plane import PlaneModel, fit_plane
+from fusion.terrain.windows import WINDOWS, PlaneWindow, TinModel, dem_slopes
 
 Write = Callable[..., Path]
 MakeNetwork = Callable[..., RoadNetwork]

@@ -1,0 +1,1 @@
+"""What every subject of the service stands on: settings, database, errors, blobs, HTTP. Knows no subject."""

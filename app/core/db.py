@@ -1,0 +1,76 @@
+"""Engine and sessions. One style of database access: synchronous SQLAlchemy over psycopg 3."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from psycopg import Connection
+from sqlalchemy import Engine, create_engine
+from sqlalchemy.orm import Session, sessionmaker
+
+from app.core.settings import sqlalchemy_url
+
+Sessions = sessionmaker[Session]
+
+
+# Every request is short: parallel workers and just-in-time compilation take longer to begin than it takes to
+# answer (PostGIS functions are declared so costly that the planner would often choose them).
+_SERVER_OPTIONS = "-c timezone=UTC -c jit=off -c max_parallel_workers_per_gather=0"
+
+
+def make_engine(url: str, *, pool_size: int = 5, max_overflow: int = 10) -> Engine:
+    """An engine whose connections are checked before use, so that a restarted database costs no request."""
+    return create_engine(
+        sqlalchemy_url(url),
+        pool_pre_ping=True,
+        pool_size=pool_size,
+        max_overflow=max_overflow,
+        connect_args={"options": _SERVER_OPTIONS, "application_name": "versant"},
+    )
+
+
+def session_factory(engine: Engine) -> Sessions:
+    """Sessions on ``engine``; use ``with sessions.begin() as session`` for one transaction."""
+    return sessionmaker(engine, expire_on_commit=False)
+
+
+def fetch_binary(session: Session, query: str, parameters: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+    """The rows of a query with psycopg's placeholders, in the session's transaction."""
+    with _connection(session).cursor(binary=True) as cursor:
+        return list(cursor.execute(query, parameters).fetchall())
+
+
+def send_binary(session: Session, statement: str, parameters: Mapping[str, Any]) -> None:
+    """Execute a statement with psycopg's placeholders (``%(name)b`` for bytes) in the session's transaction."""
+    with _connection(session).cursor() as cursor:
+        cursor.execute(statement, parameters)
+
+
+def _connection(session: Session) -> Connection[Any]:
+    connection: Any = session.connection().connection.driver_connection
+    assert isinstance(connection, Connection)  # noqa: S101 - the one driver that app.core.db uses
+    return connection
+
+
+def plain_text(value: str | None) -> Any:
+    """``value`` without the NUL characters that PostgreSQL's text cannot hold."""
+    return None if value is None else value.replace("\x00", "\ufffd")
+
+
+def plain_json(value: Any) -> Any:
+    """``value`` with what PostgreSQL's JSON cannot hold replaced: NaN, infinities by null, NUL by U+FFFD."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str):
+        return plain_text(value)
+    if isinstance(value, Mapping):
+        return {plain_text(str(key)): plain_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_json(item) for item in value]
+    return value
+
+
+Bounds = tuple[float, float, float, float]
+"""(west, south, east, north), degrees."""

@@ -1,0 +1,191 @@
+"""What every route needs: the service's parts, links that work from outside, conditional answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import Depends, Request, Response
+from pydantic import BaseModel, Field
+from sqlalchemy import Engine
+from sqlalchemy.orm import Session
+
+from app.core.blobs import BlobStore
+from app.core.db import Bounds, Sessions
+from app.core.errors import PROBLEM_JSON, NotFoundError
+from app.core.settings import Settings
+from app.core.text import GEO_JSON, dumps
+
+JSON = "application/json"
+REVALIDATE = "public, no-cache"
+"""Caches may keep the answer, but ask each time: a 304 costs one indexed row, a stale map costs trust."""
+
+
+@dataclass(frozen=True)
+class Service:
+    """The parts that live as long as the application."""
+
+    settings: Settings
+    engine: Engine
+    sessions: Sessions
+    blobs: BlobStore
+    extents: dict[int, Bounds | None] = field(default_factory=dict)
+    """The network's extent by road version: reading it takes a look at every segment."""
+
+    @contextmanager
+    def reading(self) -> Iterator[Session]:
+        """A session for one short read; its connection goes back before the answer is sent."""
+        with self.sessions() as session:
+            yield session
+
+
+def get_service(request: Request) -> Service:
+    """The application's parts."""
+    service: Service = request.app.state.service
+    return service
+
+
+def get_base_url(request: Request, service: Annotated[Service, Depends(get_service)]) -> str:
+    """The address that links begin with: ``public_url``, or the one that the request came to."""
+    return service.settings.public_url or str(request.base_url).rstrip("/")
+
+
+ServiceDep = Annotated[Service, Depends(get_service)]
+BaseUrl = Annotated[str, Depends(get_base_url)]
+
+
+def link(href: str, rel: str, type_: str | None = JSON, title: str | None = None) -> Link:
+    """A typed link."""
+    return Link(href=href, rel=rel, type=type_, title=title)
+
+
+def link_documents(links: list[Link]) -> list[dict[str, str]]:
+    """Links as plain dictionaries, without what is unknown."""
+    return [item.model_dump(exclude_none=True) for item in links]
+
+
+def with_query(address: str, **parameters: Any) -> str:
+    """``address`` with those parameters that are not None; truth values in lower case."""
+    known = {k: str(v).lower() if isinstance(v, bool) else v for k, v in parameters.items() if v is not None}
+    return f"{address}?{urlencode(known, safe=',')}" if known else address
+
+
+def geojson_response(document: Any, headers: dict[str, str] | None = None) -> Response:
+    """A GeoJSON document as a response."""
+    return Response(dumps(document), media_type=GEO_JSON, headers=headers)
+
+
+def found(row: Any, what: str, key: object) -> Any:
+    """``row``, or ``NotFoundError`` when it is None."""
+    if row is None:
+        raise NotFoundError(f"There is no {what} {key}. It may have been deleted.")
+    return row
+
+
+def etag_matches(request: Request, etag: str) -> bool:
+    """Whether If-None-Match names ``etag`` (weak comparison, RFC 9110 section 13.1.2)."""
+    asked = request.headers.get("if-none-match", "")
+    names = {name.strip().removeprefix("W/") for name in asked.split(",")}
+    return "*" in names or etag.removeprefix("W/") in names
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The OpenAPI descriptions of the problem documents of a route."""
+    return {status: _PROBLEMS[status] for status in statuses}
+
+
+def _problem(status: int, slug: str, title: str, detail: str, field: str | None = None) -> dict[str, Any]:
+    example = {
+        "type": f"/problems/{slug}",
+        "title": title,
+        "status": status,
+        "detail": detail,
+        "instance": "/the/path",
+        "errors": [{"field": field, "message": detail}] if field else [],
+    }
+    schema = {"$ref": "#/components/schemas/Problem"}
+    return {
+        "description": title,
+        "content": {PROBLEM_JSON: {"schema": schema, "example": example}},
+    }
+
+
+_PROBLEMS: dict[int, dict[str, Any]] = {
+    400: _problem(400, "bad-query", "Unusable query", "bbox: it needs 4 numbers.", "bbox"),
+    403: _problem(403, "cross-origin-write", "Change from another site", "Do it from this site."),
+    404: _problem(404, "not-found", "Not found", "There is no such thing. It may have been deleted."),
+    406: _problem(406, "not-acceptable", "Not acceptable", "Ask for application/json or image/png."),
+    413: _problem(413, "too-large", "Upload too large", "The upload is larger than 1073741824 bytes."),
+    415: _problem(415, "unsupported-body", "Unsupported body", "Send the log as it is or gzipped."),
+    422: _problem(422, "bad-options", "Unusable options", "particles: it must be at least 1.", "particles"),
+    503: _problem(503, "not-ready", "Not ready", "The database does not answer."),
+}
+
+UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
+    400: _problem(400, "unreadable-body", "Unreadable body", "The body cannot be read. Send JSON in UTF-8.")
+}
+"""The description of the 400 of routes that take a JSON body."""
+
+
+def preferred(accept: str | None, offered: Sequence[str]) -> str | None:
+    """The media type of ``offered`` that the Accept header likes best, the first of equals; None: none.
+
+    At equal weight a type that is named beats one that only a wildcard covers, which is what a browser's
+    header for pictures means.
+    """
+    if not accept or not accept.strip():
+        return offered[0]
+    ranges = [_parsed(item) for item in accept.split(",") if item.strip()]
+    best, best_rank = None, (0.0, 0)
+    for media_type in offered:
+        rank = _rank(media_type, ranges)
+        if rank[0] > 0 and rank > best_rank:
+            best, best_rank = media_type, rank
+    return best
+
+
+def _rank(media_type: str, ranges: list[tuple[str, float]]) -> tuple[float, int]:
+    """(weight, how exactly it is named) by the most specific range that covers the type."""
+    wildcard = media_type.split("/", maxsplit=1)[0] + "/*"
+    matches = [
+        (specific, weight)
+        for name, weight in ranges
+        if (specific := {media_type: 3, wildcard: 2, "*/*": 1}.get(name, 0))
+    ]
+    if not matches:
+        return (0.0, 0)
+    specific, weight = max(matches)
+    return (weight, specific)
+
+
+def _parsed(item: str) -> tuple[str, float]:
+    name, *parameters = (part.strip().lower() for part in item.split(";"))
+    weight = next((p[2:] for p in parameters if p.startswith("q=")), "1")
+    try:
+        return name, min(max(float(weight), 0.0), 1.0)
+    except ValueError:
+        return name, 0.0
+
+
+def geojson_answer(description: str, example: Any) -> dict[str, Any]:
+    """The OpenAPI description of an answer in GeoJSON."""
+    schema = {"type": "object", "required": ["type"], "properties": {"type": {"type": "string"}}}
+    return {"description": description, "content": {GEO_JSON: {"schema": schema, "example": example}}}
+
+
+def json_answer(description: str, example: Any) -> dict[str, Any]:
+    """The OpenAPI description of an answer in JSON that no model describes."""
+    content = {"application/json": {"schema": {"type": "object"}, "example": example}}
+    return {"description": description, "content": content}
+
+
+class Link(BaseModel):
+    """A typed link (RFC 8288)."""
+
+    href: str = Field(description="Absolute address.")
+    rel: str = Field(description="Relation to this document.")
+    type: str | None = Field(None, description="Media type of the target.")
+    title: str | None = Field(None, description="What the target is.")

@@ -1,0 +1,179 @@
+"""What happens to every request: HEAD as GET without a body, no changes from other sites, counting."""
+
+from __future__ import annotations
+
+import asyncio
+from urllib.parse import urlsplit
+
+from fastapi import Request
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.middleware.cors import CORSMiddleware
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.core.errors import KINDS, CrossOriginWriteError, problem_response
+
+LINGER_BYTES = 4 * 1024 * 1024
+LINGER_S = 2.0
+SMALL_BODY_BYTES = 64 * 1024
+UPLOAD_PATH = "/v1/drives"
+CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+PUBLISHED = ("/collections", "/conformance", "/tiles", "/openapi.json", "/problems", "/v1/segments")
+"""What pages of any site may read: the map. Drives are somebody's movements and stay out of their reach."""
+
+
+class HeadMiddleware:
+    """Answers HEAD like GET, without the body (RFC 9110, section 9.3.2)."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on as a GET and drop what it answers."""
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self.app(scope, receive, send)
+            return
+        ended = False
+
+        async def headers_only(message: Message) -> None:
+            nonlocal ended
+            if message["type"] == "http.response.start":
+                await send(message)
+            elif not ended:  # the first piece ends the answer: an endless one (events) must not go on
+                ended = True
+                await send({"type": "http.response.body", "body": b"", "more_body": False})
+
+        await self.app({**scope, "method": "GET"}, receive, headers_only)
+
+
+class SameOriginWrites:
+    """Refuses changes that a page of another site asks a visitor's browser for.
+
+    There is no access control yet, so the only thing that keeps a web page from uploading to a service on the
+    visitor's own machine is that browsers state the page's origin. Programs that are no browsers send none.
+    """
+
+    def __init__(self, app: ASGIApp, public_url: str | None) -> None:
+        self.app = app
+        self.own_host = urlsplit(public_url).netloc if public_url else None
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer 403 to such a request, pass on any other."""
+        if scope["type"] == "http" and scope["method"] in CHANGING and self._foreign(Headers(scope=scope)):
+            message = "A page of another site asked for this change. Do it from this site, or with a program."
+            response = problem_response(Request(scope), KINDS[CrossOriginWriteError], message)
+            await response(scope, receive, send)
+            return
+        await self.app(scope, receive, send)
+
+    def _foreign(self, headers: Headers) -> bool:
+        origin = headers.get("origin")
+        if origin is None:
+            return headers.get("sec-fetch-site") == "cross-site"
+        return urlsplit(origin).netloc not in {headers.get("host"), self.own_host} - {None}
+
+
+class SmallBodies:
+    """Limits every body but an upload, which has its own limit: the others are held in memory.
+
+    Starlette has such a middleware too; its answer is plain text.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Count what is read; more than ``SMALL_BODY_BYTES`` is a 413."""
+        if scope["type"] != "http" or scope["path"] == UPLOAD_PATH:
+            await self.app(scope, receive, send)
+            return
+        read = 0
+
+        async def counted() -> Message:
+            nonlocal read
+            message = await receive()
+            read += len(message.get("body", b""))
+            if read > SMALL_BODY_BYTES:
+                # The one class that FastAPI lets through while it reads a body.
+                raise HTTPException(413, f"The body is larger than {SMALL_BODY_BYTES} bytes. Send less.")
+            return message
+
+        await self.app(scope, counted, send)
+
+
+class PublishedCors:
+    """CORS for reading what is published, and for nothing else."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+        self.cors = CORSMiddleware(
+            app,
+            allow_origins=["*"],
+            allow_methods=["GET", "HEAD"],
+            expose_headers=["ETag", "Link"],
+            max_age=3600,
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Through the CORS middleware where the path is published, past it elsewhere."""
+        path = scope.get("path", "")
+        published = path == "/" or path.startswith(PUBLISHED)
+        # A segment's observations name drives.
+        app = self.cors if published and not path.endswith("/observations") else self.app
+        await app(scope, receive, send)
+
+
+class EarlyAnswers:
+    """Lets a client read an answer that is given before its body was read to the end.
+
+    Closing at once would make the system reset the connection, and a client that is still sending may then
+    lose the answer (a 413, say). So a bounded part of what it still sends is read and dropped first.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Watch how far the body is read, and linger after an answer that came before its end."""
+        if scope["type"] != "http" or not _announces_body(Headers(scope=scope)):
+            await self.app(scope, receive, send)
+            return
+        unread, early = True, False
+
+        async def watched() -> Message:
+            nonlocal unread
+            message = await receive()
+            unread = unread and message["type"] == "http.request" and bool(message.get("more_body"))
+            return message
+
+        async def lingering(message: Message) -> None:
+            nonlocal early
+            if message["type"] == "http.response.start" and unread:
+                early = True
+                MutableHeaders(scope=message)["Connection"] = "close"
+            if message["type"] == "http.response.body" and early and not message.get("more_body"):
+                await send({**message, "more_body": True})
+                await _drop(receive)
+                message = {"type": "http.response.body", "body": b"", "more_body": False}
+            await send(message)
+
+        await self.app(scope, watched, lingering)
+
+
+def _announces_body(headers: Headers) -> bool:
+    if "expect" in headers:  # such a client sends nothing unless told to, and reading would tell it to
+        return False
+    return headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
+
+
+async def _drop(receive: Receive) -> None:
+    dropped = 0
+    try:
+        async with asyncio.timeout(LINGER_S):
+            while dropped < LINGER_BYTES:
+                message = await receive()
+                dropped += len(message.get("body", b""))
+                if message["type"] != "http.request" or not message.get("more_body"):
+                    return
+    except TimeoutError:
+        return

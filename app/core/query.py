@@ -1,0 +1,93 @@
+"""Query parameters as the OGC standards define them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection
+from datetime import datetime
+
+from fastapi import Request
+
+from app.core.db import Bounds
+from app.core.errors import BadQueryError, BadRequestError
+
+THIN_DEG = 1e-9
+"""0.1 mm, a hundredth of the resolution of coordinates."""
+
+_MOMENT = r"\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2}))?"
+_DATETIME = re.compile(rf"({_MOMENT})|(({_MOMENT}|\.\.)?/({_MOMENT}|\.\.)?)", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+
+
+def refuse_unknown(
+    request: Request, known: Collection[str], error: type[BadRequestError] = BadQueryError
+) -> None:
+    """Raise ``error`` for a parameter that the route does not have (OGC 17-069, query-param-unknown).
+
+    A filter that is misspelt and ignored would answer with everything.
+    """
+    for name in request.query_params:
+        if name not in known:
+            raise error(f"There is no parameter {name!r}. There are: {', '.join(sorted(known))}.", field=name)
+
+
+def parse_bbox(text: str | None) -> Bounds | None:
+    """West, south, east, north in degrees; of six numbers (with heights) the heights are dropped.
+
+    West may exceed east: the box crosses the antimeridian. Raises ``BadQueryError``.
+    """
+    if text is None:
+        return None
+    numbers = [_number(part) for part in text.split(",")]
+    if len(numbers) not in {4, 6}:
+        raise _bad_bbox("it needs 4 numbers: west,south,east,north")
+    west, south, east, north = numbers if len(numbers) == 4 else (*numbers[:2], *numbers[3:5])
+    if not (-180 <= west <= 180 and -180 <= east <= 180):
+        raise _bad_bbox("west and east must lie between -180 and 180 degrees")
+    if not (-90 <= south <= north <= 90):
+        raise _bad_bbox("south must not exceed north, and both must lie between -90 and 90 degrees")
+    # A box without width or height is a line or a point to a person, but an invalid polygon to PostGIS.
+    west, east = _with_width(west, east, 180)
+    south, north = _with_width(south, north, 90)
+    return west, south, east, north
+
+
+def check_datetime(text: str | None) -> None:
+    """``BadQueryError`` unless it is a date, a time or an interval of RFC 3339; what it says is not used.
+
+    Segments have no time of their own, and the standard lets ``datetime`` match such features always.
+    """
+    if text is not None and not _is_time(text):
+        raise BadQueryError(
+            f"datetime: {text!r} is no time. Write 2026-11-20T00:00:00Z or an interval: 2026-11-20/..",
+            field="datetime",
+        )
+
+
+def _is_time(text: str) -> bool:
+    if not _DATETIME.fullmatch(text) or text in {"/", "../.."}:
+        return False
+    try:
+        for end in text.upper().split("/"):
+            if end not in {"", ".."}:
+                datetime.fromisoformat(end)
+    except ValueError:  # there is no such day or hour
+        return False
+    return True
+
+
+def _with_width(low: float, high: float, most: float) -> tuple[float, float]:
+    return (max(low - THIN_DEG, -most), min(high + THIN_DEG, most)) if low == high else (low, high)
+
+
+def _number(part: str) -> float:
+    text = part.strip(" ")
+    # float() alone also takes 1_0, digits of other scripts, nan and inf.
+    if not _NUMBER.fullmatch(text) or not math.isfinite(value := float(text)):
+        raise _bad_bbox(f"{part!r} is no number")
+    return value
+
+
+def _bad_bbox(reason: str) -> BadQueryError:
+    return BadQueryError(f"bbox: {reason}. Write for example bbox=8.46,48.95,8.50,48.99.", field="bbox")

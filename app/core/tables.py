@@ -1,0 +1,296 @@
+"""The tables, as SQLAlchemy 2 declarative classes with GeoAlchemy2 geometry columns.
+
+The classes describe the schema (``migrations/`` creates it, ``alembic check`` compares the two); queries and
+the rows that they return live in ``app/store``. Unknown is NULL, never 0; times are UTC (``timestamptz``);
+slopes and sigmas are in percent, positive uphill from ``from_node`` to ``to_node``.
+"""
+
+from __future__ import annotations
+
+import uuid
+from datetime import datetime
+from typing import Any
+
+from geoalchemy2 import Geometry, WKBElement
+from sqlalchemy import (
+    BigInteger,
+    CheckConstraint,
+    DateTime,
+    Double,
+    ForeignKey,
+    Identity,
+    Index,
+    MetaData,
+    SmallInteger,
+    UniqueConstraint,
+    func,
+    text,
+)
+from sqlalchemy.dialects.postgresql import ARRAY, JSONB
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+DRIVE_STATUSES = ("queued", "running", "done", "failed", "cancelled")
+
+SRID_DEGREES = 4326
+SRID_TILES = 3857
+
+_NAMES = {
+    "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+    "ck": "ck_%(table_name)s_%(constraint_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
+    "pk": "pk_%(table_name)s",
+}
+
+
+class Base(DeclarativeBase):
+    """Common base: naming convention of constraints and Python type -> SQL type."""
+
+    metadata = MetaData(naming_convention=_NAMES)
+    type_annotation_map = {  # noqa: RUF012  (SQLAlchemy reads it as a plain class attribute)
+        datetime: DateTime(timezone=True),
+        dict[str, Any]: JSONB,
+        list[dict[str, Any]]: JSONB,
+        list[int]: ARRAY(BigInteger),
+        float: Double,
+    }
+
+
+def _line(srid: int) -> Geometry:
+    """A two-point line; its index is declared beside the table, so that its name is ours."""
+    return Geometry("LINESTRING", srid=srid, spatial_index=False)
+
+
+class RoadVersion(Base):
+    """One import of the road network and what became of the segments that were there."""
+
+    __tablename__ = "road_versions"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    source_name: Mapped[str]
+    sha256: Mapped[str]
+    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    segments: Mapped[int]
+    kept: Mapped[int]
+    moved: Mapped[int]
+    dropped: Mapped[int]
+    added: Mapped[int]
+
+
+class DemVersion(Base):
+    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256}`` of each file."""
+
+    __tablename__ = "dem_versions"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    sources: Mapped[list[dict[str, Any]]]
+    datum: Mapped[str]
+    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    active: Mapped[bool]
+
+    __table_args__ = (
+        Index("uq_dem_versions_active", "active", unique=True, postgresql_where=text("active")),
+    )
+
+
+class Segment(Base):
+    """A pair of consecutive nodes of a drivable way, drawn from ``from_node`` to ``to_node``."""
+
+    __tablename__ = "segments"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    osm_way_id: Mapped[int] = mapped_column(BigInteger)
+    from_node: Mapped[int] = mapped_column(BigInteger)
+    to_node: Mapped[int] = mapped_column(BigInteger)
+    geom: Mapped[WKBElement] = mapped_column(_line(SRID_DEGREES))
+    geom_3857: Mapped[WKBElement] = mapped_column(_line(SRID_TILES))
+    length_m: Mapped[float]
+    highway: Mapped[str]
+    name: Mapped[str | None]
+    oneway: Mapped[int] = mapped_column(SmallInteger)
+    bridge: Mapped[bool]
+    tunnel: Mapped[bool]
+    layer: Mapped[int] = mapped_column(SmallInteger)
+    dem_slope_percent: Mapped[float | None]
+    road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
+    """The import that brought the row's present geometry."""
+
+    __table_args__ = (
+        UniqueConstraint("osm_way_id", "from_node", "to_node"),
+        CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
+        Index("ix_segments_geom", "geom", postgresql_using="gist"),
+        Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
+    )
+
+
+class Drive(Base):
+    """An uploaded log and what became of it."""
+
+    __tablename__ = "drives"
+
+    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
+    sha256: Mapped[str] = mapped_column(unique=True)
+    filename: Mapped[str]
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    blob_key: Mapped[str]
+    status: Mapped[str]
+    stage: Mapped[str | None]
+    progress: Mapped[float] = mapped_column(server_default="0")
+    failure_kind: Mapped[str | None]
+    failure_reason: Mapped[str | None]
+    failure_where: Mapped[str | None]
+    method: Mapped[str]
+    options: Mapped[dict[str, Any]]
+    generation: Mapped[int] = mapped_column(server_default="1")
+    """Counts the requests to process this drive; a worker that holds an older number discards its result."""
+    report: Mapped[dict[str, Any] | None]
+    bounds: Mapped[WKBElement | None] = mapped_column(
+        Geometry("POLYGON", srid=SRID_DEGREES, spatial_index=False)
+    )
+    epochs: Mapped[int | None]
+    distance_m: Mapped[float | None]
+    drive_time: Mapped[datetime | None]
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    started_at: Mapped[datetime | None]
+    finished_at: Mapped[datetime | None]
+
+    __table_args__ = (
+        CheckConstraint(
+            "status IN ('queued', 'running', 'done', 'failed', 'cancelled')",
+            name="status",
+        ),
+        CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
+        Index("ix_drives_created_at_id", "created_at", "id"),
+        Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
+    )
+
+
+class Provenance(Base):
+    """How a drive's present estimates were made; ``options`` are complete, defaults included."""
+
+    __tablename__ = "provenances"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    method: Mapped[str]
+    options: Mapped[dict[str, Any]]
+    code_version: Mapped[str]
+    road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
+    dem_version_id: Mapped[int | None] = mapped_column(ForeignKey("dem_versions.id"))
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+
+class DriveSegment(Base):
+    """What one drive says about one segment, all its passes together."""
+
+    __tablename__ = "drive_segments"
+
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    segment_id: Mapped[int] = mapped_column(
+        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    observations: Mapped[int]
+    passes: Mapped[int]
+    first_at: Mapped[datetime]
+    last_at: Mapped[datetime]
+    provenance_id: Mapped[int] = mapped_column(ForeignKey("provenances.id", ondelete="CASCADE"), index=True)
+    in_network: Mapped[bool] = mapped_column(server_default=text("false"))
+    """The drive contributes factors: this is shown as its own estimate and not combined a second time."""
+
+    __table_args__ = (
+        CheckConstraint("slope_sigma_percent > 0", name="sigma"),
+        Index("ix_drive_segments_slope_only", "segment_id", postgresql_where=text("NOT in_network")),
+    )
+
+
+class DrivePass(Base):
+    """What one pass of a drive over a segment contributes to the network: a factor, in the library's encoding."""
+
+    __tablename__ = "drive_passes"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    """Also the pass's key inside the segment's evidence."""
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"))
+    segments: Mapped[list[int]]
+    """The segments that the factor speaks of: those passed before that it is conditional on, then its own."""
+    factor: Mapped[bytes]
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    accepted: Mapped[bool]
+    """Whether the pass is heard, or contradicts the others over its segment."""
+
+    __table_args__ = (
+        Index("ix_drive_passes_segment_id", "segment_id", "drive_id", postgresql_include=["accepted"]),
+        # Few passes are conditional on others; a road import looks through those that are.
+        Index("ix_drive_passes_conditional", "id", postgresql_where=text("cardinality(segments) > 1")),
+    )
+
+
+class SegmentEvidence(Base):
+    """All passes over a segment condensed into one: a cache that ``versant rebuild`` can make again."""
+
+    __tablename__ = "segment_evidence"
+
+    segment_id: Mapped[int] = mapped_column(
+        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    evidence: Mapped[bytes]
+
+
+class NetworkSlope(Base):
+    """What all factors together say of a segment; a gap between driven ones has 0 drives and observations."""
+
+    __tablename__ = "network_slopes"
+
+    segment_id: Mapped[int] = mapped_column(
+        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    drives: Mapped[int]
+    observations: Mapped[int]
+
+
+class DriveTrack(Base):
+    """A drive's estimated track and what its sensors said along it: Arrow IPC streams (``app.drives.tracks``)."""
+
+    __tablename__ = "drive_tracks"
+
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    track: Mapped[bytes]
+    measurements: Mapped[bytes | None]
+    """Drawn behind the profile; NULL where the method offers none."""
+
+
+class SegmentSlope(Base):
+    """What is published of one segment: the network's slope combined with the estimates of slope-only drives.
+
+    A gap between driven segments has 0 drives and observations; a segment of which nothing is known has no row.
+    """
+
+    __tablename__ = "segment_slopes"
+
+    segment_id: Mapped[int] = mapped_column(
+        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    drives: Mapped[int]
+    observations: Mapped[int]
+    updated_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+
+class DataVersion(Base):
+    """One row: the number of the published data, raised by every transaction that changes them."""
+
+    __tablename__ = "data_version"
+
+    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    version: Mapped[int] = mapped_column(BigInteger)
+    updated_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+    __table_args__ = (CheckConstraint("id = 1", name="singleton"),)

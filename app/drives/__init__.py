@@ -1,0 +1,1 @@
+"""Drives: upload -> row and job -> worker -> result, and what a drive yielded."""

@@ -1,0 +1,205 @@
+"""The file in an upload, taken out of the body as it arrives: multipart/form-data, or the body itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from email.message import Message
+from email.utils import collapse_rfc2231_value
+from pathlib import PurePosixPath
+from typing import Protocol
+from urllib.parse import unquote
+
+from python_multipart.exceptions import FormParserError
+from python_multipart.multipart import MultipartParser, parse_options_header
+from starlette.datastructures import Headers, QueryParams
+
+from app.core.errors import BadRequestError, UnsupportedBodyError
+
+FIELD = "file"
+ENVELOPE_BYTES = 64 * 1024
+"""What a multipart body may hold beside the file: boundaries, headers, small fields."""
+FILENAME_LENGTH = 255
+DEFAULT_FILENAME = "upload"
+FILENAME_CHARSETS = frozenset({"utf-8", "iso-8859-1", "latin-1"})
+"""Of ``filename*=`` (RFC 6266, section 4.3); Python's decoders for other names fail in ways of their own."""
+
+
+class UploadSource(Protocol):
+    """Where the file's bytes come from."""
+
+    filename: str
+    envelope_bytes: int
+    """How many bytes the body may be longer than the file."""
+
+    def feed(self, chunk: bytes) -> bytes:
+        """Take the next bytes of the body; return those of the file among them."""
+        ...
+
+    def finish(self) -> None:
+        """The body has ended; ``BadRequestError`` when it is not complete."""
+        ...
+
+
+class RawBody:
+    """The body is the file."""
+
+    envelope_bytes = 0
+
+    def __init__(self, filename: str) -> None:
+        self.filename = filename
+
+    def feed(self, chunk: bytes) -> bytes:
+        """All of it."""
+        return chunk
+
+    def finish(self) -> None:
+        """Always complete: the server itself checks the length."""
+
+
+class MultipartBody:
+    """The part called ``file`` of a multipart/form-data body; other parts are passed over."""
+
+    envelope_bytes = ENVELOPE_BYTES
+
+    def __init__(self, boundary: bytes, filename: str) -> None:
+        self.filename = filename
+        self._found = self._complete = self._inside = False
+        self._header_name = self._header_value = b""
+        self._headers: dict[bytes, bytes] = {}
+        self._pieces: list[bytes] = []
+        self._passed_over = 0
+        try:
+            self._parser = MultipartParser(boundary, self._callbacks())  # type: ignore[arg-type]
+        except FormParserError as error:
+            raise BadRequestError(
+                f"The multipart body cannot be read: {error}.", field="Content-Type"
+            ) from None
+
+    def feed(self, chunk: bytes) -> bytes:
+        """The file's bytes in ``chunk``; ``BadRequestError`` where the body is no multipart."""
+        try:
+            self._parser.write(chunk)
+        except FormParserError as error:
+            raise BadRequestError(f"The multipart body is malformed: {error}.", field="body") from None
+        pieces, self._pieces = self._pieces, []
+        return b"".join(pieces)
+
+    def finish(self) -> None:
+        """``BadRequestError`` for a body cut short or without a part called ``file``."""
+        if not self._complete:
+            raise BadRequestError(
+                "The multipart body ends before its last boundary. Send it again.", field="body"
+            )
+        if not self._found:
+            raise BadRequestError(
+                f"The form has no file field called {FIELD!r}. Send the log as that field "
+                f"(curl -F {FIELD}=@LOG), or as the body itself.",
+                field=FIELD,
+            )
+
+    def _callbacks(self) -> dict[str, Callable[..., None]]:
+        return {
+            "on_part_begin": self._on_part_begin,
+            "on_header_field": self._on_header_field,
+            "on_header_value": self._on_header_value,
+            "on_header_end": self._on_header_end,
+            "on_headers_finished": self._on_headers_finished,
+            "on_part_data": self._on_part_data,
+            "on_part_end": self._on_part_end,
+            "on_end": self._on_end,
+        }
+
+    def _on_part_begin(self) -> None:
+        self._headers, self._inside = {}, False
+
+    def _on_header_field(self, data: bytes, start: int, end: int) -> None:
+        self._header_name += data[start:end]
+
+    def _on_header_value(self, data: bytes, start: int, end: int) -> None:
+        self._header_value += data[start:end]
+
+    def _on_header_end(self) -> None:
+        self._headers[self._header_name.lower()] = self._header_value
+        self._header_name = self._header_value = b""
+
+    def _on_headers_finished(self) -> None:
+        _, options = parse_options_header(self._headers.get(b"content-disposition"))
+        if options.get(b"name") != FIELD.encode():
+            return
+        if self._found:
+            raise BadRequestError(
+                f"The form has several fields called {FIELD!r}. Send one log per request.", field=FIELD
+            )
+        self._found = self._inside = True
+        if name := options.get(b"filename"):
+            self.filename = clean_filename(name.decode("utf-8", "replace"))
+
+    def _on_part_data(self, data: bytes, start: int, end: int) -> None:
+        if self._inside:
+            self._pieces.append(data[start:end])
+            return
+        self._passed_over += end - start
+        if self._passed_over > ENVELOPE_BYTES:
+            raise BadRequestError(
+                f"The form's other fields hold more than {ENVELOPE_BYTES} bytes. Send the log as the field "
+                f"{FIELD!r} and nothing else.",
+                field=FIELD,
+            )
+
+    def _on_part_end(self) -> None:
+        self._inside = False
+
+    def _on_end(self) -> None:
+        self._complete = True
+
+
+def upload_source(headers: Headers, query: QueryParams) -> UploadSource:
+    """How to read the body that these headers announce; ``UnsupportedBodyError`` where there is no way.
+
+    Any content type but multipart is taken as the log itself: logs have no media types, and curl calls every
+    body a form.
+    """
+    encoding = headers.get("content-encoding", "identity").strip().lower()
+    if encoding not in {"", "identity", "gzip", "x-gzip"}:
+        raise UnsupportedBodyError(
+            f"Content-Encoding {encoding!r} is not taken. Send the log as it is or gzipped.",
+            field="Content-Encoding",
+        )
+    filename = _announced_filename(headers, query)
+    kind, options = parse_options_header(headers.get("content-type"))
+    if not kind.lower().startswith(b"multipart/"):
+        return RawBody(filename)
+    if kind.lower() != b"multipart/form-data" or not options.get(b"boundary"):
+        raise UnsupportedBodyError(
+            "This multipart body cannot be read. Send multipart/form-data with a boundary, or the bare log.",
+            field="Content-Type",
+        )
+    return MultipartBody(options[b"boundary"], filename)
+
+
+def clean_filename(name: str) -> str:
+    """The last part of a path of any system, without control characters, at most 255 characters long."""
+    last = PurePosixPath(name.replace("\\", "/")).name
+    return "".join(c for c in last if c.isprintable()).strip()[:FILENAME_LENGTH] or DEFAULT_FILENAME
+
+
+def _announced_filename(headers: Headers, query: QueryParams) -> str:
+    names = (
+        query.get("filename"),
+        unquote(headers.get("x-filename", "")),
+        _disposed_filename(headers.get("content-disposition", "")),
+    )
+    return next((clean_filename(name) for name in names if name), DEFAULT_FILENAME)
+
+
+def _disposed_filename(content_disposition: str) -> str | None:
+    """The name in a Content-Disposition header; None where it holds none that can be read."""
+    disposition = Message()
+    disposition["Content-Disposition"] = content_disposition
+    try:
+        name = disposition.get_param("filename", header="content-disposition")
+        if isinstance(name, tuple) and (name[0] or "utf-8").lower() not in FILENAME_CHARSETS:
+            return None
+        return collapse_rfc2231_value(name) if name else None
+    except (ValueError, TypeError, LookupError):  # the parser trips over odd continuations in these ways
+        return None

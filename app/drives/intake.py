@@ -1,0 +1,153 @@
+"""What comes in: uploads (row and job in one transaction), reruns, removals, roads, elevation."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from collections.abc import Iterable, Mapping
+from datetime import datetime, timedelta
+from typing import Any
+
+from app.core import databases as identity
+from app.core.blobs import BlobStore, StoredBlob
+from app.core.db import Sessions
+from app.drives import queue
+from app.drives import store as batches
+from app.drives import store as drives
+from app.drives.store import DriveRow
+from fusion.pipeline import parse_options
+
+ORPHAN_AGE = timedelta(hours=1)
+
+logger = logging.getLogger(__name__)
+
+
+def accept_upload(
+    sessions: Sessions,
+    blobs: BlobStore,
+    chunks: Iterable[bytes],
+    *,
+    filename: str,
+    method: str,
+    options: Mapping[str, Any] | None = None,
+    max_bytes: int | None = None,
+) -> tuple[DriveRow, bool]:
+    """Store an upload and queue it; the flag says whether it is new. Known bytes give the drive they made.
+
+    Raises ``MethodError`` for an unusable method or options, before anything is read, and
+    ``UploadTooLargeError`` as soon as ``max_bytes`` are passed.
+    """
+    parse_options(method, options or {})
+    blob = blobs.put(chunks, max_bytes=max_bytes)
+    return register_upload(sessions, blobs, blob, filename=filename, method=method, options=options)
+
+
+def register_upload(
+    sessions: Sessions,
+    blobs: BlobStore,
+    blob: StoredBlob,
+    *,
+    filename: str,
+    method: str,
+    options: Mapping[str, Any] | None = None,
+) -> tuple[DriveRow, bool]:
+    """Make a stored blob a queued drive; row and job in one transaction.
+
+    The blob becomes the drive's, or is deleted: when the same bytes are known already, and when the
+    transaction fails. Only a process that dies in between leaves a blob that nobody refers to: ``sweep_blobs``
+    removes it later; an upload of the same bytes brings its own.
+    """
+    try:
+        parse_options(method, options or {})
+        with sessions.begin() as session:
+            # Before the drive refers to the blob: another database's sweep must not take it for an orphan.
+            blobs.register_database(identity.database_identity(session))
+            drive, created = drives.create_drive(
+                session,
+                sha256=blob.sha256,
+                filename=filename,
+                size_bytes=blob.size_bytes,
+                blob_key=blob.key,
+                method=method,
+                options=options or {},
+            )
+            if created:
+                queue.enqueue(session, drive.id, drive.generation)
+    except BaseException:
+        blobs.delete(blob.key)
+        raise
+    if not created:
+        blobs.delete(blob.key)
+    return drive, created
+
+
+def reprocess(
+    sessions: Sessions,
+    drive_id: uuid.UUID,
+    method: str | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> DriveRow | None:
+    """Queue the drive again; without ``method`` with the method and options it had. None: no such drive."""
+    with sessions.begin() as session:
+        known = drives.get_drive(session, drive_id)
+        if known is None:
+            return None
+        chosen = known.method if method is None else method
+        wanted = known.options if method is None and options is None else options or {}
+        parse_options(chosen, wanted)
+        drive = drives.request_reprocess(session, drive_id, chosen, wanted)
+        if drive is not None:
+            queue.enqueue(session, drive.id, drive.generation)
+        return drive
+
+
+def reprocess_all(sessions: Sessions, method: str, from_method: str | None = None) -> tuple[datetime, int]:
+    """Queue every finished drive that is not of ``method`` (and is of ``from_method``) again, behind uploads.
+
+    Returns the moment by which the batch is known (``app.drives.store``) and how many drives it has. Raises
+    ``UnknownNameError`` for a method that there is not.
+    """
+    parse_options(method, {})
+    if from_method is not None:
+        parse_options(from_method, {})
+    with sessions.begin() as session:
+        moment, requests = batches.request_batch(session, method, from_method)
+        queue.enqueue_behind(session, requests)
+    return moment, len(requests)
+
+
+def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> bool:
+    """Remove a drive, its influence and its bytes, whatever its status; False when there is none.
+
+    A worker that computes it finds it gone and discards its result; its job in the queue ends likewise.
+    """
+    with sessions.begin() as session:
+        drive = drives.get_drive(session, drive_id)
+        if drive is None or not drives.delete_drive(session, drive_id):
+            return False
+    blobs.delete(drive.blob_key)
+    return True
+
+
+def sweep_blobs(sessions: Sessions, blobs: BlobStore, older_than: timedelta = ORPHAN_AGE) -> int:
+    """Remove parts of uploads that broke off, and blobs older than ``older_than`` that no drive refers to.
+
+    Returns how many. A blob exists for a moment before its drive does: its age tells such a one from an
+    orphan. Where several databases keep blobs in one store, orphans of one may be drives of another, so only
+    parts are removed.
+    """
+    removed = blobs.sweep()
+    with sessions() as session:
+        blobs.register_database(identity.database_identity(session))
+    notes = blobs.databases()
+    if len(notes) > 1:
+        logger.warning(
+            "blobs without a drive stay: several databases use this store. Delete the notes of those that are "
+            "gone: %s",
+            ", ".join(notes),
+        )
+        return removed
+    stored = blobs.keys()
+    with sessions() as session:
+        orphans = drives.unreferenced_blobs(session, stored)
+    return removed + blobs.remove_old(orphans, older_than)

@@ -1,0 +1,74 @@
+"""The estimator and its options as requests name them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+from fastapi import Query
+
+from app.core.errors import BadRequestError
+from app.core.settings import Settings
+from fusion.methods import DEFAULT_METHOD
+from fusion.pipeline import parse_options
+
+MethodQuery = Annotated[
+    str | None,
+    Query(
+        description="The estimator (`versant methods` lists them); unset: the service's default.",
+        examples=[DEFAULT_METHOD],
+    ),
+]
+OptionsQuery = Annotated[
+    str | None,
+    Query(description="Options of the method, a JSON object.", examples=['{"particles": 10000}']),
+]
+OptionQuery = Annotated[
+    list[str],
+    Query(description="One option as `name:value`; may be repeated.", examples=[["particles:10000"]]),
+]
+
+
+def default_method(settings: Settings) -> str:
+    """The estimator of who names none: that of the settings, else the library's."""
+    return settings.default_method or DEFAULT_METHOD
+
+
+def asked_options(options: str | None, option: Sequence[str]) -> dict[str, Any] | None:
+    """The options of the query parameters together; None where there are none.
+
+    A value after the colon is JSON where it can be, else text. Raises ``BadRequestError``.
+    """
+    if options is None and not option:
+        return None
+    asked = _json_object(options) if options is not None else {}
+    for pair in option:
+        name, colon, value = pair.partition(":")
+        if not colon or not name:
+            raise BadRequestError(f"{pair!r} is no option. Write it as name:value.", field="option")
+        asked[name.strip()] = _json_or_text(value)
+    return asked
+
+
+def checked(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """``options`` as asked for; ``UnknownNameError`` or ``BadOptionsError`` if they cannot be used."""
+    parse_options(method, options)
+    return dict(options)
+
+
+def _json_object(text: str) -> dict[str, Any]:
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        value = None
+    if not isinstance(value, dict):
+        raise BadRequestError('options must be a JSON object such as {"particles": 10000}.', field="options")
+    return value
+
+
+def _json_or_text(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text

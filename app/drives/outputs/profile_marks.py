@@ -1,0 +1,174 @@
+"""Where a drive's measurements lie behind its profile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.drives.outputs.profile import Profile
+from fusion.types import Floats, Ints, Measurements
+
+NEAR_S = 1.0
+"""A measurement in an interruption belongs to an epoch that is no farther away."""
+OTHER_DATUM_M = 10.0
+"""Heights whose median lies farther from the estimate refer to something else, like the ellipsoid."""
+MOST_DOTS = 4000
+
+_LOOKS = {
+    "altitude": ("GNSS altitude", "#3f97d0"),
+    "barometer": ("barometer, drift taken off", "#c0699c"),
+    "dem": ("elevation model", "#8a8f45"),
+    "doppler": ("Doppler", "#2a9d7c"),
+    "pitch": ("pitch less mount", "#8d6cc9"),
+    "specific force": ("specific force less mount", "#d29a2e"),
+}
+_OTHER_LOOK = "#8a8f94"
+
+
+@dataclass(frozen=True, eq=False)
+class Dots:
+    """One sensor's measurements on the profile's axes: ``value`` in m or in %, shape (n,) like ``distance_m``."""
+
+    label: str
+    colour: str
+    is_height: bool
+    distance_m: Floats
+    value: Floats
+
+
+def placed_m(profile: Profile, time_s: Floats) -> Floats:
+    """Distance on the profile's axis at each time; NaN where the profile knows no position near that time."""
+    if not len(profile):
+        return np.full(len(time_s), np.nan)
+    own = profile.time_s
+    right = np.clip(np.searchsorted(own, time_s), 0, len(own) - 1)
+    left = np.maximum(right - 1, 0)
+    inside = (time_s >= own[0]) & (time_s <= own[-1]) & (~profile.gap[right] | (own[right] == time_s))
+    nearest = np.where(np.abs(time_s - own[left]) <= np.abs(own[right] - time_s), left, right)
+    near = np.abs(own[nearest] - time_s) <= NEAR_S
+    outside = np.where(near, profile.distance_m[nearest], np.nan)
+    return np.where(inside, np.interp(time_s, own, profile.distance_m), outside)
+
+
+def dots_of(profile: Profile, measurements: Measurements) -> Iterator[Dots]:
+    """Each sensor's dots, thinned evenly to ``MOST_DOTS``; heights on another datum moved, which the label says."""
+    distance = placed_m(profile, measurements.time_s)
+    usable = np.isfinite(distance) & np.isfinite(measurements.value)
+    for code, name in enumerate(measurements.names):
+        mine = np.flatnonzero(usable & (measurements.sensor == code))
+        if not len(mine):
+            continue
+        label, colour = _LOOKS.get(name, (name, _OTHER_LOOK))
+        where, value = distance[mine], measurements.value[mine]
+        is_height = bool(measurements.is_height[mine[0]])
+        if is_height:
+            moved = datum_shift_m(profile, where, value)
+            value, label = value + moved, label + (f", moved by {moved:+.0f} m" if moved else "")
+        else:
+            value = 100 * value
+        kept = slice(None, None, -(-len(mine) // MOST_DOTS))
+        yield Dots(label, colour, is_height, where[kept], value[kept])
+
+
+def datum_shift_m(profile: Profile, distance_m: Floats, height_m: Floats) -> float:
+    """What to add to heights that refer to something else than the estimate does; 0 where they agree roughly."""
+    known = np.isfinite(profile.alt_m)
+    if not known.any():
+        return 0.0
+    shift = float(
+        np.median(np.interp(distance_m, profile.distance_m[known], profile.alt_m[known]) - height_m)
+    )
+    return shift if abs(shift) > OTHER_DATUM_M else 0.0
+
+
+NORMAL_95 = 1.96
+Mask = NDArray[np.bool_]
+
+LEAST_HEIGHT_M, LEAST_SLOPE_PERCENT = 20.0, 8.0
+"""Axes never show less than this, so that a flat road looks flat."""
+MOST_SLOPE_PERCENT = 50.0
+LEAST_OUTAGE_S = 3.0
+MORE_SHARE, PAD_SHARE = 0.15, 0.04
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """The slopes of the segments driven over, k of them in order; ``from_m`` and ``to_m`` on the distance axis."""
+
+    from_m: Floats
+    to_m: Floats
+    slope_percent: Floats
+    sigma_percent: Floats
+
+
+def broken(column: Floats, profile: Profile) -> Floats:
+    """The column with a NaN before each interruption, so that nothing is drawn across it."""
+    return np.insert(column.astype(float), np.flatnonzero(profile.gap[1:]) + 1, np.nan)
+
+
+def steps_of(profile: Profile) -> Steps:
+    """One step for each stay on a segment with a slope."""
+    first, _, from_m, to_m = _runs(profile, profile.segment_id)
+    known = np.isfinite(profile.slope_percent[first])
+    columns = (from_m, to_m, profile.slope_percent[first], profile.slope_sigma_percent[first])
+    return Steps(*(column[known] for column in columns))
+
+
+def stretches(profile: Profile, mask: Mask, least_s: float = 0.0) -> Floats:
+    """(from_m, to_m) of each run of epochs in ``mask`` that lasts ``least_s``, shape (k, 2)."""
+    first, last, from_m, to_m = _runs(profile, mask)
+    chosen = mask[first] & (profile.time_s[last] - profile.time_s[first] >= least_s)
+    return np.column_stack([from_m, to_m])[chosen]
+
+
+def _runs(profile: Profile, column: Ints | Mask) -> tuple[Ints, Ints, Floats, Floats]:
+    """First and last epoch of each run of equal values, and from where to where it reaches on the distance axis.
+
+    Runs meet halfway between the last epoch of one and the first of the next, but not across an interruption.
+    """
+    if not len(profile):
+        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0)
+    first = np.flatnonzero(np.r_[True, (column[1:] != column[:-1]) | profile.gap[1:]])
+    last = np.r_[first[1:], len(profile)] - 1
+    from_m, to_m = profile.distance_m[first], profile.distance_m[last]
+    touching = ~profile.gap[first[1:]]
+    border = 0.5 * (to_m[:-1] + from_m[1:])
+    from_m = np.r_[from_m[0], np.where(touching, border, from_m[1:])]
+    to_m = np.r_[np.where(touching, border, to_m[:-1]), to_m[-1]]
+    return first, last, from_m, to_m
+
+
+def interruptions(profile: Profile) -> Floats:
+    """(from_m, to_m) of what was driven while nothing was estimated, shape (k, 2)."""
+    after = np.flatnonzero(profile.gap[1:]) + 1
+    return np.column_stack([profile.distance_m[after - 1], profile.distance_m[after]])
+
+
+def limits(value: Floats, sigma: Floats, least: float, behind: Floats) -> tuple[float, float] | None:
+    """Lower and upper end of an axis: every estimate, the band but for its widest parts, what lies near behind.
+
+    The band widens the axis by at most the estimates' own range (or ``least``) on either side, the measurements
+    ``behind`` by at most ``MORE_SHARE`` of what there is then. None if nothing is estimated.
+    """
+    known = np.isfinite(value)
+    if not known.any():
+        return None
+    value, half = value[known], NORMAL_95 * np.nan_to_num(sigma[known])
+    low, high = float(value.min()), float(value.max())
+    room = max(high - low, least)
+    bottom = max(min(low, float(np.quantile(value - half, 0.02))), low - room)
+    top = min(max(high, float(np.quantile(value + half, 0.98))), high + room)
+    missing = max(least - (top - bottom), 0.0)
+    bottom, top = bottom - missing / 2, top + missing / 2
+    more = MORE_SHARE * (top - bottom)
+    if len(behind):
+        lowest, highest = np.quantile(behind, (0.005, 0.995))
+        bottom, top = (
+            min(bottom, max(float(lowest), bottom - more)),
+            max(top, min(float(highest), top + more)),
+        )
+    pad = PAD_SHARE * (top - bottom)
+    return bottom - pad, top + pad

@@ -1,0 +1,97 @@
+"""A drive's estimated track as GeoJSON: the path, then every epoch with its sigmas."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from app.core.text import COORDINATE_DIGITS, dumps, rounded, utc_text
+from fusion.types import Ints, Track
+
+GAP_S = 10.0
+"""Longer pauses between two epochs interrupt the path: nothing is drawn over what was not recorded."""
+
+_COLUMNS = (
+    ("alt_m", "alt_m", 3),
+    ("h_sigma_m", "h_sigma_m", 3),
+    ("alt_sigma_m", "alt_sigma_m", 3),
+    ("speed_mps", "speed_mps", 3),
+    ("distance_m", "distance_m", 3),
+)
+
+
+def track_chunks(track: Track, segment_id: Ints, members: dict[str, Any] | None = None) -> Iterator[str]:
+    """The text of a FeatureCollection piece by piece.
+
+    First one MultiLineString, the path, interrupted at pauses above ``GAP_S``; then a Point per epoch with
+    ``time``, ``alt_m`` (road surface), ``h_sigma_m``, ``alt_sigma_m``, ``speed_mps``, ``heading_deg``
+    (clockwise from north), ``pitch_deg``, ``pitch_sigma_deg``, ``segment_id`` (null: matched to no road),
+    ``distance_m`` (along the segment from its from_node) and ``has_gnss``. Unknown is null. Heights are
+    properties and not coordinates, because RFC 7946 wants those above the ellipsoid.
+    """
+    head = dumps({"type": "FeatureCollection"} | (members or {}))
+    yield head[:-1] + ',"features":[' + dumps(path_feature(track))
+    for epoch in range(len(track)):
+        yield ",\n" + dumps(_point(track, segment_id, epoch))
+    yield "]}\n"
+
+
+def track_collection(track: Track, segment_id: Ints) -> dict[str, Any]:
+    """The same as one dictionary."""
+    points = [_point(track, segment_id, epoch) for epoch in range(len(track))]
+    return {"type": "FeatureCollection", "features": [path_feature(track), *points]}
+
+
+def path_feature(track: Track) -> dict[str, Any]:
+    """The path as one MultiLineString Feature; its geometry is null where no two epochs follow each other."""
+    lines = [piece for piece in _pieces(track) if len(piece) > 1]
+    geometry = {"type": "MultiLineString", "coordinates": lines} if lines else None
+    times = track.time_s[np.isfinite(track.time_s)]
+    return {
+        "type": "Feature",
+        "id": "path",
+        "geometry": geometry,
+        "properties": {
+            "epochs": len(track),
+            "start": time_text(float(times[0])) if len(times) else None,
+            "end": time_text(float(times[-1])) if len(times) else None,
+        },
+    }
+
+
+def time_text(time_s: float) -> str | None:
+    """RFC 3339 of Unix seconds; None for NaN."""
+    return utc_text(datetime.fromtimestamp(time_s, UTC)) if np.isfinite(time_s) else None
+
+
+def _pieces(track: Track) -> list[list[list[float]]]:
+    known = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
+    lon = np.round(track.lon_deg[known], COORDINATE_DIGITS)
+    lat = np.round(track.lat_deg[known], COORDINATE_DIGITS)
+    cuts = np.flatnonzero((np.diff(track.time_s[known]) > GAP_S) | track.starts[known][1:]) + 1
+    return [piece.tolist() for piece in np.split(np.column_stack([lon, lat]), cuts)]
+
+
+def _point(track: Track, segment_id: Ints, epoch: int) -> dict[str, Any]:
+    lon = rounded(float(track.lon_deg[epoch]), COORDINATE_DIGITS)
+    lat = rounded(float(track.lat_deg[epoch]), COORDINATE_DIGITS)
+    known = lon is not None and lat is not None
+    segment = int(segment_id[epoch])
+    properties: dict[str, Any] = {"time": time_text(float(track.time_s[epoch]))}
+    for name, column, digits in _COLUMNS:
+        properties[name] = rounded(float(getattr(track, column)[epoch]), digits)
+    heading = float(np.degrees(track.heading_rad[epoch]) % 360)
+    properties |= {
+        "heading_deg": rounded(heading, 2),
+        "pitch_deg": rounded(float(np.degrees(track.pitch_rad[epoch])), 3),
+        "pitch_sigma_deg": rounded(float(np.degrees(track.pitch_sigma_rad[epoch])), 3),
+        "segment_id": segment if segment >= 0 else None,
+        "has_gnss": bool(track.has_gnss[epoch]),
+    }
+    if segment < 0:
+        properties["distance_m"] = None
+    geometry = {"type": "Point", "coordinates": [lon, lat]} if known else None
+    return {"type": "Feature", "geometry": geometry, "properties": properties}

@@ -1,0 +1,132 @@
+"""Drives: list, look, delete, process again."""
+
+from __future__ import annotations
+
+import base64
+import re
+import struct
+import uuid
+from datetime import UTC, datetime, timedelta
+from typing import Annotated
+
+from fastapi import APIRouter, Body, Query, Request, Response
+
+from app.core.errors import BadRequestError
+from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, found, link, problems, with_query
+from app.core.query import refuse_unknown
+from app.drives import intake as ingest
+from app.drives import store as drives
+from app.drives.documents import (
+    Drive,
+    DriveAccepted,
+    DriveList,
+    DriveStatus,
+    ReprocessRequest,
+    accepted,
+    drive_address,
+    drive_document,
+)
+from app.drives.options import MethodQuery, OptionQuery, OptionsQuery, asked_options
+from app.drives.store import DrivePlace
+
+LIST_PARAMETERS = frozenset({"status", "limit", "after"})
+
+router = APIRouter(prefix="/v1/drives", tags=["drives"])
+
+
+@router.get("", summary="List drives", responses=problems(422, 503))
+def list_drives(
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    status: Annotated[DriveStatus | None, Query(description="Only drives of this status.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Drives per page.")] = 100,
+    after: Annotated[
+        str | None, Query(description="Where the page begins; only `next` links know what to write here.")
+    ] = None,
+) -> DriveList:
+    """Newest upload first. Follow the `next` link until there is none; each drive comes once."""
+    refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
+    place = None if after is None else parse_cursor(after)
+    with service.reading() as session:
+        rows = drives.list_drives(session, status=status, limit=limit + 1, after=place)
+    shown, more = rows[:limit], len(rows) > limit
+    here = f"{base}/v1/drives"
+    links = [link(with_query(here, status=status, limit=limit, after=after), "self")]
+    if more:
+        following = cursor_of(DrivePlace(shown[-1].created_at, shown[-1].id))
+        links.append(link(with_query(here, status=status, limit=limit, after=following), "next"))
+    return DriveList(drives=[drive_document(base, row) for row in shown], links=links)
+
+
+@router.get("/{drive_id}", summary="One drive", responses=problems(404, 503))
+def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
+    """Status, progress, reason of a failure, and the report of the last successful run."""
+    with service.reading() as session:
+        return drive_document(base, found(drives.get_drive(session, drive_id), "drive", drive_id))
+
+
+@router.delete("/{drive_id}", status_code=204, summary="Remove a drive", responses=problems(403, 404, 503))
+def delete_drive(drive_id: uuid.UUID, service: ServiceDep) -> Response:
+    """Always works, whatever the status: a worker that computes it discards its result.
+
+    Its log is deleted and its influence leaves every segment.
+    """
+    found(ingest.remove_drive(service.sessions, service.blobs, drive_id) or None, "drive", drive_id)
+    return Response(status_code=204)
+
+
+@router.post(
+    "/{drive_id}/reprocess",
+    status_code=202,
+    summary="Process a drive again",
+    responses={**UNREADABLE_BODY, **problems(403, 404, 413, 422, 503)},
+)
+def reprocess_drive(
+    drive_id: uuid.UUID,
+    service: ServiceDep,
+    base: BaseUrl,
+    response: Response,
+    method: MethodQuery = None,
+    options: OptionsQuery = None,
+    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
+    body: Annotated[ReprocessRequest | None, Body(description="The same as the query parameters.")] = None,
+) -> DriveAccepted:
+    """Queue the drive again, perhaps for another method or with other options.
+
+    With neither a method nor options it keeps both; with a method alone, that method's defaults are used.
+    What it published stays until the new run replaces it.
+    """
+    chosen = asked_options(options, option)
+    if body is not None:
+        method = method or body.method
+        chosen = body.options if chosen is None else chosen
+    row = ingest.reprocess(service.sessions, drive_id, method, chosen)
+    row = found(row, "drive", drive_id)
+    response.headers["Location"] = drive_address(base, row)
+    return accepted(base, row)
+
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_PLACE = struct.Struct(">q16s")  # microseconds since the epoch, the id
+_CURSOR = re.compile(r"[A-Za-z0-9_-]{32}")
+
+
+def cursor_of(place: DrivePlace) -> str:
+    """The text that ``parse_cursor`` takes; microseconds, the database's resolution, are kept."""
+    moment_us = (place.created_at - _EPOCH) // timedelta(microseconds=1)
+    return base64.urlsafe_b64encode(_PLACE.pack(moment_us, place.id.bytes)).decode("ascii")
+
+
+def parse_cursor(text: str) -> DrivePlace:
+    """The place in the list; ``BadRequestError`` for a text that ``cursor_of`` did not make."""
+    try:
+        if not _CURSOR.fullmatch(text):
+            raise ValueError(text)
+        moment_us, key = _PLACE.unpack(base64.urlsafe_b64decode(text))
+        return DrivePlace(_EPOCH + timedelta(microseconds=moment_us), uuid.UUID(bytes=key))
+    except (ValueError, OverflowError):
+        raise BadRequestError(
+            "after: this is no place in the list. Take it from a next link, or begin again without after.",
+            field="after",
+        ) from None

@@ -1,0 +1,117 @@
+"""What the store returns: plain frozen rows, detached from any session."""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from sqlalchemy import select
+from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy.orm import Session
+
+from app.core.tables import DriveTrack
+from fusion.types import Ints, Measurements, Track
+
+
+@dataclass(frozen=True)
+class StoredTrack:
+    """A drive's track; ``segment_id`` is the database's id of the matched segment, -1 where unmatched.
+
+    ``track.segment`` holds the same ids. A segment that a later road import dropped keeps its id here.
+    """
+
+    track: Track
+    segment_id: Ints
+
+
+_SENSORS = b"sensors"
+"""Metadata: a JSON list of the sensors, [name, is_height] each; ``sensor`` is an index into it."""
+
+
+def save_track(
+    session: Session,
+    drive_id: uuid.UUID,
+    track: Track,
+    segment_ids: Ints,
+    measurements: Measurements | None = None,
+) -> None:
+    """Store the track; ``segment_ids`` maps its ``segment`` (index into the run's network) to stored ids."""
+    row = insert(DriveTrack).values(
+        drive_id=drive_id,
+        track=encode(track, segment_ids),
+        measurements=None if measurements is None else encode_measurements(measurements),
+    )
+    renewed = {"track": row.excluded.track, "measurements": row.excluded.measurements}
+    session.execute(row.on_conflict_do_update(index_elements=["drive_id"], set_=renewed))
+
+
+def read_track(session: Session, drive_id: uuid.UUID) -> StoredTrack | None:
+    """The track of a drive's last successful run, or None."""
+    data = session.execute(select(DriveTrack.track).where(DriveTrack.drive_id == drive_id)).scalar()
+    return None if data is None else decode(data)
+
+
+def read_measurements(session: Session, drive_id: uuid.UUID) -> Measurements | None:
+    """What the sensors said in a drive's last successful run; None where its method offers none."""
+    data = session.execute(select(DriveTrack.measurements).where(DriveTrack.drive_id == drive_id)).scalar()
+    return None if data is None else decode_measurements(data)
+
+
+def encode(track: Track, segment_ids: Ints) -> bytes:
+    """The track as an Arrow IPC stream; ``segment`` becomes database ids, -1 where unmatched."""
+    columns = {spec.name: getattr(track, spec.name) for spec in fields(track)}
+    columns["segment"] = np.full(len(track), -1, np.int64)
+    matched = track.segment >= 0
+    columns["segment"][matched] = segment_ids[track.segment[matched]]
+    return _stream(columns)
+
+
+def decode(data: bytes) -> StoredTrack:
+    """The inverse of ``encode``, bit for bit."""
+    table = pa.ipc.open_stream(data).read_all()
+    columns = {spec.name: table.column(spec.name).to_numpy().copy() for spec in fields(Track)}
+    return StoredTrack(track=Track(**columns), segment_id=columns["segment"])
+
+
+def encode_measurements(measurements: Measurements) -> bytes:
+    """The measurements as an Arrow IPC stream; values and distances in single precision, enough to draw."""
+    heights = {int(s) for s in np.unique(measurements.sensor[measurements.is_height])}
+    sensors = [[name, code in heights] for code, name in enumerate(measurements.names)]
+    columns = {
+        "sensor": measurements.sensor.astype(np.int8),
+        "time_s": measurements.time_s.astype(np.float64),
+        "value": measurements.value.astype(np.float32),
+        "along_m": measurements.along_m.astype(np.float32),
+    }
+    return _stream(columns, {_SENSORS: json.dumps(sensors).encode()})
+
+
+def decode_measurements(data: bytes) -> Measurements:
+    """The inverse of ``encode_measurements``, up to single precision."""
+    table = pa.ipc.open_stream(data).read_all()
+    sensors = json.loads(table.schema.metadata[_SENSORS])
+    sensor = table.column("sensor").to_numpy().astype(np.int64)
+    return Measurements(
+        names=tuple(name for name, _ in sensors),
+        sensor=sensor,
+        time_s=table.column("time_s").to_numpy().copy(),
+        along_m=table.column("along_m").to_numpy().astype(np.float64),
+        value=table.column("value").to_numpy().astype(np.float64),
+        is_height=np.array([is_height for _, is_height in sensors], bool)[sensor],
+    )
+
+
+def _stream(columns: Mapping[str, Any], metadata: Mapping[bytes, bytes] | None = None) -> bytes:
+    """One record batch of these columns as a stream, compressed by zstd."""
+    batch = pa.record_batch([pa.array(column) for column in columns.values()], names=list(columns))
+    batch = batch.replace_schema_metadata(metadata)
+    sink = pa.BufferOutputStream()
+    options = pa.ipc.IpcWriteOptions(compression="zstd")
+    with pa.ipc.new_stream(sink, batch.schema, options=options) as writer:
+        writer.write_batch(batch)
+    return bytes(sink.getvalue().to_pybytes())

@@ -1,0 +1,144 @@
+"""Uploading a log."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import anyio
+from fastapi import APIRouter, Query, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from app.core.blobs import BlobStore, BlobWriter, StoredBlob
+from app.core.errors import BadRequestError, BodyTooLargeError
+from app.core.http import BaseUrl, ServiceDep, problems
+from app.drives import intake as ingest
+from app.drives.body import UploadSource, upload_source
+from app.drives.documents import DriveAccepted, accepted, drive_address
+from app.drives.options import MethodQuery, OptionQuery, OptionsQuery, asked_options, checked, default_method
+
+router = APIRouter(prefix="/v1/drives", tags=["drives"])
+
+_BINARY = {"type": "string", "format": "binary"}
+_BODY: dict[str, Any] = {
+    "required": True,
+    "description": "The log, plain or gzipped, as a form field or as the body itself.",
+    "content": {
+        "multipart/form-data": {
+            "schema": {
+                "type": "object",
+                "required": ["file"],
+                "properties": {"file": {**_BINARY, "description": "The log."}},
+            },
+            "example": {"file": "monday.ubx"},
+        },
+        "application/octet-stream": {"schema": _BINARY, "example": "(the bytes of monday.ubx)"},
+    },
+}
+_LOCATION = {"Location": {"description": "The drive.", "schema": {"type": "string", "format": "uri"}}}
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Upload a log",
+    response_model=DriveAccepted,
+    responses={
+        200: {
+            "model": DriveAccepted,
+            "description": "Known bytes: their drive.",
+            "headers": _LOCATION,
+        },
+        202: {"description": "Stored and queued.", "headers": _LOCATION},
+        **problems(403, 413, 415, 422, 503),
+    },
+    openapi_extra={"requestBody": _BODY},
+)
+async def upload_drive(
+    request: Request,
+    response: Response,
+    service: ServiceDep,
+    base: BaseUrl,
+    method: MethodQuery = None,
+    options: OptionsQuery = None,
+    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
+    filename: str | None = Query(
+        None,
+        description="Name of the file where the body is the log itself; also `X-Filename`.",
+        examples=["monday.ubx"],
+    ),
+) -> DriveAccepted:
+    """Store a log and queue it. The answer comes as soon as it is stored; follow the drive at `Location`.
+
+    The same bytes again answer 200 with the drive that they already are, unchanged, whatever the method:
+    use `reprocess` to compute it anew.
+    """
+    settings = service.settings
+    wanted = method or default_method(settings)
+    chosen = checked(wanted, asked_options(options, option) or {})
+    blob, name = await receive_upload(request, service.blobs, settings.max_upload_bytes)
+    row, created = await run_in_threadpool(
+        ingest.register_upload,
+        service.sessions,
+        service.blobs,
+        blob,
+        filename=name,
+        method=wanted,
+        options=chosen,
+    )
+    response.status_code = 202 if created else 200
+    response.headers["Location"] = drive_address(base, row)
+    return accepted(base, row)
+
+
+CHUNK_BYTES = 1024 * 1024
+"""How much is handed to the blob store at a time: few hops between threads, little memory."""
+
+
+async def receive_upload(request: Request, blobs: BlobStore, max_bytes: int) -> tuple[StoredBlob, str]:
+    """Store the file of the request's body; returns the blob and the file's name.
+
+    Raises ``BodyTooLargeError`` as soon as the body is announced or found to be too large,
+    ``BadRequestError`` for an empty file or a malformed body, ``ClientDisconnect`` when the client goes away.
+    Nothing stays in the store then. The store's blocking calls run in threads.
+    """
+    source = upload_source(request.headers, request.query_params)
+    _check_announced(request, max_bytes + source.envelope_bytes, max_bytes)
+    writer = await run_in_threadpool(blobs.writer, max_bytes=max_bytes)
+    try:
+        await _copy(request, source, writer, max_bytes)
+        return await run_in_threadpool(writer.finish), source.filename
+    except BaseException:
+        with anyio.CancelScope(shield=True):  # also when this request is cancelled
+            await run_in_threadpool(writer.discard)
+        raise
+
+
+async def _copy(request: Request, source: UploadSource, writer: BlobWriter, max_bytes: int) -> None:
+    waiting = bytearray()
+    async for chunk in request.stream():
+        waiting += source.feed(chunk)
+        if writer.size_bytes + len(waiting) > max_bytes:
+            raise _too_large(max_bytes)
+        if len(waiting) >= CHUNK_BYTES:
+            await run_in_threadpool(writer.write, bytes(waiting))
+            waiting.clear()
+    source.finish()
+    await run_in_threadpool(writer.write, bytes(waiting))
+    if not writer.size_bytes:
+        raise BadRequestError(
+            "The upload is empty: it holds no bytes. Send the log's contents.", field="file"
+        )
+
+
+def _check_announced(request: Request, most: int, max_bytes: int) -> None:
+    announced = request.headers.get("content-length", "")
+    if announced.isdigit() and int(announced) > most:
+        raise _too_large(max_bytes)
+
+
+def _too_large(max_bytes: int) -> BodyTooLargeError:
+    return BodyTooLargeError(
+        f"The upload is larger than {max_bytes} bytes, the most that this service takes. "
+        "Compress it with gzip or split it into several drives.",
+        field="file",
+    )

@@ -1,0 +1,1 @@
+"""The map served: one segment, tiles, OGC API Features, files."""

@@ -1,0 +1,70 @@
+"""The files that segments are written to. A new kind of file is one new module and one line here."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Protocol
+
+from app.map.attribution import attribution
+from app.map.outputs.csv_table import CsvOutput
+from app.map.outputs.geojson import GeoJsonOutput
+from app.map.outputs.geoparquet import GeoParquetOutput
+from app.map.outputs.gpkg import GeoPackageOutput
+from app.map.segment import SegmentFeature
+from fusion.errors import UnknownNameError
+from fusion.registry import Registry
+
+
+class Output(Protocol):
+    """A kind of file."""
+
+    name: str
+    suffix: str
+    """With its dot, lower case; a file's suffix chooses the output."""
+    description: str
+
+    def write(self, features: Iterable[SegmentFeature], path: Path, source: str) -> int:
+        """Write all features, replacing ``path``; returns their number. ``source`` says whose data it is.
+
+        The iterable is consumed once and never held whole.
+        """
+        ...
+
+
+OUTPUTS: Registry[Output] = Registry("output")
+for _output in (GeoJsonOutput(), GeoParquetOutput(), GeoPackageOutput(), CsvOutput()):
+    OUTPUTS.add(_output.name, _output)
+
+
+def output_for(path: Path) -> Output:
+    """The output that the file's suffix stands for; ``UnknownNameError`` lists the suffixes there are."""
+    for _, output in OUTPUTS.items():
+        if path.suffix.lower() == output.suffix:
+            return output
+    known = ", ".join(output.suffix for _, output in OUTPUTS.items())
+    raise UnknownNameError(f"No output is called {path.suffix!r}. Choose one of: {known}.")
+
+
+def write(features: Iterable[SegmentFeature], path: Path, *, source: str | None = None) -> int:
+    """Write segments to ``path`` in the format of its suffix; returns how many were written.
+
+    The file appears complete or not at all: it is written beside its place and moved there at the end.
+    ``source`` defaults to the attribution of OpenStreetMap alone. Raises ``UnknownNameError`` for an unknown
+    suffix and ``OSError`` where the folder cannot be written to.
+    """
+    output = output_for(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
+    partial = path.with_name(f".{path.stem}.partial{output.suffix}")
+    try:
+        count = output.write(features, partial, source or attribution())
+        partial.replace(path)
+    except OSError as error:
+        if error.filename == str(partial):  # a name that nobody gave
+            error.filename = str(path)
+        raise
+    finally:
+        partial.unlink(missing_ok=True)
+    return count

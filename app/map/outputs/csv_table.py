@@ -1,0 +1,37 @@
+"""A plain table for spreadsheets and scripts: the properties and the geometry as WKT."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from app.map.segment import PROPERTIES, SegmentFeature
+
+
+class CsvOutput:
+    """One row per segment; an empty cell means unknown."""
+
+    name = "csv"
+    suffix = ".csv"
+    description = "CSV table, geometry as WKT in the last column, WGS 84; an empty cell is unknown"
+
+    def write(self, features: Iterable[SegmentFeature], path: Path, source: str) -> int:
+        """Write the table. CSV has no place for ``source``: a comment line would break readers."""
+        count = 0
+        with path.open("w", encoding="utf-8", newline="") as file:
+            table = csv.writer(file)
+            table.writerow([*PROPERTIES, "wkt"])
+            for feature in features:
+                table.writerow([*map(_cell, feature.properties().values()), _wkt(feature)])
+                count += 1
+        return count
+
+
+def _cell(value: Any) -> Any:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def _wkt(feature: SegmentFeature) -> str:
+    return f"LINESTRING ({', '.join(f'{lon} {lat}' for lon, lat in feature.rounded_coordinates())})"

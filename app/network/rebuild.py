@@ -1,0 +1,75 @@
+"""The whole network from the stored passes: evidence, slopes, aggregates, as if everything had just come in.
+
+What it makes is what the drives made one by one. It is wanted after an elevation import, which changes no slope
+by itself, after a change of the library's adjustment, and to be sure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.db import Sessions
+from app.network import versions as locks
+from app.network.passes import rebuild_evidence
+from app.network.publish import refresh_aggregates
+from app.network.solve import refresh_region, regions
+from app.network.versions import bump_data_version
+from fusion.types import Progress, no_progress
+
+_PART = 500
+
+_WITH_PASSES = text(
+    "SELECT segment_id FROM drive_passes UNION SELECT segment_id FROM segment_evidence ORDER BY segment_id"
+)
+_IN_NETWORK = text(
+    "SELECT segment_id FROM segment_evidence UNION SELECT segment_id FROM network_slopes ORDER BY segment_id"
+)
+_PUBLISHED = text(
+    """
+    SELECT segment_id FROM network_slopes UNION SELECT segment_id FROM drive_segments
+    UNION SELECT segment_id FROM segment_slopes ORDER BY segment_id
+    """
+)
+
+
+def rebuild_network(sessions: Sessions, progress: Progress = no_progress) -> int:
+    """Make evidence, slopes and aggregates anew; returns the number of segments of the network.
+
+    In many short transactions, each of which owns the network: drives come and go meanwhile, and a rebuild that
+    is cut off leaves a network that is right throughout. Run it again to go on.
+    """
+    with sessions() as session:
+        with_passes = list(session.execute(_WITH_PASSES).scalars())
+    _in_parts(sessions, _parts(with_passes), rebuild_evidence, "evidence", progress)
+    with sessions() as session:
+        in_network = list(session.execute(_IN_NETWORK).scalars())
+        squares = regions(session, in_network)
+    _in_parts(sessions, squares, refresh_region, "slopes", progress)
+    with sessions() as session:
+        published = list(session.execute(_PUBLISHED).scalars())
+    _in_parts(sessions, _parts(published), refresh_aggregates, "aggregates", progress)
+    return len(in_network)
+
+
+def _parts(ids: Sequence[int]) -> list[Sequence[int]]:
+    return [ids[start : start + _PART] for start in range(0, len(ids), _PART)]
+
+
+def _in_parts(
+    sessions: Sessions,
+    parts: Sequence[Sequence[int]],
+    work: Callable[[Session, Sequence[int]], object],
+    stage: str,
+    progress: Progress,
+) -> None:
+    """Do the work part by part, each in a transaction of its own that owns the network."""
+    for done, part in enumerate(parts):
+        progress(stage, done / len(parts))
+        with sessions.begin() as session:
+            locks.own_network(session)
+            work(session, part)
+            bump_data_version(session)
+    progress(stage, 1.0)

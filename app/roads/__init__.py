@@ -1,0 +1,1 @@
+"""The stored road network: reading it, importing it, what an import takes away."""

@@ -1,0 +1,155 @@
+"""A ``RoadTable`` as PostgreSQL's binary COPY, made by numpy: rows of one fixed width, no Python per row.
+
+Text would vary in width, so the few distinct (highway, name) pairs travel in a table of their own and the
+rows carry their number. Geometries are EWKB (a line of two points, little-endian, with SRID).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from psycopg import Cursor
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.tables import SRID_DEGREES, SRID_TILES
+from fusion.roads.table import RoadTable
+from fusion.types import Floats, Progress
+
+_CHUNK = 32_768
+_EARTH_RADIUS_M = 6_378_137.0  # of the sphere that EPSG:3857 projects
+_MAX_LATITUDE_DEG = 89.9999  # the projection's y grows without bound towards the pole
+
+_HEADER = b"PGCOPY\n\xff\r\n\0" + bytes(8)
+_TRAILER = b"\xff\xff"
+
+_LINE = np.dtype([("order", "u1"), ("type", "<u4"), ("srid", "<u4"), ("points", "<u4"), ("xy", "<f8", 4)])
+_EWKB_LINE_WITH_SRID = 0x20000002
+
+_FIELDS: dict[str, Any] = {
+    "osm_way_id": ">i8",
+    "from_node": ">i8",
+    "to_node": ">i8",
+    "geom": _LINE,
+    "geom_3857": _LINE,
+    "length_m": ">f8",
+    "tag": ">i4",
+    "oneway": ">i2",
+    "bridge": "u1",
+    "tunnel": "u1",
+    "layer": ">i2",
+    "dem_slope_percent": ">f8",
+}
+
+# NaN stands for "unknown" here, because a NULL would change the width of its row.
+_CREATE = text(
+    """
+    CREATE TEMPORARY TABLE road_import (
+        osm_way_id bigint, from_node bigint, to_node bigint, geom geometry, geom_3857 geometry,
+        length_m float8, tag integer, oneway smallint, bridge boolean, tunnel boolean, layer smallint,
+        dem_slope_percent float8
+    ) ON COMMIT DROP
+    """
+)
+_CREATE_TAGS = text(
+    """
+    CREATE TEMPORARY TABLE road_import_tags (tag integer PRIMARY KEY, highway text, name text) ON COMMIT DROP
+    """
+)
+_FILL_TAGS = text(
+    """
+    INSERT INTO road_import_tags
+    SELECT * FROM unnest(CAST(:tag AS integer[]), CAST(:highway AS text[]), CAST(:name AS text[]))
+    """
+)
+_COPY = "COPY road_import FROM STDIN (FORMAT BINARY)"
+
+
+def copy_roads(session: Session, table: RoadTable, dem_slope_percent: Floats, progress: Progress) -> None:
+    """Fill the temporary tables ``road_import`` and ``road_import_tags`` (gone when the transaction ends).
+
+    ``dem_slope_percent`` has shape (n,), NaN unknown.
+    """
+    session.execute(text("DROP TABLE IF EXISTS pg_temp.road_import, pg_temp.road_import_tags"))
+    session.execute(_CREATE)
+    session.execute(_CREATE_TAGS)
+    codes = _copy_tags(session, table)
+    cursor: Cursor[Any] = session.connection().connection.cursor()  # type: ignore[assignment]
+    with cursor, cursor.copy(_COPY) as copy:
+        copy.write(_HEADER)
+        for done, rows in _rows(table, codes, dem_slope_percent):
+            copy.write(rows.tobytes())
+            progress("copying", done / max(len(table), 1))
+        copy.write(_TRAILER)
+    session.execute(text("ANALYZE road_import"))
+
+
+def _copy_tags(session: Session, table: RoadTable) -> NDArray[np.int32]:
+    """Write the distinct (highway, name) pairs; return each segment's number among them, shape (n,)."""
+    numbers: dict[tuple[str, str | None], int] = {}
+    pairs = zip(table.highway.tolist(), table.name.tolist(), strict=True)
+    codes = np.array([numbers.setdefault(pair, len(numbers)) for pair in pairs], np.int32)
+    session.execute(
+        _FILL_TAGS,
+        {
+            "tag": list(numbers.values()),
+            "highway": [highway for highway, _ in numbers],
+            "name": [name for _, name in numbers],
+        },
+    )
+    return codes
+
+
+def _rows(
+    table: RoadTable, codes: NDArray[np.int32], dem_slope_percent: Floats
+) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Yield (rows so far, the next chunk in COPY's binary layout)."""
+    columns: dict[str, Any] = {name: getattr(table, name, None) for name in _FIELDS}
+    columns |= {"tag": codes, "dem_slope_percent": dem_slope_percent}
+    degrees = np.column_stack([table.lon0_deg, table.lat0_deg, table.lon1_deg, table.lat1_deg])
+    columns |= {
+        "geom": _lines(degrees, SRID_DEGREES),
+        "geom_3857": _lines(web_mercator(degrees), SRID_TILES),
+    }
+    for start in range(0, len(table), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        rows = np.empty(len(codes[part]), _ROW)
+        rows["fields"] = len(_FIELDS)
+        for name, kind in _FIELDS.items():
+            rows[f"{name}_size"] = np.dtype(kind).itemsize
+            rows[name] = columns[name][part]
+        yield start + len(rows), rows
+
+
+def _row_type() -> np.dtype[Any]:
+    layout: list[tuple[str, Any]] = [("fields", ">i2")]
+    for name, kind in _FIELDS.items():
+        layout += [(f"{name}_size", ">i4"), (name, kind)]
+    return np.dtype(layout)
+
+
+_ROW = _row_type()
+
+
+def _lines(xy: Floats, srid: int) -> NDArray[Any]:
+    """Two-point lines as EWKB; ``xy`` has shape (n, 4): x0, y0, x1, y1."""
+    lines = np.empty(len(xy), _LINE)
+    lines["order"] = 1
+    lines["type"] = _EWKB_LINE_WITH_SRID
+    lines["srid"] = srid
+    lines["points"] = 2
+    lines["xy"] = xy
+    return lines
+
+
+def web_mercator(degrees: Floats) -> Floats:
+    """EPSG:3857 metres of WGS 84 degrees, shape (n, 4) both: lon0, lat0, lon1, lat1 -> x0, y0, x1, y1."""
+    out = np.radians(degrees)
+    for lat in (1, 3):
+        bounded = np.radians(np.clip(degrees[:, lat], -_MAX_LATITUDE_DEG, _MAX_LATITUDE_DEG))
+        out[:, lat] = np.arcsinh(np.tan(bounded))
+    scaled: Floats = out * _EARTH_RADIUS_M
+    return scaled

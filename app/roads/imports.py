@@ -1,0 +1,173 @@
+"""What comes in: uploads (row and job in one transaction), reruns, removals, roads, elevation."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.db import Sessions
+from app.network import versions as locks
+from app.network.versions import bump_data_version
+from app.roads.copy import copy_roads
+from app.roads.losses import note_losses, repair_network
+from app.roads.store import ImportCounts
+from app.terrain import store as dem
+from fusion.errors import RoadsError
+from fusion.roads.osm import read_roads
+from fusion.roads.table import RoadTable
+from fusion.types import Floats, Progress, no_progress
+
+
+def import_roads(
+    sessions: Sessions, path: Path, dem_dir: Path, progress: Progress = no_progress
+) -> ImportCounts:
+    """Make the drivable roads of an OpenStreetMap file the whole network (``app.roads.imports.replace_roads``).
+
+    Raises ``RoadsError`` for a file that cannot be used, also for one without a single drivable road: it is
+    taken for a mistake, since it would drop every segment.
+    """
+    table = read_roads(path, progress)
+    if not len(table):
+        raise RoadsError(
+            f"{path.name} holds no drivable road, so importing it would empty the map. "
+            "Give an extract that covers roads.",
+            where=path.name,
+        )
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    with sessions.begin() as session:
+        locks.own_network(session)  # before the elevation set is read, so that it is the one that stays
+        slope = dem.slopes_of(session, table, dem_dir)
+        return replace_roads(session, table, path.name, sha256, progress, dem_slope_percent=slope)
+
+
+_NEW_VERSION = text(
+    """
+    INSERT INTO road_versions (source_name, sha256, segments, kept, moved, dropped, added)
+    VALUES (:source_name, :sha256, :segments, 0, 0, 0, 0) RETURNING id
+    """
+)
+_SET_COUNTS = text(
+    """
+    UPDATE road_versions SET kept = :kept, moved = :moved, dropped = :dropped, added = :added WHERE id = :id
+    """
+)
+
+# The merge, in this order: drop what is gone, update what is there, add what is new. Each statement handles
+# all segments at once. What was measured on dropped segments goes by its foreign keys.
+_DROP = text(
+    """
+    DELETE FROM segments AS s WHERE NOT EXISTS (
+        SELECT FROM road_import AS i
+        WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node)
+    """
+)
+
+# A segment between the same nodes whose course changed is another road as far as its slope goes: what was
+# measured on the old course is dropped. (=) on geometries compares every coordinate bit for bit.
+_MOVE = text(
+    """
+    WITH moved AS (
+        UPDATE segments AS s
+        SET geom = i.geom, geom_3857 = i.geom_3857, length_m = i.length_m, road_version_id = :version
+        FROM road_import AS i
+        WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node
+            AND NOT s.geom = i.geom
+        RETURNING s.id
+    ), estimates AS (
+        DELETE FROM drive_segments USING moved WHERE segment_id = moved.id
+    ), passes AS (
+        DELETE FROM drive_passes USING moved WHERE segment_id = moved.id
+    ), evidence AS (
+        DELETE FROM segment_evidence USING moved WHERE segment_id = moved.id
+    ), network AS (
+        DELETE FROM network_slopes USING moved WHERE segment_id = moved.id
+    ), aggregates AS (
+        DELETE FROM segment_slopes USING moved WHERE segment_id = moved.id
+    )
+    SELECT count(*) FROM moved
+    """
+)
+
+# Only rows that differ are written: an unchanged row costs a comparison, a written one both of its indexes.
+_UPDATE_TAGS = text(
+    """
+    UPDATE segments AS s
+    SET highway = t.highway, name = t.name, oneway = i.oneway, bridge = i.bridge, tunnel = i.tunnel,
+        layer = i.layer, dem_slope_percent = nullif(i.dem_slope_percent, 'NaN')
+    FROM road_import AS i JOIN road_import_tags AS t USING (tag)
+    WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node
+        AND (s.highway, s.name, s.oneway, s.bridge, s.tunnel, s.layer, s.dem_slope_percent) IS DISTINCT FROM
+            (t.highway, t.name, i.oneway, i.bridge, i.tunnel, i.layer, nullif(i.dem_slope_percent, 'NaN'))
+    """
+)
+
+_ADD = text(
+    """
+    INSERT INTO segments (osm_way_id, from_node, to_node, geom, geom_3857, length_m, highway, name, oneway,
+                          bridge, tunnel, layer, dem_slope_percent, road_version_id)
+    SELECT i.osm_way_id, i.from_node, i.to_node, i.geom, i.geom_3857, i.length_m, t.highway, t.name, i.oneway,
+           i.bridge, i.tunnel, i.layer, nullif(i.dem_slope_percent, 'NaN'), :version
+    FROM road_import AS i JOIN road_import_tags AS t USING (tag)
+    WHERE NOT EXISTS (
+        SELECT FROM segments AS s
+        WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node)
+    """
+)
+
+
+# The planner must not go by the figures of an empty table until autovacuum comes round.
+_ANALYZE = text("ANALYZE segments")
+
+
+def replace_roads(
+    session: Session,
+    table: RoadTable,
+    source_name: str,
+    sha256: str,
+    progress: Progress = no_progress,
+    *,
+    dem_slope_percent: Floats | None = None,
+) -> ImportCounts:
+    """Make ``table`` the whole network: a segment that is not in it is dropped, wherever it lies.
+
+    A segment whose (way, from, to) and geometry are unchanged is kept with its id and its estimates, and its
+    tags are brought up to date; one whose geometry changed ("moved") keeps its id and loses its estimates. The
+    network is solved anew around what changed.
+    ``dem_slope_percent`` has shape (n,), NaN unknown; None: unknown everywhere. Waits for running writers of
+    estimates and keeps new ones out until the caller commits.
+    """
+    locks.own_network(session)
+    unknown = np.full(len(table), np.nan)
+    copy_roads(session, table, unknown if dem_slope_percent is None else dem_slope_percent, progress)
+    values: dict[str, Any] = {"source_name": source_name, "sha256": sha256, "segments": len(table)}
+    version = int(session.execute(_NEW_VERSION, values).scalar_one())
+    progress("merging", 0.0)
+    measured_lost, drives_affected = note_losses(session)
+    dropped = _count(session.execute(_DROP))
+    moved = int(session.execute(_MOVE, {"version": version}).scalar_one())
+    progress("merging", 0.3)
+    session.execute(_UPDATE_TAGS)
+    progress("merging", 0.5)
+    added = _count(session.execute(_ADD, {"version": version}))
+    merged = {"kept": len(table) - moved - added, "moved": moved, "dropped": dropped, "added": added}
+    session.execute(_SET_COUNTS, {"id": version, **merged})
+    session.execute(_ANALYZE)
+    repair_network(session, version, progress)
+    bump_data_version(session)
+    progress("merging", 1.0)
+    return ImportCounts(
+        **merged,
+        measured_lost=measured_lost,
+        drives_affected=drives_affected,
+        skipped=dict(table.skipped),
+    )
+
+
+def _count(result: Any) -> int:
+    return int(result.rowcount)

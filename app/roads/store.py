@@ -1,0 +1,164 @@
+"""What the store returns: plain frozen rows, detached from any session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Row, text
+from sqlalchemy.orm import Session
+
+from app.core.db import Bounds
+from fusion.network.window import rows_of
+from fusion.roads.table import RoadTable
+from fusion.types import Ints
+
+
+@dataclass(frozen=True)
+class RoadVersionRow:
+    """One import of the road network."""
+
+    id: int
+    source_name: str
+    sha256: str
+    imported_at: datetime
+    segments: int
+    kept: int
+    moved: int
+    dropped: int
+    added: int
+
+
+@dataclass(frozen=True)
+class StoredRoads:
+    """An extract of one road version; ``ids`` holds the database's id of each row, shape (n,)."""
+
+    version_id: int
+    table: RoadTable
+    ids: Ints
+
+
+@dataclass(frozen=True)
+class ImportCounts:
+    """What a road import did: ``kept + moved + added`` is the size of the new network.
+
+    ``measured_lost`` segments lose what ``drives_affected`` drives had measured on them: moved and dropped ones,
+    and such as were measured in dependence on one of those.
+    ``skipped`` counts, by reason, the node pairs of the file that are no segment (``RoadTable.skipped``).
+    """
+
+    kept: int
+    moved: int
+    dropped: int
+    added: int
+    measured_lost: int = 0
+    drives_affected: int = 0
+    skipped: Mapping[str, int] = field(default_factory=dict)
+
+
+_LINE_HEADER_BYTES = 9  # WKB: byte order, type, number of points
+_METRES_PER_DEGREE = 110_000.0  # a little less than any degree of latitude, so that boxes come out wider
+
+# What ``road_table`` reads, of the table that is called s (segments), and the order of its rows.
+ROAD_COLUMNS = """
+    s.id, s.osm_way_id, s.from_node, s.to_node, ST_AsBinary(s.geom, 'NDR') AS line, s.oneway, s.bridge, s.tunnel,
+    s.layer, s.highway, s.name
+"""
+BY_IDENTITY = " ORDER BY s.osm_way_id, s.from_node, s.to_node"
+
+_ALL = text("SELECT" + ROAD_COLUMNS + "FROM segments AS s" + BY_IDENTITY)
+_IN_BOX = text(
+    "SELECT"
+    + ROAD_COLUMNS
+    + "FROM segments AS s WHERE s.geom && ST_MakeEnvelope(:west, :south, :east, :north, 4326)"
+    + BY_IDENTITY
+)
+
+
+def roads_near(session: Session, bounds_deg: Bounds, margin_m: float = 250.0) -> tuple[RoadTable, Ints]:
+    """The segments that ``RoadTable.near`` would select from the whole network, and their ids, shape (n,).
+
+    Coordinates are bit for bit those that were imported, rows sorted as in every ``RoadTable``, so that the
+    same log on the same roads gives the same numbers with and without a database.
+    """
+    west, south, east, north = bounds_deg
+    lat_margin = margin_m / _METRES_PER_DEGREE
+    farthest = min(max(abs(south), abs(north)) + lat_margin, 89.9)
+    lon_margin = lat_margin / float(np.cos(np.radians(farthest)))
+    wider, ids = roads_within(
+        session, (west - lon_margin, south - lat_margin, east + lon_margin, north + lat_margin)
+    )
+    near = wider.near(bounds_deg, margin_m)
+    return near, ids[rows_of(wider, near)]
+
+
+def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]:
+    """At least the segments whose bounding box meets ``bounds_deg``, and their ids, shape (n,).
+
+    The index compares boxes in single precision, rounded outwards, so a few more may come along.
+    """
+    west, south, east, north = bounds_deg
+    box = {"west": west, "south": south, "east": east, "north": north}
+    return road_table(list(session.execute(_IN_BOX, box)))
+
+
+def all_roads(session: Session) -> tuple[RoadTable, Ints]:
+    """The whole network and the segments' ids, shape (n,)."""
+    return road_table(list(session.execute(_ALL)))
+
+
+def road_table(rows: Sequence[Row[Any]]) -> tuple[RoadTable, Ints]:
+    """Rows of ``ROAD_COLUMNS`` in the order ``BY_IDENTITY`` as a table, and their ids, shape (n,)."""
+    lines = b"".join(bytes(row.line)[_LINE_HEADER_BYTES:] for row in rows)
+    lon0, lat0, lon1, lat1 = np.frombuffer(lines, "<f8").reshape(-1, 4).astype(np.float64).T.copy()
+    table = RoadTable(
+        osm_way_id=np.array([row.osm_way_id for row in rows], np.int64),
+        from_node=np.array([row.from_node for row in rows], np.int64),
+        to_node=np.array([row.to_node for row in rows], np.int64),
+        lon0_deg=lon0,
+        lat0_deg=lat0,
+        lon1_deg=lon1,
+        lat1_deg=lat1,
+        oneway=np.array([row.oneway for row in rows], np.int8),
+        bridge=np.array([row.bridge for row in rows], np.bool_),
+        tunnel=np.array([row.tunnel for row in rows], np.bool_),
+        layer=np.array([row.layer for row in rows], np.int8),
+        highway=np.array([row.highway for row in rows], np.object_),
+        name=np.array([row.name for row in rows], np.object_),
+    )
+    return table, np.array([row.id for row in rows], np.int64)
+
+
+_ROAD_VERSION = text("SELECT coalesce(max(id), 0) FROM road_versions")
+_EXTENT = text(
+    "SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e) "
+    "FROM (SELECT ST_Extent(geom) AS e FROM segments) AS x"
+)
+
+
+def road_version_id(session: Session) -> int:
+    """Id of the newest road import, 0 before the first."""
+    return int(session.execute(_ROAD_VERSION).scalar_one())
+
+
+def road_extent(session: Session) -> Bounds | None:
+    """West, south, east, north of all segments, degrees; None without any. Reads the whole table."""
+    west, south, east, north = session.execute(_EXTENT).one()
+    return None if west is None else (float(west), float(south), float(east), float(north))
+
+
+_CURRENT = text(
+    """
+    SELECT id, source_name, sha256, imported_at, segments, kept, moved, dropped, added
+    FROM road_versions ORDER BY id DESC LIMIT 1
+    """
+)
+
+
+def current_road_version(session: Session) -> RoadVersionRow | None:
+    """The last import, or None before the first."""
+    row = session.execute(_CURRENT).one_or_none()
+    return None if row is None else RoadVersionRow(**row._mapping)

@@ -1,0 +1,51 @@
+"""A drive of the shape of the experiment of Lahrech, Boucher, Choquel and Noyer 2005 (section 4.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
+from fusion.simulate.motion.motion import Driver
+from fusion.simulate.motion.routes import plan_route
+from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
+from fusion.simulate.scene.town import make_town
+
+DURATION_S = 325.0
+OUTAGES_S = (40.0, 31.0)
+_FIRST_OUTAGE_S = (60.0, 110.0)
+_SECOND_OUTAGE_S = (190.0, 270.0)
+_DRIVER = Driver(top_speed_mps=16.5, stop_chance=0.3)
+_THROUGH = ("primary", "secondary", "tertiary")
+
+
+def lahrech_drive(
+    seed: int, *, wheels: WheelSet = TEN_PERCENT_WHEELS, receiver: str = "m8"
+) -> SimulatedDrive:
+    """A drive of 325 s at 1 Hz through the town of ``seed``, with wheels and two outages, of 40 s and of 31 s.
+
+    It keeps to streets (neither motorway nor tunnel), goes at up to 16.5 m/s where they allow it, and halts at many
+    junctions, as the paper says of its own. When the outages begin is drawn from the seed. The paper's receiver was a
+    Novatel of 2005 without corrections; ours stands in for it by ``receiver``. Its reference was differential GPS,
+    here it is the truth.
+    """
+    town = make_town(seed)
+    highway = town.roads.highway.astype(str)
+    rng = np.random.default_rng([seed, 30])
+    route = plan_route(
+        town,
+        2 * DURATION_S,
+        rng,
+        first=np.isin(highway, _THROUGH),
+        closed=np.isin(highway, ["motorway", "motorway_link"]) | town.roads.tunnel,
+    )
+    begins = rng.uniform(*_FIRST_OUTAGE_S), rng.uniform(*_SECOND_OUTAGE_S)
+    return simulate_drive(
+        town,
+        seed,
+        DURATION_S,
+        receiver=receiver,
+        outages=list(zip(begins, OUTAGES_S, strict=True)),
+        route=route,
+        wheels=wheels,
+        driver=_DRIVER,
+    )

@@ -1,0 +1,113 @@
+"""A receiver's byte stream: UBX messages and NMEA sentences in any mixture."""
+
+from __future__ import annotations
+
+from fusion.errors import MalformedLogError
+from fusion.formats.base import Data, Notes, Place, build_log
+from fusion.formats.receiver import nmea_epochs as nmea_tables
+from fusion.formats.receiver import ubx_navigation as ubx_tables
+from fusion.formats.receiver.nmea_sentences import WRONG_CHECKSUM
+from fusion.formats.receiver.ubx_frames import SYNC, Frames, find_frames, without_frames
+from fusion.types import DriveLog, Progress, SensorTable
+
+ENABLE = (
+    "Switch on UBX-NAV-PVT (better: with NAV-ATT and ESF-MEAS) or the NMEA sentences RMC and GGA in the "
+    "receiver, record with satellite reception and upload again."
+)
+
+
+def read_stream(
+    data: Data,
+    progress: Progress,
+    *,
+    format_name: str,
+    description: str,
+    notes: Notes | None = None,
+    place: Place | None = None,
+) -> DriveLog:
+    """Read both kinds of message; where both fill a table, UBX wins.
+
+    ``place`` says in words where a byte offset is. Raises ``EmptyLogError`` or ``MalformedLogError``.
+    """
+    notes = notes or Notes()
+    frames = find_frames(data, progress)
+    where = place or _default_place(data, frames)
+    _count_broken(frames, notes, where)
+    _warn_of_cut(data, frames, notes, where)
+    content = nmea_tables.NmeaContent.none()
+    text = without_frames(data, frames)
+    if b"$" in text:
+        content = nmea_tables.read_sentences(
+            text, notes, where, lambda share: progress("read sentences", share)
+        )
+    del text
+    if not len(frames) and not content.sentences:
+        broken = len(frames.corrupt)
+        sentences = notes.skipped[WRONG_CHECKSUM]
+        if sentences:
+            raise MalformedLogError(
+                f"This {description} holds no intact message: the checksum of {sentences} NMEA sentences is wrong. "
+                "Copy the file again.",
+            )
+        if broken:
+            raise MalformedLogError(
+                f"This {description} holds no intact message: {broken} have a wrong checksum. Copy the file again.",
+                where=f"byte {frames.corrupt[0]}",
+            )
+        raise MalformedLogError(
+            f"This {description} holds no complete message: its {len(data)} bytes end before the first one does. "
+            "Upload the whole file.",
+            where=f"byte {len(data)}",
+        )
+    tables, geoid = _merge(data, frames, content, notes, where)
+    progress("read messages", 1.0)
+    return build_log(format_name, description, notes, tables, geoid=geoid, advice=ENABLE)
+
+
+def _default_place(data: Data, frames: Frames) -> Place:
+    if len(frames):
+        return lambda offset: f"byte {offset}"
+    text = bytes(data)
+    return lambda offset: f"line {text.count(10, 0, offset) + 1}"
+
+
+def _count_broken(frames: Frames, notes: Notes, where: Place) -> None:
+    for reason, offset in (
+        ("UBX messages with a wrong checksum", frames.corrupt),
+        ("UBX messages cut off at the end of the file", frames.truncated),
+    ):
+        if len(offset):
+            # for the end of a UBX file there is a warning of its own, see _warn_of_cut
+            said = offset is frames.truncated and len(frames)
+            notes.skip(reason, len(offset), "" if said else where(int(offset[0])))
+
+
+def _warn_of_cut(data: Data, frames: Frames, notes: Notes, where: Place) -> None:
+    """Say that the file ends in mid-message: in a frame, or behind the first of its two sync bytes."""
+    if not len(frames):
+        return
+    at = int(frames.truncated[0]) if len(frames.truncated) else len(data) - 1
+    if len(frames.truncated) or (bytes(data[-1:]) == SYNC[:1] and int(frames.end[-1]) == at):
+        notes.warn(
+            f"The file ends in the middle of a UBX message ({where(at)}): what was recorded after it is missing. "
+            "Upload the whole file if there is more of it."
+        )
+
+
+def _merge(
+    data: Data, frames: Frames, content: nmea_tables.NmeaContent, notes: Notes, where: Place
+) -> tuple[dict[str, SensorTable], str]:
+    if not len(frames):
+        return dict(content.tables), nmea_tables.GEOID
+    stream = ubx_tables.Stream.decode(data, frames, notes)
+    if not stream.messages and not content.tables:
+        notes.first_offender = notes.first_offender or f"the file holds only {stream.inventory()}"
+    notes.dated_after_all()  # undated sentences do not matter beside dated messages
+    tables = ubx_tables.ubx_tables(stream, content.marks, content.dated, notes, where)
+    geoid = ubx_tables.GEOID if "fix" in tables else nmea_tables.GEOID
+    if "fix" not in tables and len(content.tables) and not content.dated:
+        notes.undated()
+    both = [name for name in content.tables if name in tables]
+    if both:
+        notes.warn(f"The file holds UBX and NMEA messages for {' and '.join(both)}: the UBX ones are used.")
+    return {**content.tables, **tables}, geoid

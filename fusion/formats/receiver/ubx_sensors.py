@@ -1,0 +1,216 @@
+"""Sensor measurements of UBX receivers: ESF-MEAS and ESF-RAW to specific force, angular rate and speed.
+
+Axes are the receiver's as printed on it: x forward, y left, z up on the thesis's car (annex B.4), which is
+the body frame of ``fusion.types``; a receiver mounted otherwise is levelled by the methods, not here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from fusion.formats.base import Bools, Data, Notes
+from fusion.formats.receiver.time_tags import MEAS_HZ, RAW_HZ, Marks, align
+from fusion.formats.receiver.ubx_frames import Frames
+from fusion.formats.receiver.ubx_messages import (
+    ESF_DATA,
+    ESF_MEAS,
+    ESF_RAW,
+    ESF_STATUS,
+    WHEEL_TICKS,
+    gather,
+    signed_24,
+)
+from fusion.types import AngularRate, Floats, Ints, Odometry, SensorTable, SpecificForce
+
+FORCE = ("acc_x_mps2", "acc_y_mps2", "acc_z_mps2")
+RATE = ("gyr_x_radps", "gyr_y_radps", "gyr_z_radps")
+CALIBRATED = 0x8
+"""ESF-MEAS flag: a receiver time tag follows the data words."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Data words of one counter in stream order; all (n,). ``offset`` is the message's first byte."""
+
+    tick: Ints
+    word: Ints
+    data_type: Ints
+    offset: Ints
+
+
+def measurements(data: Data, frames: Frames) -> list[Samples]:
+    """The words of all ESF-MEAS messages, one ``Samples`` per sensor id: each has its own counter."""
+    parts, ids = [], []
+    mine = frames.kind == ESF_MEAS
+    for length in np.unique(frames.length[mine & (frames.length >= 12)]):
+        start = frames.start[mine & (frames.length == length)]
+        words = (int(length) - 8) // 4
+        dtype = np.dtype([("tag", "<u4"), ("flags", "<u2"), ("id", "<u2"), ("word", "<u4", (words,))])
+        records = gather(data, start + 6, dtype)
+        keep = np.arange(words) < (words - ((records["flags"] & CALIBRATED) != 0))[:, None]
+        flat = keep.ravel()
+        word = records["word"].astype(np.int64)[keep]
+        tick = np.repeat(records["tag"].astype(np.int64), words)[flat]
+        parts.append(Samples(tick, word & 0xFFFFFF, word >> 24 & 0x3F, np.repeat(start, words)[flat]))
+        ids.append(np.repeat(records["id"].astype(np.int64), words)[flat])
+    if not parts:
+        return []
+    whole, sensor = _concatenate(parts), np.concatenate(ids)
+    order = np.lexsort((whole.offset, sensor))
+    edges = np.flatnonzero(np.diff(sensor[order])) + 1
+    return [_take(whole, piece) for piece in np.split(order, edges) if len(piece)]
+
+
+def raw(data: Data, frames: Frames) -> Samples:
+    """The words of all ESF-RAW messages."""
+    parts = []
+    mine = frames.kind == ESF_RAW
+    for length in np.unique(frames.length[mine & (frames.length >= 12)]):
+        start = frames.start[mine & (frames.length == length)]
+        words = (int(length) - 4) // 8
+        dtype = np.dtype([("reserved", "V4"), ("block", [("word", "<u4"), ("tag", "<u4")], (words,))])
+        block = gather(data, start + 6, dtype)["block"].ravel()
+        word = block["word"].astype(np.int64)
+        parts.append(
+            Samples(block["tag"].astype(np.int64), word & 0xFFFFFF, word >> 24, np.repeat(start, words))
+        )
+    whole = _concatenate(parts)
+    return _take(whole, np.argsort(whole.offset, kind="stable"))
+
+
+def _take(samples: Samples, index: Ints) -> Samples:
+    return Samples(samples.tick[index], samples.word[index], samples.data_type[index], samples.offset[index])
+
+
+def _concatenate(parts: list[Samples]) -> Samples:
+    names = ("tick", "word", "data_type", "offset")
+    return Samples(*(np.concatenate([np.empty(0, np.int64), *(getattr(p, n) for p in parts)]) for n in names))
+
+
+Timed = tuple[Samples, Floats]
+Table = TypeVar("Table", bound=SensorTable)
+_TYPE_OF = {column: data_type for data_type, (column, _) in ESF_DATA.items()}
+
+
+def sensor_tables(
+    data: Data, frames: Frames, marks: Marks, notes: Notes
+) -> tuple[SpecificForce, AngularRate, Odometry]:
+    """Tables from both kinds of message.
+
+    A receiver that writes both sends the means of its raw samples as measurements: where these cover the
+    drive, they are used alone, so that no reading counts twice.
+    """
+    status = read_status(data, frames)
+    status.tell((16, 17, 18), "accelerometer", notes)
+    status.tell((14, 13, 5), "gyroscope", notes)
+    measured = [_sound(samples, status, notes) for samples in measurements(data, frames)]
+    rough = _sound(raw(data, frames), status, notes)
+    means = [(s, align(s.tick, s.offset, marks, MEAS_HZ, notes.skipped)) for s in measured]
+    raws = [(rough, align(rough.tick, rough.offset, marks, RAW_HZ, notes.skipped))]
+    ticks = sum(int(np.isin(s.data_type, WHEEL_TICKS).sum()) for s, _ in means)
+    notes.skip("wheel ticks (their number per turn is not known)", ticks)
+    if len(rough.tick) + len(measured) and not len(marks.time_s):
+        notes.warn("Sensor messages (ESF) are left out: no navigation message tells their time.")
+    return (
+        _better(SpecificForce, FORCE, means, raws),
+        _better(AngularRate, RATE, means, raws),
+        _tabulate(Odometry, ("speed_mps",), means),
+    )
+
+
+def _sound(samples: Samples, status: SensorStatus, notes: Notes) -> Samples:
+    """The samples of which the receiver does not say that their sensor was at fault."""
+    spoilt = status.spoils(samples.data_type, samples.offset)
+    notes.skip("sensor readings that the receiver marks as faulty", int(spoilt.sum()))
+    return _take(samples, np.flatnonzero(~spoilt))
+
+
+def _better(table: type[Table], names: tuple[str, ...], means: list[Timed], raws: list[Timed]) -> Table:
+    mean, rough = _tabulate(table, names, means), _tabulate(table, names, raws)
+    return rough if _span_s(rough) > 1.2 * _span_s(mean) + 2 else mean if len(mean) else rough
+
+
+def _span_s(table: SensorTable) -> float:
+    return float(np.ptp(table.time_s)) if len(table) else -np.inf
+
+
+def _tabulate(table: type[Table], names: tuple[str, ...], sources: list[Timed]) -> Table:
+    """One row per distinct time: the axes of one instant come in separate words."""
+    types = [_TYPE_OF[name] for name in names]
+    used = [np.isin(s.data_type, types) & np.isfinite(t) for s, t in sources]
+    if not any(u.any() for u in used):
+        return table.empty()
+    time_s = np.concatenate([t[u] for (_, t), u in zip(sources, used, strict=True)])
+    data_type = np.concatenate([s.data_type[u] for (s, _), u in zip(sources, used, strict=True)])
+    word = np.concatenate([s.word[u] for (s, _), u in zip(sources, used, strict=True)])
+    instants, row = np.unique(time_s, return_inverse=True)
+    columns = {}
+    for name, number in zip(names, types, strict=True):
+        columns[name] = np.full(len(instants), np.nan)
+        mine = data_type == number
+        columns[name][row[mine]] = signed_24(word[mine]) * ESF_DATA[number][1]
+    return table.assemble(instants, None, **columns)
+
+
+_HEAD_BYTES = 16
+_BAD_MEASUREMENTS, _BAD_TIME_TAGS, _NOISY = 0x1, 0x2, 0x8
+_FAULTS = _BAD_MEASUREMENTS | _BAD_TIME_TAGS | _NOISY
+_CALIBRATED = 2
+"""Least calibration status of a calibrated sensor: 0 not yet, 1 in progress, 2 and 3 done."""
+
+
+@dataclass(frozen=True)
+class SensorStatus:
+    """One row per sensor and message in stream order; all (n,). ``offset`` is the message's first byte."""
+
+    offset: Ints
+    data_type: Ints
+    calibration: Ints
+    faulty: Bools
+
+    def spoils(self, data_type: Ints, offset: Ints) -> Bools:
+        """Which readings, by their types and byte offsets, the next status of their sensor calls faulty."""
+        spoilt = np.zeros(len(offset), np.bool_)
+        for number in np.unique(self.data_type[self.faulty]):
+            mine, asked = np.flatnonzero(self.data_type == number), np.flatnonzero(data_type == number)
+            following = np.searchsorted(self.offset[mine], offset[asked])
+            told = following < len(mine)
+            spoilt[asked[told]] = self.faulty[mine[following[told]]]
+        return spoilt
+
+    def tell(self, data_types: tuple[int, ...], sensor: str, notes: Notes) -> None:
+        """Say how long a sensor was not calibrated, if it was not throughout."""
+        mine = np.isin(self.data_type, data_types)
+        messages, first = np.unique(self.offset[mine], return_index=True)
+        if not len(messages):
+            return
+        worst = np.minimum.reduceat(self.calibration[mine], first)
+        count = int(np.count_nonzero(worst < _CALIBRATED))
+        if count:
+            notes.warn(
+                f"The receiver had not calibrated its {sensor} in {count} of {len(messages)} status messages "
+                "(ESF-STATUS): its readings are used, being raw either way, but its attitude may be off there."
+            )
+
+
+def read_status(data: Data, frames: Frames) -> SensorStatus:
+    """The records of all ESF-STATUS messages."""
+    parts = [np.empty((0, 5), np.int64)]
+    mine = frames.kind == ESF_STATUS
+    for length in np.unique(frames.length[mine & (frames.length >= _HEAD_BYTES + 4)]):
+        start = frames.start[mine & (frames.length == length)]
+        room = (int(length) - _HEAD_BYTES) // 4
+        records = gather(
+            data,
+            start + 6,
+            np.dtype([("head", "V15"), ("sensors", "u1"), ("sensor", "u1", (room, 4))]),
+        )
+        listed = np.arange(room) < records["sensors"][:, None]
+        at = np.broadcast_to(start[:, None], listed.shape)[listed]
+        parts.append(np.column_stack([at, records["sensor"][listed].astype(np.int64)]))
+    rows = np.concatenate(parts)
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    return SensorStatus(rows[:, 0], rows[:, 1] & 0x3F, rows[:, 2] & 0x3, rows[:, 4] & _FAULTS != 0)

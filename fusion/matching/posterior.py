@@ -1,0 +1,165 @@
+"""Forward-backward over the possible steps of a drive: how probable the best path is; compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fusion.compiled import compiled
+from fusion.matching.lattice import OFF, Candidates, Costs, Links, Posterior, Steps, inlined
+from fusion.types import Floats, Ints
+
+
+@compiled
+def posterior(cand: Candidates, steps: Steps, links: Links, state: Ints, costs: Costs) -> Posterior:
+    """Probabilities of the states and steps of the path, under the costs divided by ``temperature``.
+
+    Rabiner 1989, III A and B, with each column of alpha and beta scaled to sum 1.
+    """
+    cool = 1.0 / costs.temperature
+    weight = np.exp(-cool * links.cost[: links.start[-1]])
+    likelihood = np.exp(-cool * cand.cost)
+    off = np.exp(-cool * cand.off)
+    switch = np.exp(-cool * steps.switch)
+    alpha, alpha_off = _forward(cand, steps, links, weight, likelihood, off, switch)
+    beta, beta_off = _backward(cand, steps, links, weight, likelihood, off, switch)
+    return _of_path(cand, steps, links, state, weight, likelihood, alpha, alpha_off, beta, beta_off)
+
+
+@compiled
+def _forward(
+    cand: Candidates,
+    steps: Steps,
+    links: Links,
+    weight: Floats,
+    likelihood: Floats,
+    off: Floats,
+    switch: Floats,
+) -> tuple[Floats, Floats]:
+    """Alpha of every candidate and of being off the road."""
+    m = len(off)
+    alpha, alpha_off = np.zeros(len(cand.edge)), np.zeros(m)
+    for k in range(m):
+        a0, b0, b1 = cand.start[max(k - 1, 0)], cand.start[k], cand.start[k + 1]
+        if k == 0 or steps.gap[k]:
+            alpha[b0:b1] = likelihood[b0:b1]
+            alpha_off[k] = off[k]
+        else:
+            for i in range(links.start[k], links.start[k + 1]):
+                alpha[links.target[i]] += alpha[links.source[i]] * weight[i]
+            total = 0.0
+            for a in range(a0, b0):
+                total += alpha[a]
+            alpha_off[k] = off[k] * (alpha_off[k - 1] + total * switch[k])
+            for b in range(b0, b1):
+                alpha[b] = (alpha[b] + alpha_off[k - 1] * switch[k - 1]) * likelihood[b]
+        _scale(alpha, b0, b1, alpha_off, k)
+    return alpha, alpha_off
+
+
+@compiled
+def _backward(
+    cand: Candidates,
+    steps: Steps,
+    links: Links,
+    weight: Floats,
+    likelihood: Floats,
+    off: Floats,
+    switch: Floats,
+) -> tuple[Floats, Floats]:
+    """Beta of every candidate and of being off the road."""
+    m = len(off)
+    beta, beta_off = np.zeros(len(cand.edge)), np.ones(m)
+    for k in range(m - 1, -1, -1):
+        b0, b1 = cand.start[k], cand.start[k + 1]
+        if k == m - 1 or steps.gap[k + 1]:
+            beta[b0:b1] = 1.0
+        else:
+            for i in range(links.start[k + 1], links.start[k + 2]):
+                b = links.target[i]
+                beta[links.source[i]] += weight[i] * likelihood[b] * beta[b]
+            beta_off[k] = off[k + 1] * beta_off[k + 1]
+            for b in range(b1, cand.start[k + 2]):
+                beta_off[k] += switch[k] * likelihood[b] * beta[b]
+            for a in range(b0, b1):
+                beta[a] += switch[k + 1] * off[k + 1] * beta_off[k + 1]
+        _scale(beta, b0, b1, beta_off, k)
+    return beta, beta_off
+
+
+@inlined
+def _scale(values: Floats, begin: int, end: int, off: Floats, k: int) -> None:
+    """Scale a column to sum 1."""
+    total = off[k]
+    for b in range(begin, end):
+        total += values[b]
+    if total > 0.0:
+        off[k] /= total
+        for b in range(begin, end):
+            values[b] /= total
+
+
+@inlined
+def _on_chain(cand: Candidates, k: int, edge: int, gamma: Floats) -> float:
+    """The probability that sample k lies on a directed chain."""
+    total = 0.0
+    for b in range(cand.start[k], cand.start[k + 1]):
+        if cand.edge[b] == edge:
+            total += gamma[b]
+    return total
+
+
+@compiled
+def _of_path(
+    cand: Candidates,
+    steps: Steps,
+    links: Links,
+    state: Ints,
+    weight: Floats,
+    likelihood: Floats,
+    alpha: Floats,
+    alpha_off: Floats,
+    beta: Floats,
+    beta_off: Floats,
+) -> Posterior:
+    """Sum the probabilities of all states and steps that agree with the path."""
+    m = len(state)
+    at, out, into, between = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
+    gamma = alpha * beta
+    for k in range(m):
+        total = alpha_off[k] * beta_off[k]
+        for b in range(cand.start[k], cand.start[k + 1]):
+            total += gamma[b]
+        for b in range(cand.start[k], cand.start[k + 1]):
+            gamma[b] /= max(total, 1e-300)
+        if state[k] == OFF:
+            continue
+        edge = cand.edge[state[k]]
+        at[k] = min(_on_chain(cand, k, edge, gamma), 1.0)
+        if k == 0 or steps.gap[k] or state[k - 1] == OFF or cand.edge[state[k - 1]] == edge:
+            continue
+        left = cand.edge[state[k - 1]]
+        whole, from_left, in_left, in_edge = 0.0, 0.0, 0.0, 0.0
+        for i in range(links.start[k], links.start[k + 1]):
+            a, b = links.source[i], links.target[i]
+            p = alpha[a] * weight[i] * likelihood[b] * beta[b]
+            whole += p
+            if cand.edge[a] == left and cand.edge[b] == edge:
+                from_left += p
+            if cand.edge[a] == left and cand.edge[b] == left:
+                in_left += p
+            if cand.edge[a] == edge and cand.edge[b] == edge:
+                in_edge += p
+        # The steps between candidates have their share of all; the rest goes over the off-road state.
+        share = _on_road(cand, k, gamma) / max(whole, 1e-300)
+        between[k] = from_left * share
+        out[k] = at[k - 1] + _on_chain(cand, k, left, gamma) - in_left * share
+        into[k] = at[k] + _on_chain(cand, k - 1, edge, gamma) - in_edge * share
+    return Posterior(at, np.clip(out, 0.0, 1.0), np.clip(into, 0.0, 1.0), np.clip(between, 0.0, 1.0))
+
+
+@inlined
+def _on_road(cand: Candidates, k: int, gamma: Floats) -> float:
+    total = 0.0
+    for b in range(cand.start[k], cand.start[k + 1]):
+        total += gamma[b]
+    return total

@@ -1,0 +1,332 @@
+"""Viterbi over the candidates of a drive, with bounded shortest paths between them; compiled.
+
+One file, because numba's cache on disk watches only the file of the function itself. The helpers are handed whole
+groups of arrays, which costs nothing as they are pasted into the loop.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fusion.compiled import compiled
+from fusion.matching.chains import ChainGraph
+from fusion.matching.lattice import (
+    OFF,
+    ROUTE,
+    SAME,
+    START,
+    TURN,
+    Candidates,
+    Costs,
+    Lattice,
+    Links,
+    Problem,
+    Reach,
+    Steps,
+    inlined,
+)
+from fusion.types import Floats, Ints
+
+LONG_STEP_S = 5.0
+"""A step of more seconds may be that much longer than the straight line."""
+
+_DRIVEN_FACTOR = 1.15
+
+
+@inlined
+def _push(key: Floats, node: Ints, size: int, d: float, v: int) -> int:
+    i = size
+    while i > 0:
+        up = (i - 1) >> 1
+        if key[up] <= d:
+            break
+        key[i], node[i] = key[up], node[up]
+        i = up
+    key[i], node[i] = d, v
+    return size + 1
+
+
+@inlined
+def _pop(key: Floats, node: Ints, size: int) -> int:
+    """Take the first off the heap; the caller has read it."""
+    size -= 1
+    d, v = key[size], node[size]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= size:
+            break
+        if child + 1 < size and key[child + 1] < key[child]:
+            child += 1
+        if key[child] >= d:
+            break
+        key[i], node[i] = key[child], node[child]
+        i = child
+    key[i], node[i] = d, v
+    return size
+
+
+@compiled
+def search_from(graph: ChainGraph, reach: Reach, source: int, budget: float, stamp: int) -> None:
+    """Dijkstra from a node to all within ``budget`` metres; what was reached bears the stamp."""
+    reach.dist[source], reach.via[source], reach.stamp[source] = 0.0, -1, stamp
+    size = _push(reach.key, reach.node, 0, 0.0, source)
+    while size > 0:
+        d, v = reach.key[0], reach.node[0]
+        size = _pop(reach.key, reach.node, size)
+        if d > reach.dist[v]:
+            continue
+        for i in range(graph.out_start[v], graph.out_start[v + 1]):
+            e = graph.out_edge[i]
+            far = d + graph.length_m[e >> 1]
+            u = graph.head[e]
+            if far <= budget and (reach.stamp[u] != stamp or far < reach.dist[u]):
+                reach.dist[u], reach.via[u], reach.stamp[u] = far, e, stamp
+                size = _push(reach.key, reach.node, size, far, u)
+
+
+@inlined
+def _step_cost(length: float, chord: float, driven: float, costs: Costs) -> float:
+    """Cost of a path length, given the straight distance and what the speeds say."""
+    expected = chord if math.isnan(driven) else max(driven, chord)
+    return abs(length - expected) / (costs.beta_m + costs.beta_share * max(expected - 50.0, 0.0))
+
+
+@inlined
+def within_chain(ea: int, pa: float, length: float, eb: int, pb: float, back_m: float) -> tuple[int, float]:
+    """Kind and length of the step from a place on a chain of some length to another, kind -1 if on none with it."""
+    if ea == eb and pb >= pa - back_m:
+        return SAME, max(pb - pa, 0.0)
+    if ea == (eb ^ 1):
+        return TURN, abs(length - pb - pa)
+    return -1, 0.0
+
+
+@inlined
+def over_nodes(
+    ea: int, pa: float, length: float, eb: int, pb: float, back_m: float, via: int, dist: float
+) -> tuple[float, bool]:
+    """Length of a step over the node at the end of chain ea, and whether it turns round on arriving.
+
+    ``via`` is the chain by which the search reached the tail of eb (-1: it began there), ``dist`` how far.
+    Infinite where the step is one along the chain.
+    """
+    if (eb == (ea ^ 1) and via < 0) or (ea == eb and pb >= pa - back_m):
+        return np.inf, False
+    return length - pa + dist + pb, via == (eb ^ 1)
+
+
+@inlined
+def _relax(
+    lattice: Lattice, links: Links, count: int, a: int, b: int, cost: float, kind: int, length: float
+) -> int:
+    """Note a possible step and keep it where it is the best yet; the new count."""
+    links.source[count], links.target[count], links.cost[count] = a, b, cost
+    total = lattice.cost[a] + cost
+    if total < lattice.cost[b]:
+        lattice.cost[b], lattice.back[b] = total, a
+        lattice.kind[b], lattice.length_m[b] = kind, length
+    return count + 1
+
+
+@inlined
+def _link_within(
+    graph: ChainGraph,
+    cand: Candidates,
+    steps: Steps,
+    costs: Costs,
+    lattice: Lattice,
+    links: Links,
+    k: int,
+    a: int,
+    bound: float,
+    count: int,
+) -> int:
+    """The steps from candidate a along its chain; the new count."""
+    chord, driven, edge, at = steps.chord_m[k], steps.driven_m[k], cand.edge, cand.at_m
+    ea, pa, whole = edge[a], at[a], graph.length_m[edge[a] >> 1]
+    for b in range(cand.start[k], cand.start[k + 1]):
+        kind, length = within_chain(ea, pa, whole, edge[b], at[b], costs.back_m)
+        if kind >= 0 and length <= bound:
+            cost = _step_cost(length, chord, driven, costs) + (costs.u_turn if kind == TURN else 0.0)
+            count = _relax(lattice, links, count, a, b, cost, kind, length)
+    return count
+
+
+@inlined
+def _link_over(
+    graph: ChainGraph,
+    cand: Candidates,
+    steps: Steps,
+    reach: Reach,
+    costs: Costs,
+    lattice: Lattice,
+    links: Links,
+    k: int,
+    a: int,
+    bound: float,
+    count: int,
+    stamp: int,
+) -> int:
+    """The steps from candidate a over the node at the end of its chain, searched from; the new count."""
+    chord, driven, edge, at = steps.chord_m[k], steps.driven_m[k], cand.edge, cand.at_m
+    tail, reached, dist, via = graph.tail, reach.stamp, reach.dist, reach.via
+    ea, pa, whole = edge[a], at[a], graph.length_m[edge[a] >> 1]
+    for b in range(cand.start[k], cand.start[k + 1]):
+        v = tail[edge[b]]
+        if reached[v] != stamp:
+            continue
+        length, turns = over_nodes(ea, pa, whole, edge[b], at[b], costs.back_m, via[v], dist[v])
+        if length <= bound:
+            cost = _step_cost(length, chord, driven, costs) + (costs.u_turn if turns else 0.0)
+            count = _relax(lattice, links, count, a, b, cost, ROUTE, length)
+    return count
+
+
+@inlined
+def _nearest_to(graph: ChainGraph, cand: Candidates, lattice: Lattice, k: int, a: int, bound: float) -> float:
+    """The least way, within the bound, of sample k's candidates to the node that a drives to.
+
+    Infinite if one before a drives there: it has been searched from.
+    """
+    edge, at, head, length, cost = cand.edge, cand.at_m, graph.head, graph.length_m, lattice.cost
+    node, shortest = head[edge[a]], np.inf
+    for other in range(cand.start[k], cand.start[k + 1]):
+        left = length[edge[other] >> 1] - at[other]
+        if head[edge[other]] == node and left <= bound and cost[other] < np.inf:
+            if other < a:
+                return np.inf
+            shortest = min(shortest, left)
+    return shortest
+
+
+@inlined
+def _link(
+    graph: ChainGraph,
+    cand: Candidates,
+    steps: Steps,
+    reach: Reach,
+    costs: Costs,
+    lattice: Lattice,
+    links: Links,
+    k: int,
+    bound: float,
+    count: int,
+    stamp: int,
+) -> tuple[int, int]:
+    """All steps from sample k - 1 to k no longer than the bound; the new counts of steps and searches."""
+    edge, head = cand.edge, graph.head
+    for a in range(cand.start[k - 1], cand.start[k]):
+        if lattice.cost[a] == np.inf:
+            continue
+        count = _link_within(graph, cand, steps, costs, lattice, links, k, a, bound, count)
+        if graph.length_m[edge[a] >> 1] - cand.at_m[a] > bound:
+            continue
+        shortest = _nearest_to(graph, cand, lattice, k - 1, a, bound)
+        if shortest > bound:
+            continue
+        stamp += 1
+        search_from(graph, reach, head[edge[a]], bound - shortest, stamp)
+        for other in range(a, cand.start[k]):
+            if head[edge[other]] == head[edge[a]] and lattice.cost[other] < np.inf:
+                count = _link_over(
+                    graph, cand, steps, reach, costs, lattice, links, k, other, bound, count, stamp
+                )
+    return count, stamp
+
+
+@inlined
+def _best(cand: Candidates, lattice: Lattice, k: int) -> tuple[int, float]:
+    """The best state at sample k, candidate or OFF, and its cost."""
+    state, cost = OFF, lattice.off_cost[k]
+    for a in range(cand.start[k], cand.start[k + 1]):
+        if lattice.cost[a] < cost:
+            state, cost = a, lattice.cost[a]
+    return state, cost
+
+
+@inlined
+def _begin(cand: Candidates, lattice: Lattice, k: int) -> None:
+    """A column of the lattice without steps from the one before: the first, and those after a gap.
+
+    Over a gap the predecessor is written as -3 - state, so that it cannot be taken for a step.
+    """
+    back, base = START, 0.0
+    if k > 0:
+        state, base = _best(cand, lattice, k - 1)
+        back = -3 - state
+    for b in range(cand.start[k], cand.start[k + 1]):
+        lattice.cost[b], lattice.back[b] = base + cand.cost[b], back
+    lattice.off_cost[k], lattice.off_back[k] = base + cand.off[k], back
+
+
+@inlined
+def _finish(cand: Candidates, steps: Steps, costs: Costs, lattice: Lattice, k: int) -> None:
+    """Steps between road and off-road, the likelihood of sample k everywhere; the far worse candidates go."""
+    point = cand.off[k]
+    lattice.off_cost[k], lattice.off_back[k] = lattice.off_cost[k - 1] + point, OFF
+    for a in range(cand.start[k - 1], cand.start[k]):
+        total = lattice.cost[a] + steps.switch[k] + point
+        if total < lattice.off_cost[k]:
+            lattice.off_cost[k], lattice.off_back[k] = total, a
+    back_on, least = lattice.off_cost[k - 1] + steps.switch[k - 1], np.inf
+    for b in range(cand.start[k], cand.start[k + 1]):
+        if back_on < lattice.cost[b]:
+            lattice.cost[b], lattice.back[b] = back_on, OFF
+        lattice.cost[b] += cand.cost[b]
+        least = min(least, lattice.cost[b])
+    for b in range(cand.start[k], cand.start[k + 1]):
+        if lattice.cost[b] > least + costs.beam:
+            lattice.cost[b] = np.inf
+
+
+@compiled
+def viterbi(p: Problem) -> tuple[Lattice, Links, int]:
+    """The best path through all samples, every step that was possible, and the state of the last.
+
+    The states are candidates or OFF. A step is no longer than the straight distance (or the distance driven)
+    and a slack; where nothing is reached so, and where seconds pass, twice that distance and the slack.
+    """
+    graph, cand, steps, reach, costs = p.graph, p.cand, p.steps, p.reach, p.costs
+    m, total = len(steps.gap), len(cand.edge)
+    lattice = Lattice(
+        np.full(total, np.inf),
+        np.full(total, START, np.int64),
+        np.zeros(total, np.int64),
+        np.zeros(total),
+        np.full(m, np.inf),
+        np.full(m, START, np.int64),
+    )
+    links = Links(np.zeros(m + 1, np.int64), np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
+    count, stamp = 0, 0
+    for k in range(m):
+        links.start[k] = count
+        if k == 0 or steps.gap[k]:
+            _begin(cand, lattice, k)
+            continue
+        pairs = (cand.start[k] - cand.start[k - 1]) * (cand.start[k + 1] - cand.start[k])
+        if count + 2 * pairs > len(links.source):
+            links = _room(links, count, 2 * pairs)
+        chord, driven, lapse = steps.chord_m[k], steps.driven_m[k], steps.lapse_s[k]
+        expected = chord if math.isnan(driven) else max(chord, _DRIVEN_FACTOR * driven)
+        for factor in (1.0 if lapse <= LONG_STEP_S else 2.0, 2.0):
+            bound = min(factor * expected, costs.fastest_mps * lapse) + costs.slack_m
+            now, stamp = _link(graph, cand, steps, reach, costs, lattice, links, k, bound, count, stamp)
+            if now > count:
+                break
+        count = now
+        _finish(cand, steps, costs, lattice, k)
+    links.start[m] = count
+    return lattice, links, _best(cand, lattice, m - 1)[0]
+
+
+@compiled
+def _room(links: Links, count: int, more: int) -> Links:
+    """The same steps with room for more."""
+    size = 2 * (count + more) + 1024
+    source, target, cost = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size)
+    source[:count], target[:count] = links.source[:count], links.target[:count]
+    cost[:count] = links.cost[:count]
+    return Links(links.start, source, target, cost)

@@ -1,0 +1,1 @@
+"""Methods ``gps-ins-kf``, ``gps-ins-ekf``, ``gps-ins-ukf``: Saadaoui 2011."""

@@ -1,0 +1,1 @@
+"""Method ``odometer-map``: Lahrech, Boucher, Choquel and Noyer 2005."""

@@ -1,0 +1,93 @@
+"""The state behind the filter of ``odometer-map``: nine of motion, two for each wheel, four more within a step.
+
+For each wheel stand the rounding of its last reading and the lasting error of its radius. Over a step they are joined
+by the velocity before and the rounding of the new reading, since a wheel's rotation, (4) and (5) of Lahrech et al.,
+depends on both ends of the step. To take the velocity before as known would leave (4) and (5) nothing of the way to
+correct: of v_{k+1} they hold the heading only.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fusion.filters import kalman
+from fusion.methods.epochs.options import EpochOptions
+from fusion.methods.nine_state.motion import STATES, VX, VY, noise_rates, transition
+from fusion.types import Floats
+
+ROUNDING = slice(9, 11)
+SCALE = slice(11, 13)
+KEPT = 13
+BEFORE = slice(13, 15)
+NEW_ROUNDING = slice(15, 17)
+WIDE = 17
+AFTER = [VX, VY]
+
+_LONGEST_S = 1.1  # the paper's second, and some jitter
+
+
+class StepState:
+    """Mean and covariance; ``widen`` predicts over a step, ``narrow`` ends it.
+
+    ``rounding_rad`` (2,) is one sigma of the rounding of a wheel's reading, ``scale`` (2,) and ``scale_covariance``
+    (2, 2) what is known in advance of the relative errors (left, right) of the radii.
+    """
+
+    def __init__(
+        self, mean: Floats, sigma: Floats, rounding_rad: Floats, scale: Floats, scale_covariance: Floats
+    ) -> None:
+        self._rounding: Floats = np.diag(rounding_rad**2)
+        self.mean: Floats = np.zeros(KEPT)
+        self.covariance: Floats = np.zeros((KEPT, KEPT))
+        self.mean[:STATES] = mean
+        self.mean[SCALE] = scale
+        self.covariance[:STATES, :STATES] = np.diag(sigma**2)
+        self.covariance[ROUNDING, ROUNDING] = self._rounding
+        self.covariance[SCALE, SCALE] = scale_covariance
+
+    @property
+    def motion(self) -> tuple[Floats, Floats]:
+        """The nine states, mean (9,) and covariance (9, 9)."""
+        return self.mean[:STATES], self.covariance[:STATES, :STATES]
+
+    def widen(self, options: EpochOptions, dt_s: float) -> None:
+        """Predict the nine states over ``dt_s`` (8), and join what a reading at its end depends on."""
+        step, noise = np.zeros((WIDE, KEPT)), np.zeros((WIDE, WIDE))
+        step[:KEPT] = np.eye(KEPT)
+        step[:STATES, :STATES], noise[:STATES, :STATES] = _over(options, dt_s)
+        step[BEFORE, AFTER] = np.eye(2)
+        noise[NEW_ROUNDING, NEW_ROUNDING] = self._rounding
+        self.mean, self.covariance = kalman.predict(self.mean, self.covariance, step, noise)
+
+    def correct(self, residual: Floats, design: Floats, noise: Floats) -> None:
+        """A Kalman correction; ``design`` (m, n) may leave out the last columns where they are zero."""
+        full = np.zeros((len(residual), len(self.mean)))
+        full[:, : design.shape[1]] = design
+        self.mean, self.covariance = kalman.correct(self.mean, self.covariance, residual, full, noise)
+
+    def narrow(self, *, wheels_read: bool) -> None:
+        """Forget the velocity before; the new reading's rounding takes the old one's place if it was read."""
+        if len(self.mean) == KEPT:
+            return
+        keep = np.arange(KEPT)
+        if wheels_read:
+            keep[ROUNDING] = np.arange(WIDE)[NEW_ROUNDING]
+        self.mean, self.covariance = self.mean[keep], self.covariance[np.ix_(keep, keep)]
+        if not wheels_read:
+            self.mean[ROUNDING] = 0.0
+            self.covariance[ROUNDING, :] = self.covariance[:, ROUNDING] = 0.0
+            self.covariance[ROUNDING, ROUNDING] = self._rounding
+
+
+def _over(options: EpochOptions, dt_s: float) -> tuple[Floats, Floats]:
+    """F and Q (9, 9) over ``dt_s``: of a step as printed, or of several where it is longer than the paper's."""
+    steps = max(1, math.ceil(dt_s / _LONGEST_S))
+    once = transition(options, dt_s / steps)
+    fresh = np.diag(noise_rates(options).ravel() * dt_s / steps)
+    moved, noise = once, fresh
+    for _ in range(steps - 1):
+        # Noise of an acceleration has to reach the position: within one step, as printed, it does not.
+        moved, noise = once @ moved, once @ noise @ once.T + fresh
+    return moved, noise

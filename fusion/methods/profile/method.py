@@ -1,0 +1,137 @@
+"""Method ``profile``: the whole drive matched, smoothed along its path, and handed on as factors of each pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from fusion.errors import MissingSensorError, NoMatchError
+from fusion.matching.drive import MatchOptions
+from fusion.methods.base import DriveResult, Options
+from fusion.methods.profile.factors import pass_factors
+from fusion.methods.profile.measurements import SENSORS, Rows, build_rows
+from fusion.methods.profile.model import Steps, build_steps
+from fusion.methods.profile.noise import Learned, learn, prior_noise
+from fusion.methods.profile.path import DrivenPath, find_path
+from fusion.methods.profile.report import drive_report
+from fusion.methods.profile.track import build_measurements, build_track
+from fusion.network.adjust import adjust
+from fusion.network.evidence import SegmentEvidence
+from fusion.network.pass_factor import PassFactor
+from fusion.roads.network import RoadNetwork
+from fusion.terrain.dem import Dem
+from fusion.terrain.windows import dem_slopes
+from fusion.types import DriveLog, Floats, Ints, Progress, SegmentSlope
+
+MIN_ROWS = 4
+
+
+class ProfileOptions(Options):
+    """Options of ``profile``: which sensors to use, and how the map is matched."""
+
+    altitude: bool = Field(True, description="Use GNSS altitudes.")
+    doppler: bool = Field(True, description="Use Doppler vertical velocity over ground speed.")
+    pitch: bool = Field(True, description="Use the pitch of an attitude sensor.")
+    force: bool = Field(True, description="Use the accelerometer's forward axis beyond the change of speed.")
+    barometer: bool = Field(True, description="Use pressure.")
+    dem: bool = Field(True, description="Use the elevation model, away from bridges and tunnels.")
+    match_radius_m: float = Field(
+        50.0, gt=5, le=200, description="How far from a road a position may lie, m."
+    )
+
+    def sensors(self) -> frozenset[int]:
+        """Codes of the sensors to use (``profile_rows.SENSORS``)."""
+        wanted = (self.altitude, self.doppler, self.pitch, self.force, self.barometer, self.dem)
+        return frozenset(code for code, use in enumerate(wanted) if use)
+
+
+@dataclass(frozen=True, eq=False)
+class _Smoothed:
+    """Everything known about a drive after smoothing."""
+
+    path: DrivenPath
+    rows: Rows
+    steps: Steps
+    learned: Learned
+
+
+class ProfileMethod:
+    """The default estimator behind the ``Method`` protocol."""
+
+    name = "profile"
+    source = "Versant; HMM matching after Newson & Krumm 2009, fixed-interval smoothing, network adjustment"
+    description = (
+        "Matches the whole drive, smooths height and grade along it with the drive's own noise levels; drives are "
+        "solved together."
+    )
+    needs = ("positions", "altitudes, Doppler velocity, pitch, acceleration or pressure: any of them")
+    options_model = ProfileOptions
+
+    def estimate(
+        self,
+        log: DriveLog,
+        network: RoadNetwork,
+        dem: Dem | None,
+        options: ProfileOptions,
+        progress: Progress,
+    ) -> DriveResult:
+        """See ``Method.estimate``."""
+        progress("match", 0.0)
+        path = find_path(log, network, MatchOptions(radius_m=options.match_radius_m))
+        if path is None:
+            raise NoMatchError(
+                "No stretch of the log follows a road. Import the roads of that area, or check that the log's "
+                "positions are a drive's and not a parked vehicle's."
+            )
+        progress("smooth", 0.3)
+        drive = _smooth(log, path, dem, options)
+        progress("factors", 0.7)
+        factors = tuple(pass_factors(drive.rows, drive.steps, drive.learned, path))
+        terrain = dem if options.dem else None
+        slopes = adjusted_slopes(network, factors, terrain)
+        track = build_track(path, drive.rows, drive.steps, drive.learned)
+        report = drive_report(log, path, drive.rows, drive.steps, drive.learned, factors)
+        measured = build_measurements(drive.rows, drive.learned, drive.steps)
+        return DriveResult(track, slopes, report, factors, measured)
+
+
+def _smooth(log: DriveLog, path: DrivenPath, dem: Dem | None, options: ProfileOptions) -> _Smoothed:
+    rows = build_rows(log, path, dem, options.sensors())
+    if len(rows) < MIN_ROWS:
+        raise MissingSensorError(
+            f"Method 'profile' found {len(rows)} usable measurement(s) of height or grade on roads (used: "
+            f"{', '.join(SENSORS)}). Record altitudes, Doppler velocity, attitude or pressure, while driving."
+        )
+    steps = build_steps(rows, path)
+    learned = learn(rows, steps, prior_noise(rows))
+    return _Smoothed(path, rows, steps, learned)
+
+
+def adjusted_slopes(
+    network: RoadNetwork, factors: tuple[PassFactor, ...], dem: Dem | None
+) -> tuple[SegmentSlope, ...]:
+    """The slopes of one drive's segments: its factors solved like the network's, alone."""
+    if not factors:
+        return ()
+    rows: Ints = np.unique([f.segments[-1] for f in factors])
+    table = network.table.subset(rows)
+    passes: dict[int, list[tuple[int, PassFactor]]] = {}
+    for key, factor in enumerate(factors):
+        passes.setdefault(factor.segments[-1], []).append((key, factor))
+    evidence = [SegmentEvidence.build(passes[int(row)]) for row in rows]
+    terrain: Floats = dem_slopes(dem, table) if dem is not None else np.full(len(table), np.nan)
+    solved = adjust(table, evidence, terrain, rows)
+    return tuple(
+        SegmentSlope(
+            segment=int(row),
+            slope_percent=float(solved.slope_percent[k]),
+            slope_sigma_percent=float(solved.slope_sigma_percent[k]),
+            observations=int(solved.observations[k]),
+            passes=len(passes[int(row)]),
+            first_time_s=min(f.first_time_s for _, f in passes[int(row)]),
+            last_time_s=max(f.last_time_s for _, f in passes[int(row)]),
+        )
+        for k, row in enumerate(rows)
+    )

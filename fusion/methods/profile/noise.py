@@ -1,0 +1,205 @@
+"""Learning a drive's noise levels from the drive itself.
+
+Receivers differ by ten times, and accuracy columns may be wrong. White levels come from smoothed residuals (EM with
+Student-t weights), the rates of drifting states from the likelihood; priors by what the log states keep short drives
+sane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion.filters.smoother import Smoothed
+from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Rows
+from fusion.methods.profile.model import (
+    DRIFT_TAU_S,
+    JUMP_SIGMA,
+    Jumps,
+    Noise,
+    Steps,
+    linear_model,
+    pitch_partner,
+    row_unit,
+    row_variance,
+)
+from fusion.types import Floats
+
+ROUNDS = 6
+FIRST_JUMP_ROUND = 1
+MAX_JUMPS = 4
+JUMP_SCORE = 6.0
+JUMP_SPACING_S = 5.0
+FREEDOM = 5.0
+"""Degrees of freedom of the Student-t errors: springs, kerbs and reflections have heavy tails."""
+OUTLIER_SIGMAS = 4.0
+REPEATING_S = 0.8
+"""Springs swing for about a second: errors farther apart than this are taken for independent (what is left between
+those of neighbouring seconds is mostly road that the knots have not followed)."""
+_PRIOR_COUNT = 15.0
+_PRIOR_REACH = 4.0
+_RATE_STEP = np.log(2.5)
+_ROUGHNESS_PRIOR = (np.log(3e-5), 1.5)
+_RATE_SPREAD = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """The levels, each row's variance with its robust weight (m,), which rows are outliers, the sudden
+    changes found, and the smoothed drive."""
+
+    noise: Noise
+    variance: Floats
+    outlier: NDArray[np.bool_]
+    jumps: Jumps
+    smoothed: Smoothed
+
+
+def prior_noise(rows: Rows) -> Noise:
+    """Where learning starts: what the log says about itself, in bounds, else an ordinary receiver's."""
+    stated = rows.hint[(rows.sensor == ALTITUDE) & np.isfinite(rows.hint)]
+    v_acc = float(np.clip(np.median(stated), 0.3, 12.0)) if len(stated) else 4.0
+    return Noise(
+        altitude_m=float(np.clip(v_acc / 6, 0.1, 1.5)),
+        drift=2 * v_acc**2 / DRIFT_TAU_S,
+        dem_m=_dem_sigma(rows),
+    )
+
+
+def _dem_sigma(rows: Rows) -> float:
+    """Robust scatter of DEM heights about the altitudes; unknown datums shift both alike."""
+    terrain, altitude = rows.sensor == TERRAIN, rows.sensor == ALTITUDE
+    if not terrain.any() or not altitude.any():
+        return Noise.dem_m
+    excess = rows.value[terrain] - np.interp(
+        rows.time_s[terrain], rows.time_s[altitude], rows.value[altitude]
+    )
+    spread = 1.4826 * float(np.median(np.abs(excess - np.median(excess))))
+    return float(np.clip(spread, 3.0, 100.0))
+
+
+def learn(rows: Rows, steps: Steps, start: Noise) -> Learned:
+    """Noise levels, sudden changes and the smoothed drive."""
+    jumps: Jumps = ()
+    noise, weight = start, np.ones(len(rows))
+    for number in range(ROUNDS):
+        variance = row_variance(rows, noise) / weight
+        smoothed = linear_model(rows, steps, noise, variance, jumps).smooth()
+        if number >= FIRST_JUMP_ROUND:
+            jumps = _with_jump(steps, smoothed, jumps)
+        second = _second_moment(smoothed, variance)
+        noise = _levels(rows, noise, start, second * weight, smoothed, variance)
+        weight = (FREEDOM + 1) / (FREEDOM + _surprise(rows, noise, smoothed, variance))
+        noise = _rates(rows, steps, noise, start, weight, jumps)
+    # Once the levels are known, what lies far outside of them is not merely weakened but left out.
+    surprise = _surprise(rows, noise, smoothed, variance)
+    weight = weight * np.minimum(1.0, (OUTLIER_SIGMAS**2 / np.maximum(surprise, 1e-9)) ** 2)
+    variance = row_variance(rows, noise) * _repetition(rows, smoothed, variance) / weight
+    smoothed = linear_model(rows, steps, noise, variance, jumps).smooth()
+    outlier = _surprise(rows, noise, smoothed, variance) > OUTLIER_SIGMAS**2
+    return Learned(noise, variance, outlier, jumps, smoothed)
+
+
+def _with_jump(steps: Steps, smoothed: Smoothed, jumps: Jumps) -> Jumps:
+    """The sudden changes known so far, and for each kind of state the clearest further one."""
+    found = list(jumps)
+    for state in JUMP_SIGMA:
+        known = [k for k, s in jumps if s == state]
+        if len(known) >= MAX_JUMPS:
+            continue
+        score = np.abs(smoothed.break_score[:, state])
+        score[0] = 0.0
+        for k in known:
+            score[np.abs(steps.time_s - steps.time_s[k]) < JUMP_SPACING_S] = 0.0
+        k = int(np.argmax(score))
+        if score[k] > JUMP_SCORE:
+            found.append((k, state))
+    return tuple(found)
+
+
+def _surprise(rows: Rows, noise: Noise, smoothed: Smoothed, variance: Floats) -> Floats:
+    """Square of each row's error against an estimate without it, in units of what it should be at the level's variance.
+
+    Not of its present variance, which has its robust weight in it: weights would come and go from round to round.
+    """
+    expected = smoothed.residual_variance - variance + row_variance(rows, noise)
+    return np.asarray(smoothed.residual**2 / expected)
+
+
+def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
+    """Expected square of each row's error given everything."""
+    error = variance * smoothed.residual / smoothed.residual_variance
+    return np.asarray(error**2 + variance - variance**2 / smoothed.residual_variance)
+
+
+def _levels(
+    rows: Rows, noise: Noise, start: Noise, second: Floats, smoothed: Smoothed, variance: Floats
+) -> Noise:
+    """White levels from expected squares, drawn to where they started by ``_PRIOR_COUNT`` imaginary rows."""
+    changes: dict[str, float] = {}
+    levels = {ALTITUDE: "altitude_m", DOPPLER: "doppler", PITCH: "pitch", FORCE: "force", BARO: "baro_m"}
+    for sensor, name in levels.items():
+        mine = rows.sensor == sensor
+        if not mine.any():
+            continue
+        unit = row_unit(rows)[mine]
+        shown = float(np.mean(second[mine] / unit))
+        # What the log states may be wrong by ten times: it counts as far as the drive does not contradict it.
+        prior = float(np.clip(getattr(start, name) ** 2, shown / _PRIOR_REACH, shown * _PRIOR_REACH))
+        total = mine.sum() * shown + _PRIOR_COUNT * prior
+        changes[name] = float(np.sqrt(total / (mine.sum() + _PRIOR_COUNT)))
+    partner = pitch_partner(rows)
+    force = np.flatnonzero(partner >= 0)
+    if len(force) > 20:
+        error = variance * smoothed.residual / smoothed.residual_variance
+        pitch = error[partner[force]]
+        # The force row holds what is left after ``shared`` of the pitch was taken off.
+        left = float(np.sum(error[force] * pitch) / (np.sum(pitch**2) + _PRIOR_COUNT * noise.pitch**2))
+        changes["shared"] = float(np.clip(noise.shared + left, 0.0, 0.9))
+    return noise.with_(**changes)
+
+
+def _rates(rows: Rows, steps: Steps, noise: Noise, start: Noise, weight: Floats, jumps: Jumps) -> Noise:
+    """One step of a parabola through three log-likelihoods, for each rate in turn."""
+    wanted = {"roughness": _ROUGHNESS_PRIOR}
+    if (rows.sensor == ALTITUDE).any():
+        wanted["drift"] = (np.log(start.drift), _RATE_SPREAD)
+    if (rows.sensor == BARO).any():
+        wanted["baro_drift"] = (np.log(start.baro_drift), _RATE_SPREAD)
+
+    def score(candidate: Noise, name: str, prior: tuple[float, float]) -> float:
+        variance = row_variance(rows, candidate) / weight
+        distance = (np.log(getattr(candidate, name)) - prior[0]) / prior[1]
+        likelihood = linear_model(rows, steps, candidate, variance, jumps).log_likelihood()
+        return likelihood - 0.5 * float(distance) ** 2
+
+    for name, prior in wanted.items():
+        here = float(np.log(getattr(noise, name)))
+        low, middle, high = (
+            score(noise.with_(**{name: float(np.exp(here + d))}), name, prior)
+            for d in (-_RATE_STEP, 0.0, _RATE_STEP)
+        )
+        curvature = low - 2 * middle + high
+        move = 0.5 * _RATE_STEP * (low - high) / curvature if curvature < -1e-9 else np.sign(high - low)
+        noise = noise.with_(**{name: float(np.exp(here + np.clip(move, -1.2, 1.2)))})
+    return noise
+
+
+def _repetition(rows: Rows, smoothed: Smoothed, variance: Floats) -> Floats:
+    """Factor on the variance of sensors whose neighbouring errors repeat: (1 + r) / (1 - r) of lag one, at least 1."""
+    out = np.ones(len(rows))
+    error = smoothed.residual / smoothed.residual_variance * np.sqrt(variance)
+    for sensor in (DOPPLER, PITCH, FORCE, BARO):
+        mine = np.flatnonzero(rows.sensor == sensor)
+        if len(mine) < 30:
+            continue
+        near = np.diff(rows.time_s[mine]) < REPEATING_S
+        first, second = np.clip(error[mine[:-1][near]], -3, 3), np.clip(error[mine[1:][near]], -3, 3)
+        if len(first) < 20:
+            continue
+        r = float(np.sum(first * second) / max(np.sqrt(np.sum(first**2) * np.sum(second**2)), 1e-12))
+        r = float(np.clip(r, 0.0, 0.8))
+        out[mine] = (1 + r) / (1 - r)
+    return out

@@ -1,0 +1,141 @@
+"""What a drive's report says about how its profile was made, and what its driver can do better."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from fusion.methods.profile.factors import MIN_CONFIDENCE
+from fusion.methods.profile.measurements import BARO, DOPPLER, FORCE, PITCH, SENSORS, Rows
+from fusion.methods.profile.model import DRIFT, GRADE, MOUNT, Steps, linear_model
+from fusion.methods.profile.noise import Learned
+from fusion.methods.profile.path import DrivenPath, ground_speed
+from fusion.network.pass_factor import PassFactor
+from fusion.types import DriveLog, Floats
+
+WHOLE_SHARE = 0.98
+"""A segment counts as driven whole from this share on."""
+FEW_MATCHED = 0.8
+WRONG_ACCURACY = 3.0
+MANY_OUTLIERS = 0.05
+LOOSE_MOUNT = 0.01
+
+
+def drive_report(
+    log: DriveLog,
+    path: DrivenPath,
+    rows: Rows,
+    steps: Steps,
+    learned: Learned,
+    factors: Sequence[PassFactor],
+) -> dict[str, Any]:
+    """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds."""
+    match, lengths = path.match, path.network.table.length_m
+    whole = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segments[-1]] for f in factors]
+    report = {
+        "matched_share": float(np.mean(path.matched)),
+        "breaks": [{"time_s": float(b.time_s), "reason": b.reason} for b in match.breaks],
+        "passes": len(factors),
+        "passes_of_part_of_a_segment": len(factors) - int(np.sum(whole)),
+        "passes_dropped_as_uncertain": int(np.count_nonzero(match.confidence < MIN_CONFIDENCE)),
+        "noise": asdict(learned.noise),
+        "own_speed_scale": ground_speed(log)[2],
+        "mount": _mount(rows, steps, learned),
+        "height_jumps_s": [float(steps.time_s[k]) for k, state in learned.jumps if state == DRIFT],
+        "sensors": _contributions(rows, steps, learned),
+    }
+    return {**report, "warnings": _warnings(log, rows, report)}
+
+
+def _mount(rows: Rows, steps: Steps, learned: Learned) -> dict[str, Any] | None:
+    """Tilt of the sensor at the end of the drive, and when it changed; None without pitch and specific force."""
+    if not np.isin(rows.sensor, (PITCH, FORCE)).any():
+        return None
+    tilt = learned.smoothed.mean[-1, MOUNT]
+    sigma = float(np.sqrt(learned.smoothed.covariance[-1, MOUNT, MOUNT]))
+    moves = []
+    for k in sorted(k for k, state in learned.jumps if state == MOUNT):
+        before, after = learned.smoothed.mean[[k - 1, k], MOUNT]
+        moves.append(
+            {"time_s": float(steps.time_s[k]), "change_deg": float(np.degrees(np.arctan(after - before)))}
+        )
+    return {
+        "pitch_deg": float(np.degrees(np.arctan(tilt))),
+        "sigma_deg": float(np.degrees(sigma)),
+        "moves": moves,
+    }
+
+
+def _contributions(rows: Rows, steps: Steps, learned: Learned) -> dict[str, dict[str, float]]:
+    """For each sensor: measurements, outliers, and the median sigma of the grade with all and without this one."""
+    everything = _grade_sigma(learned.smoothed.covariance)
+    out = {}
+    for code, name in enumerate(SENSORS):
+        mine = rows.sensor == code
+        if not mine.any():
+            continue
+        # Without a sensor: as if its errors were beyond all measure. The steps stay the same.
+        variance = np.where(mine, 1e12, learned.variance)
+        without = linear_model(rows, steps, learned.noise, variance, learned.jumps).smooth()
+        out[name] = {
+            "measurements": int(mine.sum()),
+            "outliers": int(learned.outlier[mine].sum()),
+            "grade_sigma_percent": everything,
+            "grade_sigma_percent_without": _grade_sigma(without.covariance),
+        }
+    return out
+
+
+def _grade_sigma(covariance: Floats) -> float:
+    return 100 * float(np.sqrt(np.median(covariance[:, GRADE, GRADE])))
+
+
+def _warnings(log: DriveLog, rows: Rows, report: dict[str, Any]) -> list[str]:
+    """Sentences that a driver can act on."""
+    said = []
+    if report["matched_share"] < FEW_MATCHED:
+        said.append(
+            f"Only {report['matched_share']:.0%} of the positions lie on known roads. Import a newer map, or check "
+            "the antenna's view of the sky."
+        )
+    if not np.isin(rows.sensor, (DOPPLER, BARO)).any():
+        said.append(
+            "The log has no vertical Doppler velocity, the strongest cue of slope. Record NAV-PVT (u-blox) or "
+            "vel_d_mps: sigmas become several times smaller."
+        )
+    factor = report["noise"]["doppler"]
+    if (rows.sensor == DOPPLER).any() and not 1 / WRONG_ACCURACY < factor < WRONG_ACCURACY:
+        wrong = "better" if factor < 1 else "worse"
+        said.append(
+            f"Vertical velocities are {max(factor, 1 / factor):.1f} times {wrong} than the accuracy that the log "
+            "states (s_acc_mps); what they show was used. Check the column's unit."
+        )
+    mount = report["mount"]
+    for move in mount["moves"] if mount else ():
+        said.append(
+            f"The sensor's mount moved by {move['change_deg']:+.1f} degrees at {_clock(move['time_s'])}. "
+            "Fix it firmly to the vehicle."
+        )
+    if mount and np.radians(mount["sigma_deg"]) > LOOSE_MOUNT:
+        said.append(
+            f"The mount's tilt is known to {mount['sigma_deg']:.1f} degrees only, so pitch told little. Drive for "
+            "longer, or record velocities and altitudes as well."
+        )
+    said += [
+        f"The GNSS height jumped at {_clock(t)}; slopes do not follow it." for t in report["height_jumps_s"]
+    ]
+    for name, sensor in report["sensors"].items():
+        if sensor["outliers"] > MANY_OUTLIERS * sensor["measurements"]:
+            said.append(
+                f"{sensor['outliers']} of {sensor['measurements']} measurements of '{name}' are far off and "
+                "were given little weight."
+            )
+    return said
+
+
+def _clock(time_s: float) -> str:
+    return datetime.fromtimestamp(time_s, UTC).strftime("%H:%M:%S UTC")

@@ -1,0 +1,1 @@
+"""Method ``ukf-dem``: an unscented filter over GNSS, road map and terrain."""

@@ -1,0 +1,74 @@
+"""Several slopes of one segment made into one: inverse variance, whatever the order of arrival."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion.types import Floats
+
+
+@dataclass(frozen=True)
+class CombinedSlope:
+    """The combination of ``drives`` estimates; sigma is one standard deviation."""
+
+    slope_percent: float
+    slope_sigma_percent: float
+    drives: int
+    observations: int
+
+
+def combine(
+    slope_percent: Floats, slope_sigma_percent: Floats, observations: NDArray[np.integer]
+) -> CombinedSlope:
+    """Combine independent estimates of one slope by inverse variance.
+
+    Shapes (n,), n at least 1, sigmas finite and above 0. Sums are exact (``math.fsum``), so the result does
+    not depend on the order in any digit. Where the estimates scatter more than their sigmas allow, sigma is
+    widened by the square root of chi-squared per degree of freedom (Birge's ratio), never narrowed.
+    Raises ``ValueError`` on an empty or invalid input.
+    """
+    sigma = np.asarray(slope_sigma_percent, float)
+    slope = np.asarray(slope_percent, float)
+    if not len(slope) or not (np.isfinite(slope).all() and np.isfinite(sigma).all() and (sigma > 0).all()):
+        raise ValueError("combine needs at least one estimate, with finite slopes and sigmas above 0")
+    weight = 1.0 / sigma**2
+    total = math.fsum(weight)
+    mean = math.fsum(weight * slope) / total
+    birge = 1.0
+    if len(slope) > 1:
+        birge = max(1.0, math.fsum(weight * (slope - mean) ** 2) / (len(slope) - 1))
+    return CombinedSlope(mean, math.sqrt(birge / total), len(slope), int(np.sum(observations)))
+
+
+@dataclass(frozen=True)
+class Part:
+    """One slope of a segment: the network's, in which any number of drives is heard, or a slope-only drive's.
+
+    A gap between driven segments has a slope in the network and no drive.
+    """
+
+    slope_percent: float
+    slope_sigma_percent: float
+    drives: int
+    observations: int
+    network: bool = False
+
+
+def published(parts: Sequence[Part]) -> CombinedSlope:
+    """The parts (at least one) made into one slope; a gap's is a guess that gives way to anything measured."""
+    measured = [part for part in parts if part.drives] or parts
+    if len(measured) == 1 and measured[0].network:
+        only = measured[0]
+        return CombinedSlope(only.slope_percent, only.slope_sigma_percent, only.drives, only.observations)
+    whole = combine(
+        np.array([part.slope_percent for part in measured]),
+        np.array([part.slope_sigma_percent for part in measured]),
+        np.array([part.observations for part in measured]),
+    )
+    drives = sum(part.drives for part in measured)
+    return CombinedSlope(whole.slope_percent, whole.slope_sigma_percent, drives, whole.observations)

@@ -1,0 +1,163 @@
+"""Which part of a network a change can reach, and which undriven stretches lie between driven ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import dijkstra
+
+from fusion.roads.table import RoadTable
+from fusion.types import Floats, Ints
+
+PUBLISH_RADIUS_M = 300.0
+"""Beyond this distance along driven roads a further drive changes no slope by as much as 0.005 %."""
+WINDOW_RADIUS_M = 800.0
+LONGEST_GAP_M = 200.0
+
+
+def neighbourhood(
+    network: RoadTable, driven: NDArray[np.bool_], touched: NDArray[np.bool_], radius_m: float
+) -> NDArray[np.bool_]:
+    """The driven rows that begin within ``radius_m`` of a touched row, along driven rows; masks of shape (n,)."""
+    graph, start, end = _graph(network, driven | touched)
+    sources = np.unique(np.concatenate([start[touched], end[touched]]))
+    if not len(sources):
+        return np.zeros(len(network), bool)
+    distance = dijkstra(graph, directed=False, indices=sources, limit=radius_m, min_only=True)
+    near = np.minimum(distance[start], distance[end]) <= radius_m
+    return np.asarray((driven & near) | touched, np.bool_)
+
+
+def gap_rows(
+    network: RoadTable, driven: NDArray[np.bool_], longest_m: float = LONGEST_GAP_M
+) -> NDArray[np.bool_]:
+    """The undriven rows on a way of at most ``longest_m`` between two different driven nodes; mask of shape (n,)."""
+    out = np.zeros(len(network), bool)
+    open_rows = np.flatnonzero(~driven)
+    graph, start, end = _graph(network, ~driven)
+    anchors = np.unique(np.concatenate([start[driven], end[driven]]))
+    if not len(anchors) or not len(open_rows):
+        return out
+    distance, before, anchor = dijkstra(
+        graph, directed=False, indices=anchors, limit=longest_m, min_only=True, return_predecessors=True
+    )
+    length = np.maximum(network.length_m, 0.1)
+    whole = distance[start] + length + distance[end]
+    # Where two anchors' reaches meet, the way between them goes through; the rest are blind alleys.
+    meets = open_rows[(whole[open_rows] <= longest_m) & (anchor[start] != anchor[end])[open_rows]]
+    row_between = _rows_by_ends(start, end, length, open_rows)
+    for row in meets.tolist():
+        out[row] = True
+        for end_node in (int(start[row]), int(end[row])):
+            node = end_node
+            while before[node] >= 0:
+                previous = int(before[node])
+                out[row_between[min(node, previous), max(node, previous)]] = True
+                node = previous
+    return out
+
+
+def _rows_by_ends(start: Ints, end: Ints, length: Floats, rows: Ints) -> dict[tuple[int, int], int]:
+    """The shortest row between two nodes."""
+    order = rows[np.argsort(-length[rows], kind="stable")]
+    low, high = np.minimum(start[order], end[order]), np.maximum(start[order], end[order])
+    return dict(zip(zip(low.tolist(), high.tolist(), strict=True), order.tolist(), strict=True))
+
+
+def _graph(network: RoadTable, rows: NDArray[np.bool_]) -> tuple[sparse.csr_matrix, Ints, Ints]:
+    """Nodes joined by the given rows (shortest of parallel ones), and each row's end nodes."""
+    n = len(network)
+    _, node = np.unique(np.concatenate([network.from_node, network.to_node]), return_inverse=True)
+    start, end = node[:n], node[n:]
+    size = int(node.max(initial=-1)) + 1
+    use = np.flatnonzero(rows)
+    length = np.maximum(network.length_m[use], 0.1)
+    low, high = np.minimum(start[use], end[use]), np.maximum(start[use], end[use])
+    order = np.lexsort((length, high, low))
+    first = np.ones(len(order), bool)
+    first[1:] = (np.diff(low[order]) != 0) | (np.diff(high[order]) != 0)
+    keep = order[first]
+    graph = sparse.csr_matrix((length[keep], (low[keep], high[keep])), shape=(size, size))
+    return graph, start, end
+
+
+Bools = NDArray[np.bool_]
+
+_METRES_PER_DEGREE = 110_000.0  # a little less than any degree of latitude, so that boxes come out wider
+_STRIP_M = 200.0
+_HIGHEST_DEG = 89.9
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Masks of shape (n,) over a road table: ``solved`` together, driven ones and gaps; ``published`` of it."""
+
+    solved: Bools
+    published: Bools
+    """Rows whose slope is replaced; one that is not solved has none any more."""
+    ring: Bools
+    """Driven rows just outside: where their slopes move, the change reaches farther than was thought."""
+
+
+def window_around(
+    network: RoadTable, driven: Bools, touched: Bools, shown: Bools, scale: float = 1.0
+) -> Window:
+    """What to solve when the passes over ``touched`` rows changed.
+
+    ``shown`` rows have a published slope, among them former gaps that must vanish. Gaps count as roads: what
+    they join influences each other. ``scale`` multiplies the library's radii.
+    """
+    open_rows = driven | gap_rows(network, driven)
+    reach = open_rows | shown | touched
+    solved = neighbourhood(network, reach, touched, scale * WINDOW_RADIUS_M) & open_rows
+    published = neighbourhood(network, reach, touched, scale * PUBLISH_RADIUS_M)
+    middle = 0.5 * scale * (PUBLISH_RADIUS_M + WINDOW_RADIUS_M)
+    ring = neighbourhood(network, reach, touched, middle) & driven & ~published
+    return Window(solved, published, ring)
+
+
+def rows_of(table: RoadTable, part: RoadTable) -> Ints:
+    """For each segment of ``part`` its row in ``table``, which holds them all; shape (len(part),)."""
+    candidates = np.flatnonzero(np.isin(table.osm_way_id, part.osm_way_id))
+    row = dict(zip(_identities(table.subset(candidates)), candidates.tolist(), strict=True))
+    return np.array([row[identity] for identity in _identities(part)], np.int64)
+
+
+def _identities(table: RoadTable) -> Iterator[tuple[int, int, int]]:
+    return zip(table.osm_way_id.tolist(), table.from_node.tolist(), table.to_node.tolist(), strict=True)
+
+
+def boxes_around(lon0: Floats, lat0: Floats, lon1: Floats, lat1: Floats, radius_m: float) -> Floats:
+    """Disjoint boxes (m, 4: west, south, east, north) that hold all within ``radius_m`` of the lines given.
+
+    Strips of latitude, each cut into the runs of longitude that are needed: an index finds what lies in them
+    once, and a long drive costs its own length, not the area that it spans.
+    """
+    margin = radius_m / _METRES_PER_DEGREE
+    step = _STRIP_M / _METRES_PER_DEGREE
+    south, north = np.minimum(lat0, lat1) - margin, np.maximum(lat0, lat1) + margin
+    widening = margin / np.cos(np.radians(np.minimum(np.maximum(np.abs(south), np.abs(north)), _HIGHEST_DEG)))
+    west, east = np.minimum(lon0, lon1) - widening, np.maximum(lon0, lon1) + widening
+    first, last = np.floor(south / step).astype(np.int64), np.floor(north / step).astype(np.int64)
+    strips = last - first + 1
+    line = np.repeat(np.arange(len(strips)), strips)
+    strip = np.repeat(first, strips) + np.arange(len(line)) - np.repeat(np.cumsum(strips) - strips, strips)
+    return _runs(strip, west[line], east[line], step)
+
+
+def _runs(strip: Ints, west: Floats, east: Floats, step: float) -> Floats:
+    """Overlapping intervals of each strip joined into runs, as boxes."""
+    order = np.lexsort((west, strip))
+    boxes: list[list[float]] = []
+    at: int | None = None
+    for k in order.tolist():
+        if at == strip[k] and west[k] <= boxes[-1][2]:
+            boxes[-1][2] = max(boxes[-1][2], float(east[k]))
+            continue
+        at = int(strip[k])
+        boxes.append([float(west[k]), at * step, float(east[k]), (at + 1) * step])
+    return np.array(boxes, float).reshape(-1, 4)

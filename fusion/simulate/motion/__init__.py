@@ -1,0 +1,1 @@
+"""How a simulated vehicle moves: its route, its path, its speed."""

@@ -1,0 +1,140 @@
+"""A synthetic town whose every road height and slope is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fusion.frames import LocalProjection
+from fusion.roads.table import RoadTable
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
+from fusion.simulate.scene.heights import hermite, node_heights, regression_slope
+from fusion.simulate.scene.layout import draw_grid
+from fusion.simulate.scene.outskirts import draw_outskirts
+from fusion.simulate.scene.plan import Plan
+from fusion.simulate.scene.segments import Way, cut_into_ways, node_ids, tabulate
+from fusion.simulate.scene.terrain import Terrain
+from fusion.simulate.write.dem_file import write_dem
+from fusion.simulate.write.osm_file import write_osm
+from fusion.simulate.write.truth_file import write_truth
+from fusion.types import Floats, Ints
+
+CENTRE_LON_DEG, CENTRE_LAT_DEG = 7.85, 47.99
+"""The fictional town's centre; the place is chosen only so that its plane and DEM posting are typical."""
+
+
+@dataclass(frozen=True)
+class Town:
+    """Roads with known heights. Arrays marked [n] run over the segments, in the order of ``roads``.
+
+    Between its nodes a segment's height is a cubic whose grade is continuous along the street; kinks remain
+    where streets meet. ``true_slope_percent`` is the slope of the least-squares line through the whole
+    segment (what a truth made from a reference track would measure), positive uphill from from_node to
+    to_node; the difference of the end heights over the length deviates from it by some tenths of a percent.
+    """
+
+    seed: int
+    roads: RoadTable
+    start: Ints
+    """[n] index of from_node in the node arrays"""
+    end: Ints
+    """[n] index of to_node in the node arrays"""
+    grade_start: Floats
+    """[n] grade at from_node, a fraction, in the direction of drawing"""
+    grade_end: Floats
+    """[n] grade at to_node"""
+    length_m: Floats
+    """[n] length on the town's plane"""
+    true_slope_percent: Floats
+    """[n] true slope"""
+    node_id: Ints
+    """[m] OpenStreetMap ids of the nodes"""
+    node_lon_deg: Floats
+    node_lat_deg: Floats
+    node_x_m: Floats
+    """[m] east of the town's centre, metres"""
+    node_y_m: Floats
+    node_height_m: Floats
+    """[m] height of the road above EGM96, metres"""
+    ways: tuple[Way, ...]
+    footways: tuple[tuple[int, int], ...]
+    terrain: Terrain
+    projection: LocalProjection
+    curved: bool = False
+    """Whether the real road bends smoothly through the nodes, as OpenStreetMap's chords of bends do; the town's streets
+    run straight from node to node."""
+
+    def height(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Height of the ground (not of bridges), metres above EGM96, at metres from the centre."""
+        return self.terrain.height(x_m, y_m)
+
+    def road_height(self, segment: Ints, share: Floats) -> Floats:
+        """Height of the road, metres above EGM96, at ``share`` 0..1 of the way from from_node to to_node."""
+        k = np.asarray(segment)
+        z0, z1 = self.node_height_m[self.start[k]], self.node_height_m[self.end[k]]
+        return hermite(z0, z1, self.grade_start[k], self.grade_end[k], self.length_m[k], share)
+
+    @cached_property
+    def junction_degree(self) -> Ints:
+        """[m] number of segment ends at each node."""
+        return np.bincount(np.r_[self.start, self.end], minlength=len(self.node_id)).astype(np.int64)
+
+    def write_osm(self, path: Path) -> None:
+        """Write the map as OpenStreetMap XML."""
+        write_osm(self, path)
+
+    def write_dem(self, path: Path) -> None:
+        """Write the elevation raster, with its errors and voids, as a GeoTIFF."""
+        write_dem(self, path)
+
+    def write_truth(self, path: Path, drives: Sequence[SimulatedDrive] | None = None) -> None:
+        """Write the true slopes as CSV, of the whole town or of what ``drives`` cover."""
+        write_truth(self, path, drives)
+
+    drive = simulate_drive
+    """``town.drive(seed, duration_s, ...)``: see ``fusion.simulate.drive.simulate_drive``."""
+
+
+def make_town(seed: int = 1) -> Town:
+    """Make the town of a seed: about 2 x 2 km, some 470 segments; the same on every machine to rounding."""
+    terrain = Terrain.random(np.random.default_rng([seed, 0]))
+    plan = Plan(np.random.default_rng([seed, 1]))
+    draw_outskirts(draw_grid(plan))
+    return Town(**tabulated(seed, plan, terrain, LocalProjection(CENTRE_LON_DEG, CENTRE_LAT_DEG)))
+
+
+def tabulated(seed: int, plan: Plan, terrain: Terrain, projection: LocalProjection) -> dict[str, Any]:
+    """What a ``Town`` holds, by name, from a plan whose streets are all drawn: heights, ways, segments, slopes."""
+    height = node_heights(plan, terrain.height(np.array(plan.x_m), np.array(plan.y_m)))
+    ways = cut_into_ways(plan, height)
+    lon, lat = projection.to_lonlat(np.array(plan.x_m), np.array(plan.y_m))
+    lon, lat = np.round(lon, 7), np.round(lat, 7)  # what OpenStreetMap stores
+    x, y = projection.to_xy(lon, lat)
+    cut = tabulate(ways, lon, lat)
+    length = np.hypot(x[cut.end] - x[cut.start], y[cut.end] - y[cut.start])
+    slope = regression_slope(height[cut.start], height[cut.end], cut.grade_start, cut.grade_end, length)
+    return {
+        "seed": seed,
+        "roads": cut.roads,
+        "start": cut.start,
+        "end": cut.end,
+        "grade_start": cut.grade_start,
+        "grade_end": cut.grade_end,
+        "length_m": length,
+        "true_slope_percent": 100 * slope,
+        "node_id": node_ids(len(x)),
+        "node_lon_deg": lon,
+        "node_lat_deg": lat,
+        "node_x_m": x,
+        "node_y_m": y,
+        "node_height_m": height,
+        "ways": tuple(ways),
+        "footways": tuple(plan.footways),
+        "terrain": terrain,
+        "projection": projection,
+    }

@@ -1,0 +1,1 @@
+"""The files that a simulation leaves: map, elevation, logs, truth."""

@@ -1,0 +1,164 @@
+"""The client against a service of a few lines: what it sends, and what it makes of each answer."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+from typer.testing import CliRunner
+
+from app.cli import app
+from app.cli.client import Client, ClientError
+
+SERVER = "http://service.example"
+
+
+def client(answer: Callable[[httpx.Request], httpx.Response]) -> Client:
+    return Client(SERVER, transport=httpx.MockTransport(answer))
+
+
+def drive(status: str, **more: object) -> httpx.Response:
+    document = {"id": "7", "status": status, "progress": 0.5, "stage": "filter", "failure": None} | more
+    return httpx.Response(200, json=document)
+
+
+def test_upload_sends_the_bytes_the_name_and_the_options(tmp_path: Path) -> None:
+    path = tmp_path / "a drive.csv"
+    path.write_bytes(b"x" * 200_000)
+    seen: list[httpx.Request] = []
+    counted: list[int] = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        seen.append(request)
+        request.read()
+        return httpx.Response(202, json={"id": "7"}) if request.method == "POST" else drive("queued")
+
+    with client(answer) as service:
+        got = service.upload(path, method="raw", options={"min_epochs": 5}, sent=counted.append)
+    assert (got.id, got.status, got.final) == ("7", "queued", False)
+    assert b"x" * 200_000 in seen[0].content
+    assert b'name="file"; filename="a drive.csv"' in seen[0].content
+    assert seen[0].url.params["method"] == "raw"
+    assert json.loads(seen[0].url.params["options"]) == {"min_epochs": 5}
+    assert sum(counted) == 200_000
+
+
+def test_wait_follows_to_the_end_and_tells_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.cli.client.time.sleep", lambda seconds: None)
+    failure = {"kind": "no-match", "reason": "No road is near."}
+    answers = iter([drive("queued"), drive("running"), drive("failed", failure=failure)])
+    seen: list[str] = []
+    with client(lambda request: next(answers)) as service:
+        final = service.wait("7", seen=lambda one: seen.append(one.status))
+    assert seen == ["queued", "running", "failed"]
+    assert final.reason == "No road is near."
+
+
+def test_wait_gives_up_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.cli.client.time.sleep", lambda seconds: None)
+    with client(lambda request: drive("queued")) as service, pytest.raises(ClientError, match="still queued"):
+        service.wait("7", timeout_s=-1)
+
+
+def test_all_pages_are_read() -> None:
+    def answer(request: httpx.Request) -> httpx.Response:
+        page = int(request.url.params.get("page", 0))
+        links = [{"rel": "self", "href": str(request.url)}]
+        if page < 2:
+            links.append({"rel": "next", "href": f"{SERVER}/collections/segments/items?page={page + 1}"})
+        return httpx.Response(200, json={"features": [{"id": page}], "links": links})
+
+    with client(answer) as service:
+        assert [f["id"] for f in service.segments(bbox=(1, 2, 3, 4))] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (httpx.Response(413, json={"detail": "The upload exceeds 5 bytes."}), "The upload exceeds 5 bytes."),
+        (httpx.Response(502, text="<html>bad gateway"), "502"),
+        (httpx.Response(500, json=["odd"]), "500"),
+    ],
+)
+def test_refusals_become_sentences(answer: httpx.Response, said: str) -> None:
+    with client(lambda request: answer) as service, pytest.raises(ClientError, match=said):
+        service.drive("7")
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (httpx.ConnectError("refused"), "versant up"),
+        (httpx.ReadTimeout("late"), "in time"),
+        (httpx.ReadError("reset"), "broke"),
+    ],
+)
+def test_a_service_that_is_not_there(error: httpx.TransportError, said: str) -> None:
+    def answer(request: httpx.Request) -> httpx.Response:
+        raise error
+
+    with client(answer) as service, pytest.raises(ClientError, match=said):
+        service.drive("7")
+
+
+def test_upload_command_says_once_that_no_service_answers(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["upload", "a.csv", "b.csv", "--server", "http://127.0.0.1:9"])
+    assert result.exit_code == 1
+    (line,) = result.stderr.splitlines()
+    assert "127.0.0.1:9" in line
+    assert "versant up" in line
+
+
+WRONG_ADDRESSES = ["127.0.0.1:8000", "ftp://x", "http://", "http://x:port", "", "nonsense"]
+
+
+@pytest.mark.parametrize("server", WRONG_ADDRESSES)
+def test_upload_command_wants_an_address(server: str) -> None:
+    result = CliRunner().invoke(app, ["upload", "a.csv", "--server", server], env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert "--server" in result.stderr
+    assert "http://host:port" in result.stderr
+    assert "VERSANT_SERVER" not in result.stderr
+
+
+def test_upload_command_names_a_missing_file_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("app.cli.remote.Client", lambda server: client(lambda request: drive("queued")))
+    missing = tmp_path / "none.csv"
+    result = CliRunner().invoke(app, ["upload", str(missing), "--server", SERVER])
+    assert result.exit_code == 1
+    assert result.stderr.count("none.csv") == 1
+    assert "No such file" in result.stderr
+
+
+def batch_service(failed: int) -> Callable[[httpx.Request], httpx.Response]:
+    """A service that takes two drives on and has finished them at the second look."""
+    looks = iter([(0, 0, 0.25), (2 - failed, failed, 1.0)])
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        if request.method == "POST":
+            assert dict(request.url.params) == {"method": "raw", "from_method": "dem"}
+            place = {"Location": f"{SERVER}/v1/drives/reprocess?batch=7"}
+            return httpx.Response(202, json={"queued": 2, "method": "raw", "links": []}, headers=place)
+        assert request.url.params["batch"] == "7"
+        done, bad, progress = next(looks)
+        return httpx.Response(200, json={"drives": 2, "done": done, "failed": bad, "progress": progress})
+
+    return answer
+
+
+@pytest.mark.parametrize("failed", [0, 1])
+def test_reprocess_waits_for_the_whole_batch(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, failed: int
+) -> None:
+    monkeypatch.setattr("app.cli.client.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("app.cli.reprocess.service_client", lambda server: client(batch_service(failed)))
+    figures = tmp_path / "figures.json"
+    command = ["reprocess", "--method", "raw", "--from-method", "dem", "--wait", "--json", str(figures)]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == failed, result.output
+    assert "2 drive(s) are processed again." in result.stdout
+    assert f"{2 - failed} done, {failed} failed." in result.stdout
+    assert json.loads(figures.read_text()) == {"server": SERVER, "drives": 2, "failed": failed}

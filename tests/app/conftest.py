@@ -1,0 +1,22 @@
+"""Fixtures that tests of several rooms of the service share; each is described where it is defined."""
+
+from drive_fixtures import bench, files, send
+from store_fixtures import add_drive, chain, segment_ids, sessions, streets
+from web_fixtures import drive_maker, filled, reading, server_maker, settings, web
+
+__all__ = [
+    "add_drive",
+    "bench",
+    "chain",
+    "drive_maker",
+    "files",
+    "filled",
+    "reading",
+    "segment_ids",
+    "send",
+    "server_maker",
+    "sessions",
+    "settings",
+    "streets",
+    "web",
+]

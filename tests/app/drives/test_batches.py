@@ -1,0 +1,109 @@
+"""Many drives processed again at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from app.drives.worker import run_worker
+from fusion.methods import DEFAULT_METHOD
+
+
+@pytest.fixture
+def made(web: Any) -> list[str]:
+    """Two failed drives of ``raw``, one of ``dem``, and one of ``dem`` that still waits."""
+    found = []
+    for number, method in enumerate(("raw", "raw", "dem")):
+        answer = web.client.post(f"/v1/drives?method={method}", content=b"nonsense %d" % number)
+        found.append(str(answer.json()["id"]))
+    run_worker(web.settings, wait=False)
+    assert {web.client.get(f"/v1/drives/{drive}").json()["status"] for drive in found} == {"failed"}
+    answer = web.client.post("/v1/drives?method=dem", content=b"later")
+    return [*found, str(answer.json()["id"])]
+
+
+def methods(web: Any, made: list[str]) -> list[tuple[str, str]]:
+    documents = [web.client.get(f"/v1/drives/{drive}").json() for drive in made]
+    return [(document["method"], document["status"]) for document in documents]
+
+
+def test_drives_of_other_methods_are_queued_and_followed(web: Any, made: list[str]) -> None:
+    answer = web.client.post("/v1/drives/reprocess?method=dem")
+    assert answer.status_code == 202, answer.text
+    assert (answer.json()["queued"], answer.json()["method"]) == (2, "dem")
+    (link,) = answer.json()["links"]
+    assert (link["href"], link["rel"]) == (answer.headers["location"], "monitor")
+    assert methods(web, made) == [("dem", "queued"), ("dem", "queued"), ("dem", "failed"), ("dem", "queued")]
+    seen = web.client.get(link["href"]).json()
+    assert (seen["drives"], seen["queued"], seen["running"], seen["progress"]) == (2, 2, 0, 0.0)
+    run_worker(web.settings, wait=False)
+    seen = web.client.get(link["href"]).json()
+    assert (seen["drives"], seen["queued"], seen["failed"], seen["done"], seen["progress"]) == (
+        2,
+        0,
+        2,
+        0,
+        1.0,
+    )
+    assert web.client.post("/v1/drives/reprocess?method=dem").json()["queued"] == 0
+
+
+def test_only_drives_of_one_method(web: Any, made: list[str]) -> None:
+    answer = web.client.post("/v1/drives/reprocess?method=particle&from_method=dem")
+    assert answer.json()["queued"] == 1
+    assert methods(web, made)[:3] == [("raw", "failed"), ("raw", "failed"), ("particle", "queued")]
+
+
+def test_without_a_method_the_services_default_is_taken(web: Any, made: list[str]) -> None:
+    answer = web.client.post("/v1/drives/reprocess").json()
+    assert answer["method"] == web.settings.default_method == "raw"
+    assert answer["queued"] == 1
+
+
+def test_uploads_go_before_drives_that_are_processed_again(web: Any, made: list[str]) -> None:
+    web.client.post("/v1/drives/reprocess?method=particle")
+    query = text("SELECT args->>'drive_id' FROM procrastinate_jobs WHERE status = 'todo' "
+                 "ORDER BY priority DESC, id")  # fmt: skip
+    with web.sessions() as session:
+        assert session.execute(query).scalars().first() == made[3]
+
+
+def test_a_drive_asked_for_anew_leaves_the_batch(web: Any, made: list[str]) -> None:
+    batch = web.client.post("/v1/drives/reprocess?method=dem").headers["location"]
+    assert web.client.post(f"/v1/drives/{made[0]}/reprocess").status_code == 202
+    assert web.client.delete(f"/v1/drives/{made[1]}").status_code == 204
+    found = web.client.get(batch).json()
+    assert (found["drives"], found["progress"]) == (0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("verb", "query"),
+    [
+        ("POST", "method=nonsense"),
+        ("POST", "from_method=nonsense"),
+        ("POST", "methods=raw"),
+        ("GET", ""),
+        ("GET", "batch=x"),
+        ("GET", "batch=-1"),
+        ("GET", f"batch={10**18}"),
+    ],
+)
+def test_what_cannot_be_asked(web: Any, verb: str, query: str) -> None:
+    answer = web.client.request(verb, f"/v1/drives/reprocess?{query}")
+    assert answer.status_code == 422, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_pages_of_other_sites_may_not_ask(web: Any) -> None:
+    answer = web.client.post("/v1/drives/reprocess", headers={"Origin": "https://elsewhere.example"})
+    assert answer.status_code == 403
+
+
+def test_the_default_is_the_librarys_where_no_setting_says_otherwise(
+    reading: Any,
+) -> None:
+    assert reading.settings.default_method is None
+    answer = reading.client.post("/v1/drives/reprocess?from_method=dem").json()
+    assert (answer["method"], answer["queued"]) == (DEFAULT_METHOD, 0)

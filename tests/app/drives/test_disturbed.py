@@ -1,0 +1,183 @@
+"""One drive into the database while others delete, import, stop and fail."""
+
+from __future__ import annotations
+
+import threading
+import uuid
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import psycopg
+import pytest
+from processing_support import drive_now, state
+from sqlalchemy import text
+from sqlalchemy.exc import OperationalError
+
+from app.core.db import Sessions
+from app.drives import intake as ingest
+from app.drives import process, reporting
+from app.drives import store as drives
+from app.drives.process import Outcome, Workbench, process_drive
+from app.drives.reporting import Interrupted
+from app.drives.store import DriveRow
+from app.network import passes
+from app.network import results as slopes
+from app.roads import imports as road_imports
+from fusion.pipeline import run_drive
+from fusion.simulate.scene.town import Town
+from fusion.types import Progress
+
+Send = Callable[..., DriveRow]
+
+
+class Disturbed:
+    """``run_drive`` with something happening in the middle, the first time only."""
+
+    def __init__(self, disturb: Callable[[], object]) -> None:
+        self.disturb = disturb
+        self.runs = 0
+
+    def __call__(self, *args: Any, progress: Progress, **kwargs: Any) -> Any:
+        self.runs += 1
+        if self.runs == 1:
+            progress("filter", 0.4)
+            self.disturb()
+        return run_drive(*args, progress=progress, **kwargs)
+
+
+def test_a_drive_deleted_while_it_runs_is_discarded(
+    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = send(0)
+    remove = Disturbed(lambda: ingest.remove_drive(bench.sessions, bench.blobs, drive.id))
+    monkeypatch.setattr(process, "run_drive", remove)
+    assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
+    assert remove.runs == 1
+    assert state(bench) == []
+    with bench.sessions() as session:
+        for table in ("drives", "drive_tracks", "provenances", "segment_slopes"):
+            assert session.execute(text(f"SELECT count(*) FROM {table}")).scalar_one() == 0
+
+
+def test_a_drive_asked_for_anew_while_it_runs_is_discarded(
+    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = send(0)
+    again = Disturbed(lambda: ingest.reprocess(bench.sessions, drive.id, "dem"))
+    monkeypatch.setattr(process, "run_drive", again)
+    assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
+    assert drive_now(bench, drive.id).status == "queued"
+    assert process_drive(bench, drive.id, 2) is Outcome.DONE
+    assert drive_now(bench, drive.id).method == "dem"
+
+
+def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
+    bench: Workbench, send: Send, files: Path, town: Town, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = send(0)
+    process_drive(bench, drive.id, 1)
+    (driven,) = {row[1] for row in state(bench)[:1]}
+    # The same map with one driven way taken out: its segments' ids are gone when the result is written.
+    whole = (files / "town.osm").read_text()
+    begin = whole.index(f'<way id="{driven}"')
+    end = whole.index("</way>", begin) + len("</way>")
+    (tmp_path / "less.osm").write_text(whole[:begin] + whole[end:])
+    ingest.reprocess(bench.sessions, drive.id)
+    reimport = Disturbed(
+        lambda: road_imports.import_roads(bench.sessions, tmp_path / "less.osm", bench.dem_dir)
+    )
+    monkeypatch.setattr(process, "run_drive", reimport)
+    assert process_drive(bench, drive.id, 2) is Outcome.DONE
+    assert reimport.runs == 2
+    disturbed = state(bench)
+    assert driven not in {row[1] for row in disturbed}
+    ingest.reprocess(bench.sessions, drive.id)
+    process_drive(bench, drive.id, 3)
+    assert state(bench) == disturbed
+
+
+def test_a_worker_that_stops_puts_its_drive_back(bench: Workbench, send: Send) -> None:
+    drive = send(0)
+    with pytest.raises(Interrupted):
+        process_drive(bench, drive.id, 1, should_stop=lambda: True)
+    assert drive_now(bench, drive.id).status == "queued"
+    assert process_drive(bench, drive.id, 1) is Outcome.DONE
+
+
+def test_a_lost_connection_is_no_failure_of_the_drive(
+    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch, database_url: str
+) -> None:
+    def cut() -> None:
+        with bench.sessions() as session:
+            session.execute(
+                text("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() "
+                     "AND datname = current_database()")
+            )  # fmt: skip
+
+    drive = send(0)
+    genuine = slopes.save_result
+
+    def save(session: Any, *args: Any) -> passes.Hearing:
+        cut()
+        return genuine(session, *args)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(slopes, "save_result", save)
+        with pytest.raises(OperationalError) as caught:
+            process_drive(bench, drive.id, 1)
+    assert process.is_connection_loss(caught.value)
+    assert drive_now(bench, drive.id).status == "running"
+    assert state(bench) == []
+    assert process_drive(bench, drive.id, 1) is Outcome.DONE
+
+
+def test_a_mistake_in_sql_is_no_connection_loss(sessions: Sessions) -> None:
+    with pytest.raises(Exception, match="nonsense") as caught, sessions() as session:
+        session.execute(text("SELECT nonsense"))
+    assert not process.is_connection_loss(caught.value)
+    assert not process.is_connection_loss(psycopg.DataError())
+
+
+def test_progress_grows_and_is_written_at_intervals(
+    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[str, float]] = []
+    genuine = drives.set_progress
+
+    def note(session: Any, drive_id: uuid.UUID, generation: int, stage: str, progress: float) -> bool:
+        seen.append((stage, progress))
+        return genuine(session, drive_id, generation, stage, progress)
+
+    monkeypatch.setattr(drives, "set_progress", note)
+    process_drive(bench, send(0, "particle", {"particles": 300}).id, 1)
+    throttled = list(seen)
+    seen.clear()
+    monkeypatch.setattr(reporting, "PROGRESS_EVERY_S", 0.0)
+    process_drive(bench, send(1, "particle", {"particles": 300}).id, 1)
+    assert len(seen) > 20
+    assert len(throttled) < len(seen)
+    shares = [share for _, share in seen]
+    assert shares == sorted(shares)
+    assert 0 <= shares[0] <= shares[-1] <= 1
+    assert len({stage for stage, _ in seen}) >= 3
+
+
+def test_two_drives_of_the_same_roads_at_once(bench: Workbench, send: Send, files: Path) -> None:
+    made = [send(seed, "raw") for seed in range(3)]
+    start = threading.Barrier(3)
+
+    def run(drive: DriveRow) -> Outcome:
+        start.wait()
+        return process_drive(bench, drive.id, 1)
+
+    with ThreadPoolExecutor(3) as pool:
+        assert set(pool.map(run, made)) == {Outcome.DONE}
+    at_once = state(bench)
+    for drive in made:
+        ingest.remove_drive(bench.sessions, bench.blobs, drive.id)
+    assert state(bench) == []
+    for seed in (2, 0, 1):
+        process_drive(bench, send(seed, "raw").id, 1)
+    assert state(bench) == at_once

@@ -1,0 +1,174 @@
+"""Drives with factors from upload to map, and the same logs without a service."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from network_support import Rows, assert_same, rows_of
+from processing_support import drive_now
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.cli.fuse_files import Fusion
+from app.core.db import Sessions
+from app.drives import intake as ingest
+from app.drives import process
+from app.drives import store as drives
+from app.drives.process import Outcome, Workbench, hearing_report, process_drive
+from app.drives.store import DriveRow
+from app.map import store as segments
+from app.network import passes
+from app.network import results as slopes
+from app.network.rebuild import rebuild_network
+from app.roads import store as roads
+from fusion.formats import read_log
+from fusion.network.window import rows_of as table_rows
+from fusion.pipeline import parse_options, run_drive
+from fusion.roads.osm import read_roads
+from fusion.terrain.dem import Dem
+
+Send = Callable[..., DriveRow]
+Key = tuple[int, int, int]
+
+
+def done(bench: Workbench, send: Send, log: int, method: str = "profile") -> DriveRow:
+    drive = send(log, method)
+    assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
+    return drive
+
+
+def fused(files: Path, logs: list[int], method: str) -> dict[Key, tuple[float, float, int, int]]:
+    """What ``versant fuse --gaps`` makes of the logs."""
+    with Dem.open([files / "town.tif"]) as dem:
+        fusion = Fusion(method, parse_options(method), read_roads(files / "town.osm"), dem)
+        for log in logs:
+            fusion.add(files / f"{log}.csv")
+        return {
+            (f.osm_way_id, f.from_node, f.to_node): (
+                float(f.slope_percent or 0), float(f.slope_sigma_percent or 0), f.drives, f.observations
+            )
+            for f in fusion.features(gaps=True)
+        }  # fmt: skip
+
+
+def served(bench: Workbench) -> dict[Key, tuple[float, float, int, int]]:
+    """What the service publishes, gaps included."""
+    with bench.sessions() as session:
+        return {
+            (row.osm_way_id, row.from_node, row.to_node): (
+                row.slope_percent, row.slope_sigma_percent or 0, row.drives, row.observations
+            )
+            for row in segments.segment_items(session, limit=10_000, gaps=True)
+            if row.slope_percent is not None
+        }  # fmt: skip
+
+
+def numbered(found: dict[Key, tuple[float, float, int, int]]) -> Rows:
+    return {hash(key): values for key, values in found.items()}
+
+
+@pytest.mark.parametrize("method", ["profile", "raw"])
+def test_one_log_gives_the_same_numbers_with_and_without_a_service(
+    bench: Workbench, send: Send, files: Path, method: str
+) -> None:
+    done(bench, send, 0, method)
+    expected = fused(files, [0], method)
+    found = served(bench)
+    assert len(found) > 10
+    assert found.keys() == expected.keys()
+    for key, values in expected.items():
+        assert found[key] == pytest.approx(values, rel=1e-6, abs=1e-6)
+
+
+def test_several_logs_give_the_same_numbers_but_for_what_windows_leave(
+    bench: Workbench, send: Send, files: Path
+) -> None:
+    for log in (2, 0, 1):
+        done(bench, send, log)
+    found = served(bench)
+    assert max(row[2] for row in found.values()) >= 2
+    assert_same(numbered(found), numbered(fused(files, [0, 1, 2], "profile")))
+    rebuild_network(bench.sessions)
+    assert_same(numbered(found), numbered(served(bench)))
+
+
+def test_a_drive_shows_its_own_estimate_beside_the_networks(
+    bench: Workbench, send: Send, files: Path
+) -> None:
+    drive = done(bench, send, 0)
+    report = drive_now(bench, drive.id).report
+    assert report is not None
+    assert (report["method"], report["rejected_segments"]) == ("profile", 0)
+    with bench.sessions() as session:
+        own = drives.drive_slopes(session, drive.id)
+        table, ids = roads.all_roads(session)
+    with Dem.open([files / "town.tif"]) as dem:
+        network, result = run_drive(read_log(files / "0.csv"), table, dem, method="profile")
+    rows = ids[table_rows(table, network.table)]
+    assert {row.segment.id: row.slope_percent for row in own} == {
+        int(rows[s.segment]): s.slope_percent for s in result.slopes
+    }
+    assert all(row.in_network and row.accepted and row.segment.drives == 1 for row in own)
+
+
+def test_another_method_takes_the_factors_back(bench: Workbench, send: Send) -> None:
+    one, two = done(bench, send, 0), done(bench, send, 1)
+    both = rows_of(bench.sessions)
+    ingest.reprocess(bench.sessions, one.id, "raw")
+    assert process_drive(bench, one.id, 2) is Outcome.DONE
+    with bench.sessions() as session:
+        left = session.execute(text("SELECT DISTINCT drive_id FROM drive_passes")).scalars().all()
+    assert left == [two.id]
+    assert rows_of(bench.sessions) != both
+    ingest.reprocess(bench.sessions, one.id, "profile")
+    assert process_drive(bench, one.id, 3) is Outcome.DONE
+    assert_same(both, rows_of(bench.sessions))
+
+
+def test_workers_at_once_end_where_one_after_the_other_does(bench: Workbench, send: Send) -> None:
+    made = [send(log, "profile") for log in range(3)]
+    with ThreadPoolExecutor(3) as pool:
+        assert set(pool.map(lambda drive: process_drive(bench, drive.id, 1), made)) == {Outcome.DONE}
+    at_once = rows_of(bench.sessions)
+    for drive in made:
+        ingest.remove_drive(bench.sessions, bench.blobs, drive.id)
+    assert rows_of(bench.sessions) == {}
+    for log in (1, 2, 0):
+        done(bench, send, log)
+    assert_same(at_once, rows_of(bench.sessions))
+
+
+def test_a_killed_publication_leaves_nothing_and_the_next_run_all(
+    bench: Workbench, send: Send, sessions: Sessions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The server process dies after the passes, the evidence and the slopes are written."""
+    done(bench, send, 1)
+    before = rows_of(sessions), rows_of(sessions, "network_slopes")
+    drive = send(0, "profile")
+
+    def die(session: Session, *_: object) -> None:
+        session.execute(text("SELECT pg_terminate_backend(pg_backend_pid())"))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(slopes, "bump_data_version", die)
+        with pytest.raises(Exception, match="terminat") as caught:
+            process_drive(bench, drive.id, 1)
+    assert process.is_connection_loss(caught.value)
+    assert (rows_of(sessions), rows_of(sessions, "network_slopes")) == before
+    with sessions() as session:
+        assert slopes.estimated_segments(session, drive.id) == []
+    assert process_drive(bench, drive.id, 1) is Outcome.DONE
+    assert rows_of(sessions) != before[0]
+
+
+@pytest.mark.parametrize(("rejected", "warned"), [(0, False), (3, False), (4, True), (9, True)])
+def test_a_drive_that_contradicts_the_others_on_a_third_is_warned(rejected: int, warned: bool) -> None:
+    said = hearing_report({"warnings": ["one"]}, passes.Hearing(9, rejected))
+    assert said["rejected_segments"] == rejected
+    assert said["warnings"][0] == "one"
+    assert (len(said["warnings"]) == 2) == warned
+    if warned:
+        assert f"contradicts other drives on {rejected} of 9 segments" in said["warnings"][1]

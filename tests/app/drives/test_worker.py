@@ -1,0 +1,256 @@
+"""The worker: as a thread, and as a process that is stopped and killed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from app.core.blobs import BlobStore
+from app.core.db import Sessions, make_engine, session_factory
+from app.core.settings import Settings
+from app.drives import intake as ingest
+from app.drives import store as drives
+from app.drives.store import DriveRow
+from app.drives.worker import MAX_ATTEMPTS, run_worker
+from app.roads import imports as road_imports
+from fusion.simulate.scene.town import Town
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+PATIENCE_S = 120.0
+# Enough particles that nobody waits for the end by accident, few enough that the test ends.
+SLOW = {"particles": 200_000}
+
+Send = Callable[..., DriveRow]
+Workers = Callable[[], AbstractContextManager["subprocess.Popen[bytes]"]]
+
+
+@pytest.fixture
+def settings(database_url: str, tmp_path: Path) -> Settings:
+    return Settings(
+        database_url=database_url, data_dir=tmp_path, heartbeat_interval_s=0.5, stalled_after_s=2.0
+    )
+
+
+@pytest.fixture
+def sessions(database_url: str) -> Iterator[Sessions]:
+    engine = make_engine(database_url)
+    yield session_factory(engine)
+    engine.dispose()
+
+
+@pytest.fixture(scope="module")
+def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("town")
+    town.write_osm(folder / "town.osm")
+    for seed, duration_s in enumerate((120, 120, 400)):
+        town.drive(seed, duration_s=duration_s).write_csv(folder / f"{seed}.csv")
+    return folder
+
+
+@pytest.fixture
+def send(settings: Settings, sessions: Sessions, files: Path) -> Send:
+    """``send(seed or bytes, method, options)``: upload a log to a service that knows the town's roads."""
+    road_imports.import_roads(sessions, files / "town.osm", settings.dem_dir)
+    blobs = BlobStore(settings.blob_store_url)
+
+    def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> DriveRow:
+        content = log if isinstance(log, bytes) else (files / f"{log}.csv").read_bytes()
+        return ingest.accept_upload(
+            sessions, blobs, [content], filename="log", method=method, options=options
+        )[0]
+
+    return upload
+
+
+@pytest.fixture
+def worker_process(settings: Settings) -> Workers:
+    """A worker as a program of its own; killed at the end of the ``with`` block at the latest."""
+
+    @contextlib.contextmanager
+    def start() -> Iterator[subprocess.Popen[bytes]]:
+        environment = os.environ | {
+            "VERSANT_DATABASE_URL": str(settings.database_url),
+            "VERSANT_DATA_DIR": str(settings.data_dir),
+            "VERSANT_HEARTBEAT_INTERVAL_S": str(settings.heartbeat_interval_s),
+            "VERSANT_STALLED_AFTER_S": str(settings.stalled_after_s),
+        }
+        program = (
+            "from app.core.settings import Settings; from app.drives.worker import run_worker; "
+            "run_worker(Settings(), grace_s=0.2)"
+        )
+        with subprocess.Popen([sys.executable, "-c", program], cwd=REPOSITORY, env=environment) as process:
+            try:
+                yield process
+            finally:
+                process.kill()
+
+    return start
+
+
+@contextlib.contextmanager
+def worker_thread(settings: Settings, **options: Any) -> Iterator[threading.Thread]:
+    stop = threading.Event()
+    thread = threading.Thread(target=run_worker, args=[settings], kwargs={"stop_event": stop, **options})
+    thread.start()
+    try:
+        yield thread
+    finally:
+        stop.set()
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive()
+
+
+def now(sessions: Sessions, drive_id: uuid.UUID) -> DriveRow:
+    with sessions() as session:
+        found = drives.get_drive(session, drive_id)
+    assert found is not None
+    return found
+
+
+def wait_for(sessions: Sessions, drive: DriveRow, holds: Callable[[DriveRow], bool]) -> DriveRow:
+    deadline = time.monotonic() + PATIENCE_S
+    while not holds(found := now(sessions, drive.id)):
+        assert time.monotonic() < deadline, f"still {found.status}, stage {found.stage}, {found.progress:.0%}"
+        time.sleep(0.05)
+    return found
+
+
+def ended(drive: DriveRow) -> bool:
+    return drive.status in ("done", "failed")
+
+
+def half_way(drive: DriveRow) -> bool:
+    assert not ended(drive), "the drive ended before it could be disturbed"
+    return drive.status == "running" and drive.progress > 0.2
+
+
+def counts(sessions: Sessions) -> tuple[int, ...]:
+    query = text(
+        """
+        SELECT (SELECT count(*) FROM drive_segments), (SELECT count(*) FROM segment_slopes),
+               (SELECT count(*) FROM drive_tracks), (SELECT count(*) FROM provenances),
+               (SELECT coalesce(max(drives), 0) FROM segment_slopes)
+        """
+    )
+    with sessions() as session:
+        return tuple(session.execute(query).one())
+
+
+def test_the_queue_is_worked_off_past_a_bad_drive(settings: Settings, sessions: Sessions, send: Send) -> None:
+    made = [send(0), send(b"\x89PNG"), send(1)]
+    run_worker(settings, wait=False)
+    assert [now(sessions, drive.id).status for drive in made] == ["done", "failed", "done"]
+    with sessions() as session:
+        assert session.execute(text("SELECT count(*) FROM procrastinate_jobs")).scalar_one() == 0
+        assert session.execute(text("SELECT count(*) FROM procrastinate_workers")).scalar_one() == 0
+
+
+def test_two_lanes_work_the_queue_off(settings: Settings, sessions: Sessions, send: Send) -> None:
+    made = [send(0), send(1), send(2)]
+    run_worker(settings, concurrency=2, wait=False)
+    assert [now(sessions, drive.id).status for drive in made] == ["done", "done", "done"]
+
+
+def test_a_waiting_worker_takes_new_drives_until_it_is_stopped(
+    settings: Settings, sessions: Sessions, send: Send
+) -> None:
+    with worker_thread(settings):
+        first = send(0)
+        assert wait_for(sessions, first, ended).status == "done"
+        again = ingest.reprocess(sessions, first.id)
+        assert again is not None
+        assert wait_for(sessions, again, ended).generation == 2
+
+
+def test_a_worker_survives_the_loss_of_its_connections(
+    settings: Settings, sessions: Sessions, send: Send
+) -> None:
+    cut = text(
+        """
+        SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
+        WHERE pid <> pg_backend_pid() AND datname = current_database()
+        """
+    )
+    with worker_thread(settings):
+        assert wait_for(sessions, send(0), ended).status == "done"
+        with sessions() as session:
+            assert session.execute(cut).scalar_one() > 0
+        assert wait_for(sessions, send(1), ended).status == "done"
+
+
+def test_a_drive_that_is_cut_off_again_and_again_is_given_up(
+    settings: Settings, sessions: Sessions, send: Send
+) -> None:
+    drive = send(0)
+    with sessions.begin() as session:
+        session.execute(text("UPDATE procrastinate_jobs SET attempts = :n"), {"n": MAX_ATTEMPTS})
+    run_worker(settings, wait=False)
+    failed = now(sessions, drive.id)
+    assert (failed.status, failed.failure_kind) == ("failed", "interrupted")
+    assert counts(sessions) == (0, 0, 0, 0, 0)
+
+
+def test_the_job_of_a_removed_drive_ends_quietly(settings: Settings, sessions: Sessions, send: Send) -> None:
+    gone, stays = send(0), send(1)
+    assert ingest.remove_drive(sessions, BlobStore(settings.blob_store_url), gone.id)
+    run_worker(settings, wait=False)
+    assert now(sessions, stays.id).status == "done"
+    with sessions() as session:
+        assert session.execute(text("SELECT count(*) FROM procrastinate_jobs")).scalar_one() == 0
+
+
+@pytest.mark.slow
+def test_a_killed_workers_drive_is_taken_up_again(
+    settings: Settings, sessions: Sessions, send: Send, worker_process: Workers
+) -> None:
+    drive = send(2, "particle", SLOW)
+    with worker_process() as worker:
+        wait_for(sessions, drive, half_way)
+        worker.send_signal(signal.SIGKILL)
+        worker.wait(PATIENCE_S)
+    assert now(sessions, drive.id).status == "running"
+    assert counts(sessions) == (0, 0, 0, 0, 0)
+    with worker_thread(settings):
+        assert wait_for(sessions, drive, ended).status == "done"
+    estimates, aggregates, kept_tracks, provenances, most_drives = counts(sessions)
+    assert estimates == aggregates > 5
+    assert (kept_tracks, provenances, most_drives) == (1, 1, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_stopped_worker_puts_a_long_drive_back(
+    sessions: Sessions, send: Send, worker_process: Workers, settings: Settings, number: signal.Signals
+) -> None:
+    drive = send(2, "particle", SLOW)
+    with worker_process() as worker:
+        wait_for(sessions, drive, half_way)
+        worker.send_signal(number)
+        assert worker.wait(PATIENCE_S) == 0
+    assert now(sessions, drive.id).status == "queued"
+    assert counts(sessions) == (0, 0, 0, 0, 0)
+    with sessions() as session:
+        assert session.execute(text("SELECT status::text FROM procrastinate_jobs")).scalars().all() == [
+            "todo"
+        ]
+    ingest.reprocess(sessions, drive.id, "raw")
+    run_worker(settings, wait=False)
+    assert now(sessions, drive.id).status == "done"
+
+
+def test_a_worker_needs_a_database(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="database_url"):
+        run_worker(Settings(database_url=None, data_dir=tmp_path), wait=False)

@@ -1,0 +1,52 @@
+"""Which database a command gets, and that the embedded one comes migrated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import psycopg
+import pytest
+
+from app.core import migrate
+from app.core.settings import Settings, libpq_url
+from app.embedded.access import open_database
+from app.embedded.cluster import EmbeddedPostgres
+
+
+def revision_of(url: str) -> str | None:
+    with psycopg.connect(libpq_url(url)) as connection:
+        row = connection.execute("SELECT version_num FROM alembic_version").fetchone()
+    return None if row is None else str(row[0])
+
+
+def test_a_database_that_is_named_is_taken_as_it_is(tmp_path: Path) -> None:
+    settings = Settings(database_url="postgresql://me@db.example/slopes", data_dir=tmp_path)
+    with open_database(settings) as url:
+        assert url == "postgresql+psycopg://me@db.example/slopes"
+    assert not list(tmp_path.iterdir()), "no cluster is made beside it"
+
+
+@pytest.mark.db
+def test_a_data_folder_wins_over_the_variable_and_comes_migrated(tmp_path: Path) -> None:
+    settings = Settings(database_url="postgresql://me@db.example/slopes", data_dir=tmp_path)
+    with open_database(settings, embedded=True) as url:
+        assert EmbeddedPostgres(tmp_path).is_running()
+        assert revision_of(url) == migrate.latest_revision()
+    assert not EmbeddedPostgres(tmp_path).is_running()
+
+
+def test_migrations_go_up_twice_and_down_again(blank_database_url: str) -> None:
+    for _ in range(2):
+        migrate.upgrade(blank_database_url)
+        assert revision_of(blank_database_url) == migrate.latest_revision()
+    migrate.check(blank_database_url)
+    migrate.downgrade(blank_database_url)
+    assert revision_of(blank_database_url) is None
+
+
+def test_a_test_gets_a_migrated_copy_and_never_the_template(database_url: str, template_db: str) -> None:
+    assert revision_of(database_url) == migrate.latest_revision()
+    with psycopg.connect(libpq_url(database_url)) as connection:
+        row = connection.execute("SELECT current_database()").fetchone()
+    assert row is not None
+    assert row[0] != template_db

@@ -1,0 +1,73 @@
+"""Figures for operators."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+
+import pytest
+from sqlalchemy import text
+
+from app.core.db import Sessions
+from app.drives import store as drives
+from app.ops import store as stats
+from app.roads import imports as roads
+from app.roads import store as road_store
+from fusion.roads.table import RoadTable
+
+
+def test_an_empty_service_counts_nothing(sessions: Sessions) -> None:
+    with sessions() as session:
+        figures = stats.admin_stats(session)
+    assert (figures.drives, figures.segments, figures.queue_depth, figures.running) == (0, 0, 0, 0)
+    assert figures.queue_oldest_wait_s is None
+    assert figures.drives_by_status == figures.failures_by_kind == figures.driven_km_by_highway == {}
+    assert figures.drives_by_day == []
+    assert figures.road_version is None
+    assert figures.dem_version_id is None
+
+
+def test_figures_of_a_busy_service(
+    sessions: Sessions, chain: Callable[..., RoadTable], add_drive: Callable[..., uuid.UUID]
+) -> None:
+    table = chain(4, highway=["primary", "primary", "track", "track"])
+    with sessions.begin() as session:
+        roads.replace_roads(session, table, "x", "0" * 64)
+        ids = road_store.all_roads(session)[1]
+    add_drive(ids, {0: (1.0, 1.0), 2: (1.0, 1.0)})
+    add_drive(ids, {0: (1.0, 1.0)})
+    with sessions.begin() as session:
+        made = [
+            drives.create_drive(
+                session,
+                sha256=f"{k:064d}",
+                filename="x",
+                size_bytes=7,
+                blob_key="k",
+                method="raw",
+                options={},
+            )[0].id
+            for k in range(4)
+        ]
+        for k, kind in enumerate(["bad-log", "bad-log", "no-match"]):
+            drives.mark_running(session, made[k], 1)
+            drives.mark_failed(session, made[k], 1, kind=kind, reason="r", stage="s")
+        queued = "UPDATE drives SET queued_at = now() - interval '1 hour' WHERE id = :id"
+        session.execute(text(queued), {"id": made[3]})
+        session.execute(
+            text("UPDATE drives SET created_at = now() - interval '400 days' WHERE id = :id"), {"id": made[0]}
+        )
+    with sessions() as session:
+        figures = stats.admin_stats(session, days=30)
+    length_km = table.length_m / 1000
+    assert figures.drives_by_status == {"done": 2, "failed": 3, "queued": 1}
+    assert sum(row["drives"] for row in figures.drives_by_day) == 5
+    assert figures.queue_depth == 1
+    assert figures.queue_oldest_wait_s == pytest.approx(3600, abs=60)
+    assert figures.failures_by_kind == {"bad-log": 2, "no-match": 1}
+    assert figures.driven_km_by_highway == pytest.approx({"primary": length_km[0], "track": length_km[2]})
+    assert figures.network_km == pytest.approx(length_km.sum())
+    assert (figures.segments, figures.segments_driven, figures.drives) == (4, 2, 6)
+    assert figures.driven_distance_km == pytest.approx(0.2)
+    assert figures.uploaded_bytes == 2 * 10 + 4 * 7
+    assert figures.road_version is not None

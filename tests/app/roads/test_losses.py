@@ -1,0 +1,106 @@
+"""What a road import leaves of the network: passes that still speak of roads that exist, and slopes to match."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+
+import numpy as np
+from network_support import assert_same, drive_over, evidence_of, factor_of, new_drive, publish, rows_of
+from sqlalchemy import text
+
+from app.core.db import Sessions
+from app.map import store as segments
+from app.network.rebuild import rebuild_network
+from app.roads import imports as roads
+from app.roads import store as road_store
+from app.roads.store import ImportCounts
+from fusion.roads.table import RoadTable
+from fusion.types import Ints
+
+Chain = Callable[..., RoadTable]
+
+
+def imported(sessions: Sessions, table: RoadTable) -> ImportCounts:
+    with sessions.begin() as session:
+        return roads.replace_roads(session, table, "again.osm", "a" * 64)
+
+
+def moved(chain: Chain, row: int) -> RoadTable:
+    """The chain with one node between two rows elsewhere: the row's end and the next one's start."""
+    lon1, lon0 = 8.5 + 0.001 * np.arange(1, 11), 8.5 + 0.001 * np.arange(10)
+    lon1[row] += 1e-6
+    return chain(lon0_deg=lon0, lon1_deg=lon1)
+
+
+def passes(sessions: Sessions) -> list[tuple[uuid.UUID, int]]:
+    with sessions() as session:
+        rows = session.execute(text("SELECT drive_id, segment_id FROM drive_passes ORDER BY segment_id"))
+        return [(row[0], row[1]) for row in rows]
+
+
+def test_the_same_roads_again_change_nothing(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
+    for slope in (2.0, 2.5):
+        drive_over(sessions, chain(), segment_ids, {0: (slope, 0.5), 1: (slope, 0.5), 3: (slope, 0.5)})
+    before, evidence, kept = rows_of(sessions), evidence_of(sessions), passes(sessions)
+    assert imported(sessions, chain()) == ImportCounts(kept=10, moved=0, dropped=0, added=0)
+    assert (rows_of(sessions), evidence_of(sessions), passes(sessions)) == (before, evidence, kept)
+
+
+def test_a_moved_segment_loses_its_passes_and_its_neighbours_are_solved_anew(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
+    drive_over(sessions, chain(), segment_ids, {k: (1.0 + k, 0.5) for k in range(4)})
+    again = moved(chain, 1)
+    assert imported(sessions, again) == ImportCounts(
+        kept=9, moved=1, dropped=0, added=0, measured_lost=1, drives_affected=1
+    )
+    found = rows_of(sessions)
+    assert found[int(segment_ids[1])][2] == 0  # by now a gap between 0 and 2
+    assert [i for _, i in passes(sessions)] == [int(segment_ids[k]) for k in (0, 2, 3)]
+    rebuild_network(sessions)
+    assert_same(found, rows_of(sessions))
+
+
+def test_a_dropped_segment_closes_the_gap_that_it_was(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
+    drive_over(sessions, chain(), segment_ids, dict.fromkeys((0, 1, 4), (2.0, 0.5)))
+    assert [row[2] for _, row in sorted(rows_of(sessions).items())] == [1, 1, 0, 0, 1]
+    counts = imported(sessions, chain().subset(np.array([0, 1, 3, 4, 5])))
+    assert (counts.dropped, counts.measured_lost) == (5, 0)
+    assert sorted(rows_of(sessions)) == [int(segment_ids[k]) for k in (0, 1, 4)]
+
+
+def test_new_roads_between_driven_ones_are_gaps(sessions: Sessions, chain: Chain) -> None:
+    imported(sessions, chain().subset(np.array([0, 1, 3])))
+    with sessions() as session:
+        table, ids = road_store.all_roads(session)
+    drive_over(sessions, table, ids, dict.fromkeys(range(3), (2.0, 0.5)))
+    assert len(rows_of(sessions)) == 3
+    imported(sessions, chain())
+    assert sorted(row[2] for row in rows_of(sessions).values()) == [0, 1, 1, 1]
+
+
+def test_a_pass_goes_with_the_road_on_which_it_is_conditional(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
+    table = chain()
+    drive = new_drive(sessions)
+    factors = [
+        factor_of(table, 3, 2.0, 0.5),
+        factor_of(table, 4, 2.0, 0.5, before=[3]),
+        factor_of(table, 5, 2.0, 0.5),
+    ]
+    publish(sessions, drive, segment_ids, factors)
+    other = drive_over(sessions, table, segment_ids, {4: (6.0, 0.5)})
+    counts = imported(sessions, moved(chain, 3))
+    assert (counts.moved, counts.measured_lost, counts.drives_affected) == (1, 2, 1)
+    assert passes(sessions) == [(other, int(segment_ids[4])), (drive, int(segment_ids[5]))]
+    with sessions() as session:
+        (left,) = segments.segment_observations(session, int(segment_ids[4]))
+    assert left.drive_id == other
+    found = rows_of(sessions)
+    assert found[int(segment_ids[4])][0] > 4.0
+    rebuild_network(sessions)
+    assert_same(found, rows_of(sessions))

@@ -1,0 +1,113 @@
+"""Which measurements become rows, where they lie, and what they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from factor_support import street
+from profile_support import Levels, World, hills, log_of, pressure_of, smoothed, street_log
+
+from fusion.methods.profile.measurements import (
+    ALTITUDE,
+    BARO,
+    DEM_CLEARANCE_M,
+    DOPPLER,
+    FORCE,
+    MIN_SPEED_MPS,
+    PITCH,
+    TERRAIN,
+    binned,
+)
+
+TABLE = street(*[60.0] * 20)
+TIME_S = 1.7e9 + np.arange(110.0)
+ALONG_M = 5 + 10 * (TIME_S - TIME_S[0])
+CALM = Levels(0.0, 0.0, 0.0, 0.0, springs=0.0, force=0.0, position_m=0.0, mount=0.0)
+"""A receiver without errors on a vehicle without springs."""
+
+
+@pytest.mark.parametrize("back", [False, True], ids=["there", "back"])
+def test_without_noise_every_sensor_says_the_truth(back: bool) -> None:
+    """Slopes in the direction of travel: uphill one way is downhill the other; heights are what they are."""
+    along, sign = (ALONG_M[::-1], -1.0) if back else (ALONG_M, 1.0)
+    log = street_log(TIME_S, along, hills, np.random.default_rng(0), nose=sign, levels=CALM)
+    one = smoothed(replace(log, pressure=pressure_of(TIME_S, hills(along))), TABLE)
+    rows = one.rows
+    traversal, distance = one.path.match.position_on(rows.along_m)
+    place = 60.0 * one.path.match.segment[traversal] + distance
+    fine = np.linspace(0, 1200, 12_001)
+    grade = sign * np.interp(place, fine, np.gradient(hills(fine), fine))
+    inner = (place > 30) & (place < 1080)
+    for sensor in (DOPPLER, PITCH, FORCE):
+        mine = (rows.sensor == sensor) & inner
+        assert mine.sum() > 90
+        np.testing.assert_allclose(rows.value[mine], grade[mine], atol=0.003)
+    for sensor in (ALTITUDE, BARO):
+        mine = (rows.sensor == sensor) & inner
+        assert mine.sum() > 90
+        np.testing.assert_allclose(rows.value[mine], hills(place[mine]), atol=0.1)
+    assert np.all(np.diff(rows.time_s) >= 0)
+
+
+def test_a_standing_vehicle_has_heights_only() -> None:
+    along = np.minimum(ALONG_M, ALONG_M[50])
+    rows = smoothed(
+        street_log(TIME_S, along, hills, np.random.default_rng(0), levels=replace(CALM, position_m=0.5)),
+        TABLE,
+    ).rows
+    standing = rows.time_s > TIME_S[53]
+    assert np.all(rows.sensor[standing] == ALTITUDE)
+    assert standing.sum() > 50
+    slopes = np.isin(rows.sensor, (DOPPLER, PITCH, FORCE))
+    assert np.all(rows.speed_mps[slopes] > MIN_SPEED_MPS)
+
+
+@pytest.mark.parametrize("level_share", [0.7, 0.3])
+def test_heights_come_from_one_datum(level_share: float) -> None:
+    """Fixes with the height above the geoid or above the ellipsoid, 48 m apart: no step where one gives way."""
+    log = street_log(TIME_S, ALONG_M, hills, np.random.default_rng(0), levels=CALM)
+    level = np.arange(len(TIME_S)) < level_share * len(TIME_S)
+    height = log.fix.alt_msl_m
+    fix = replace(
+        log.fix,
+        alt_msl_m=np.where(level, height, np.nan),
+        height_ell_m=np.where(level, np.nan, height + 48.0),
+    )
+    rows = smoothed(replace(log, fix=fix), TABLE).rows
+    values = rows.value[rows.sensor == ALTITUDE]
+    assert len(values) == pytest.approx(max(level_share, 1 - level_share) * len(TIME_S), abs=2)
+    assert np.ptp(values) < 20
+
+
+def test_the_dem_is_left_out_around_bridges_and_tunnels(tmp_path_factory: pytest.TempPathFactory) -> None:
+    world = World(tmp_path_factory.mktemp("profile"))
+    drive = world.drive(1, duration_s=300.0)
+    one = smoothed(log_of(drive.columns()), drive.town.roads, world.dem(1))
+    match = one.path.match
+    terrain = one.rows.along_m[one.rows.sensor == TERRAIN]
+    assert len(terrain) > 30
+    table = one.path.network.table
+    structure = (table.bridge | table.tunnel)[match.segment]
+    assert structure.sum() >= 3
+    for k in np.flatnonzero(structure):
+        start = match.start_m[k]
+        end = start + abs(match.leave_m[k] - match.enter_m[k])
+        assert not np.any((terrain > start - DEM_CLEARANCE_M) & (terrain < end + DEM_CLEARANCE_M))
+
+
+def test_dense_samples_are_averaged_and_sparse_ones_left_alone() -> None:
+    time = 1.7e9 + np.arange(0, 20, 0.1)
+    value = np.arange(len(time), dtype=float)
+    at, mean = binned(time, 0.5, value)
+    assert len(at) == 40
+    np.testing.assert_allclose(mean, 2 + 5 * np.arange(40.0))
+    np.testing.assert_allclose(at, time.reshape(40, 5).mean(axis=1))
+    holed = value.copy()
+    holed[7] = np.nan
+    assert binned(time, 0.5, holed)[1][1] == pytest.approx(np.mean([5, 6, 8, 9]))
+    sparse = 1.7e9 + np.arange(0, 20, 1.0)
+    same = binned(sparse, 0.5, np.sin(sparse))
+    np.testing.assert_array_equal(same[0], sparse)
+    np.testing.assert_array_equal(same[1], np.sin(sparse))

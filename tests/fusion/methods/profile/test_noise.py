@@ -1,0 +1,267 @@
+"""Noise levels are learned from the drive: rows with known levels, springs that two sensors share, sudden changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from fusion.methods.profile.measurements import ALTITUDE, DOPPLER, FORCE, PITCH, Rows
+from fusion.methods.profile.model import (
+    DRIFT,
+    DRIFT_TAU_S,
+    GRADE,
+    MOUNT,
+    Noise,
+    Steps,
+    decorrelated,
+    linear_model,
+    pitch_partner,
+    row_variance,
+)
+from fusion.methods.profile.noise import Learned, learn, prior_noise
+
+SPEED_MPS = 10.0
+MOUNT_GRADE = 0.02
+BIAS_GRADE = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """Rows of a drive at constant speed, and the true grade at its steps."""
+
+    rows: Rows
+    steps: Steps
+    grade: np.ndarray
+
+    def learned(self) -> Learned:
+        return learn(self.rows, self.steps, prior_noise(self.rows))
+
+
+def simulate(
+    seed: int,
+    truth: Noise,
+    *,
+    seconds: int = 600,
+    sensors: tuple[int, ...] = (ALTITUDE, DOPPLER, PITCH, FORCE),
+    springs: float = 0.0,
+    mount_step: tuple[float, float] = (0.0, 0.0),
+    height_step: tuple[float, float] = (0.0, 0.0),
+    tails: bool = False,
+) -> Simulated:
+    """One row a sensor and second, drawn from the model; ``springs`` move pitch and force alike.
+
+    ``mount_step`` and ``height_step``: (share of the drive, size). ``tails``: errors follow Student's t of 3 degrees of
+    freedom instead of Gauss.
+    """
+    rng = np.random.default_rng(seed)
+    n = seconds
+    time = np.arange(float(n))
+    grade = np.cumsum(np.sqrt(truth.roughness * SPEED_MPS) * rng.normal(size=n))
+    # The area under a random walk between two steps, given both ends, has a spread of its own.
+    bridge = np.sqrt(truth.roughness * SPEED_MPS**3 / 12) * rng.normal(size=n)
+    height = 200 + np.cumsum(SPEED_MPS * 0.5 * (grade + np.r_[grade[0], grade[:-1]]) + bridge)
+    a = np.exp(-1 / DRIFT_TAU_S)
+    wander = np.zeros(n)
+    for k in range(1, n):
+        wander[k] = a * wander[k - 1] + rng.normal() * np.sqrt(0.5 * truth.drift * DRIFT_TAU_S * (1 - a * a))
+
+    def white() -> np.ndarray:
+        return np.asarray(rng.standard_t(3, n) / np.sqrt(3) if tails else rng.normal(size=n))
+
+    late = {name: time >= s[0] * n for name, s in (("mount", mount_step), ("height", height_step))}
+    body = grade + MOUNT_GRADE + springs * white() + np.where(late["mount"], mount_step[1], 0.0)
+    values = {
+        ALTITUDE: height
+        + wander
+        + truth.altitude_m * white()
+        + np.where(late["height"], height_step[1], 0.0),
+        DOPPLER: grade + truth.doppler * 0.01 * white(),
+        PITCH: body + truth.pitch * white(),
+        FORCE: body + BIAS_GRADE + truth.force * white(),
+    }
+    m = len(sensors) * n
+    order = np.repeat(np.arange(n), len(sensors))
+    sensor = np.tile(np.array(sorted(sensors)), n)
+    value = np.array([values[s][k] for s, k in zip(sensor.tolist(), order.tolist(), strict=True)])
+    hint = np.where(sensor == DOPPLER, 0.01, np.where(sensor == ALTITUDE, 3.0, np.nan))
+    zero = np.zeros(m)
+    rows = Rows(
+        time_s=time[order],
+        along_m=SPEED_MPS * time[order],
+        run=np.zeros(m, np.int64),
+        sensor=sensor,
+        value=value,
+        hint=hint,
+        speed_mps=np.full(m, SPEED_MPS),
+        acceleration_mps2=zero,
+        turn=zero,
+    )
+    steps = Steps(time, SPEED_MPS * time, np.zeros(n, np.int64), np.zeros(n), order)
+    return Simulated(rows, steps, grade)
+
+
+TRUTHS = (
+    Noise(roughness=1e-6, altitude_m=0.3, drift=0.05, doppler=0.5, pitch=0.006, force=0.01),
+    Noise(roughness=1e-5, altitude_m=0.6, drift=0.2, doppler=1.0, pitch=0.012, force=0.02),
+    Noise(roughness=1e-4, altitude_m=1.5, drift=1.0, doppler=3.0, pitch=0.02, force=0.03),
+)
+
+
+@pytest.mark.parametrize("truth", TRUTHS, ids=["smooth road", "ordinary", "poor receiver"])
+def test_levels_are_recovered(truth: Noise) -> None:
+    found = [simulate(seed, truth).learned().noise for seed in range(4)]
+    for name in ("altitude_m", "doppler", "pitch", "force"):
+        ratios = [getattr(noise, name) / getattr(truth, name) for noise in found]
+        assert 1 / 1.3 < np.exp(np.mean(np.log(ratios))) < 1.3, (name, ratios)
+    # A rate is a variance: 30 % of the step that it stands for.
+    drift = [np.sqrt(noise.drift / truth.drift) for noise in found]
+    assert 1 / 1.3 < np.exp(np.mean(np.log(drift))) < 1.3, drift
+    roughness = [noise.roughness / truth.roughness for noise in found]
+    assert 1 / 3 < np.exp(np.mean(np.log(roughness))) < 3, roughness
+
+
+def test_what_the_log_states_does_not_decide() -> None:
+    """Stated accuracies ten times too good and ten times too bad lead to the same levels."""
+    one = simulate(1, TRUTHS[1])
+    found = []
+    for factor in (0.1, 1.0, 10.0):
+        noise = learn(
+            replace(one.rows, hint=factor * one.rows.hint),
+            one.steps,
+            prior_noise(replace(one.rows, hint=factor * one.rows.hint)),
+        ).noise
+        found.append((noise.altitude_m, noise.doppler * factor, np.sqrt(noise.drift), noise.pitch))
+    assert np.all(np.abs(np.log(np.array(found) / found[1])) < np.log(1.35)), found
+
+
+def scores(one: Simulated, learned: Learned) -> np.ndarray:
+    """Errors of the smoothed grade in sigmas, every 10 s."""
+    sigma = np.sqrt(learned.smoothed.covariance[:, GRADE, GRADE])
+    return np.asarray((learned.smoothed.mean[:, GRADE] - one.grade) / sigma)[5::10]
+
+
+@pytest.mark.parametrize(("springs", "low", "high"), [(0.012, 0.88, 1.01), (0.0, 0.5, 0.88)])
+def test_errors_that_pitch_and_force_share_count_once(springs: float, low: float, high: float) -> None:
+    """Both ride on the same springs: two sensors, one error. Where each has its own, two know more than one."""
+    own = 0.002 if springs else 0.012
+    truth = Noise(roughness=3e-6, pitch=own, force=own, altitude_m=0.5, drift=0.15)
+    both: list[float] = []
+    one: list[float] = []
+    inside = []
+    for seed in range(6):
+        drive = simulate(seed, truth, sensors=(ALTITUDE, PITCH, FORCE), springs=springs)
+        learned = drive.learned()
+        assert (learned.noise.shared > 0.5) == (springs > 0)
+        inside.append(np.abs(scores(drive, learned)) < 1.96)
+        noise = learned.noise
+        level = float(np.hypot(springs, own))
+        for sigmas, known in ((both, noise), (one, noise.with_(shared=0.0, pitch=level, force=1e3))):
+            variance = row_variance(drive.rows, known)
+            covariance = linear_model(drive.rows, drive.steps, known, variance).smooth().covariance
+            sigmas.append(float(np.sqrt(np.median(covariance[:, GRADE, GRADE]))))
+    assert low < np.mean(both) / np.mean(one) < high
+    assert np.mean(np.concatenate(inside)) > 0.8
+
+
+def test_independent_errors_are_not_taken_for_shared_ones() -> None:
+    found = [simulate(seed, Noise(pitch=0.012, force=0.012)).learned().noise.shared for seed in range(3)]
+    assert max(found) < 0.3
+
+
+def test_decorrelated_rows_have_independent_errors() -> None:
+    one = simulate(3, Noise(pitch=0.004, force=0.004), springs=0.01)
+    noise = Noise(shared=0.01**2 / (0.01**2 + 0.004**2))
+    clean, share = decorrelated(one.rows, noise)
+    partner = pitch_partner(one.rows)
+    force = np.flatnonzero(one.rows.sensor == FORCE)
+    np.testing.assert_array_equal(partner[one.rows.sensor != FORCE], -1)
+    np.testing.assert_array_equal(one.rows.sensor[partner[force]], PITCH)
+    np.testing.assert_array_equal(one.rows.time_s[partner[force]], one.rows.time_s[force])
+    np.testing.assert_array_equal(share[force], noise.shared)
+    assert not share[one.rows.sensor != FORCE].any()
+    error = clean.value[force] - (1 - noise.shared) * (one.grade + MOUNT_GRADE) - BIAS_GRADE
+    pitch = one.rows.value[partner[force]] - one.grade - MOUNT_GRADE
+    assert abs(np.corrcoef(error, pitch)[0, 1]) < 0.1
+    assert np.corrcoef(error + noise.shared * pitch, pitch)[0, 1] > 0.7
+
+
+@pytest.mark.parametrize(("lag_s", "apart_m"), [(0.4, 0.0), (0.1, 20.0)])
+def test_a_pitch_too_far_away_is_no_partner(lag_s: float, apart_m: float) -> None:
+    two = simulate(1, TRUTHS[1], sensors=(PITCH, FORCE), seconds=50).rows
+    later = two.sensor == FORCE
+    moved = replace(two, time_s=two.time_s + lag_s * later, along_m=two.along_m + apart_m * later)
+    assert np.all(pitch_partner(moved) == -1)
+    assert np.all(pitch_partner(two)[later] >= 0)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("degrees", [2.5, -2.5])
+def test_a_mount_that_moves_is_found_where_it_does(share: float, degrees: float) -> None:
+    moved = simulate(7, TRUTHS[1], mount_step=(share, float(np.tan(np.radians(degrees)))))
+    learned = moved.learned()
+    times = [moved.steps.time_s[k] for k, state in learned.jumps if state == MOUNT]
+    assert len(times) == 1
+    assert abs(times[0] - share * 600) <= 4
+    before, after = learned.smoothed.mean[[int(share * 600) - 20, int(share * 600) + 20], MOUNT]
+    sigma = np.sqrt(learned.smoothed.covariance[:, MOUNT, MOUNT].max())
+    assert abs(after - before - np.tan(np.radians(degrees))) < 4 * sigma
+    assert np.mean(np.abs(scores(moved, learned)) < 2.6) > 0.9
+
+
+def test_a_height_that_jumps_is_found_where_it_does() -> None:
+    moved = simulate(8, TRUTHS[1], height_step=(0.5, 30.0))
+    learned = moved.learned()
+    times = [moved.steps.time_s[k] for k, state in learned.jumps if state == DRIFT]
+    assert any(abs(t - 300) <= 2 for t in times)
+    assert np.mean(np.abs(scores(moved, learned)) < 1.96) > 0.85
+
+
+@pytest.mark.parametrize(("tails", "allowed"), [(False, 0), (True, 1)], ids=["gauss", "student"])
+def test_steady_drives_have_no_sudden_changes(tails: bool, allowed: int) -> None:
+    """With tails far heavier than any receiver's (three degrees of freedom) one drive in ten may look so."""
+    found = [simulate(seed, TRUTHS[seed % 3], seconds=400, tails=tails).learned().jumps for seed in range(10)]
+    assert sum(1 for jumps in found if jumps) <= allowed, found
+
+
+def test_wild_values_are_outliers_and_do_little() -> None:
+    one = simulate(5, TRUTHS[1])
+    rng = np.random.default_rng(0)
+    wild = rng.choice(np.flatnonzero(one.rows.sensor == DOPPLER), 30, replace=False)
+    value = one.rows.value.copy()
+    value[wild] += rng.choice([-1, 1], 30) * 0.3
+    before = one.learned()
+    after = learn(replace(one.rows, value=value), one.steps, prior_noise(one.rows))
+    assert np.mean(after.outlier[wild]) > 0.9
+    assert before.outlier.sum() < 0.01 * len(one.rows)
+    others = np.setdiff1d(np.arange(len(one.rows)), wild)
+    assert after.outlier[others].sum() < 0.01 * len(one.rows)
+    moved = after.smoothed.mean[:, GRADE] - before.smoothed.mean[:, GRADE]
+    assert np.sqrt(np.mean(moved**2)) < np.sqrt(np.mean(before.smoothed.covariance[:, GRADE, GRADE]))
+
+
+def test_errors_that_repeat_weigh_less() -> None:
+    """At two epochs a second springs and filters let neighbouring errors repeat: two rows are hardly more than one."""
+    one = simulate(6, Noise(roughness=1e-6, pitch=0.004, force=0.006))
+    quick = replace(one.rows, time_s=0.5 * one.rows.time_s)
+    steps = replace(one.steps, time_s=0.5 * one.steps.time_s)
+    doppler = np.flatnonzero(quick.sensor == DOPPLER)
+    white = 0.01 * np.random.default_rng(1).normal(size=len(doppler) + 1)
+    found = []
+    for error in (white[1:], (white[1:] + white[:-1]) / np.sqrt(2)):
+        value = quick.value.copy()
+        value[doppler] = one.grade[one.steps.step[doppler]] + error
+        rows = replace(quick, value=value)
+        learned = learn(rows, steps, prior_noise(rows))
+        found.append(float(np.mean(learned.variance[doppler]) / learned.noise.doppler**2))
+    assert found[1] > 1.7 * found[0]
+
+
+def test_a_short_drive_stays_near_where_learning_starts() -> None:
+    """Ten rows prove nothing: levels keep within a factor of two of the log's word."""
+    short = simulate(9, TRUTHS[1], seconds=5, sensors=(ALTITUDE, DOPPLER))
+    start, found = prior_noise(short.rows), short.learned().noise
+    for name in ("altitude_m", "doppler"):
+        assert 0.5 < getattr(found, name) / getattr(start, name) < 2, name
+    assert not short.learned().jumps

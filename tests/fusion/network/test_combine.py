@@ -1,0 +1,64 @@
+"""Combination of drives: the textbook's numbers, in any order."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fusion.network.combine import combine
+
+estimates = st.lists(
+    st.tuples(st.floats(-30, 30), st.floats(0.01, 20), st.integers(1, 1000)), min_size=1, max_size=30
+)
+
+
+def columns(rows: list[tuple[float, float, int]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    slope, sigma, count = zip(*rows, strict=True)
+    return np.array(slope), np.array(sigma), np.array(count)
+
+
+@given(estimates, st.randoms(use_true_random=False))
+def test_the_order_of_arrival_does_not_change_a_digit(
+    rows: list[tuple[float, float, int]], random: object
+) -> None:
+    shuffled = list(rows)
+    random.shuffle(shuffled)  # type: ignore[attr-defined]
+    assert combine(*columns(rows)) == combine(*columns(shuffled))
+
+
+@given(estimates)
+def test_the_result_lies_between_the_estimates_and_never_claims_more_than_the_weights(
+    rows: list[tuple[float, float, int]],
+) -> None:
+    slope, sigma, count = columns(rows)
+    total = combine(slope, sigma, count)
+    assert slope.min() - 1e-9 <= total.slope_percent <= slope.max() + 1e-9
+    assert total.slope_sigma_percent >= np.sum(sigma**-2.0) ** -0.5 * (1 - 1e-12)
+    assert total.drives == len(rows)
+    assert total.observations == count.sum()
+
+
+def test_agreeing_estimates_average_by_inverse_variance() -> None:
+    total = combine(np.array([2.0, 2.6]), np.array([0.5, 1.0]), np.array([3, 4]))
+    assert total.slope_percent == pytest.approx((2.0 * 4 + 2.6 * 1) / 5)
+    assert total.slope_sigma_percent == pytest.approx(1 / np.sqrt(5))
+
+
+def test_estimates_that_contradict_each_other_widen_sigma() -> None:
+    agreeing = combine(np.array([5.0, 5.2]), np.array([0.2, 0.2]), np.array([5, 5]))
+    fighting = combine(np.array([5.0, 9.0]), np.array([0.2, 0.2]), np.array([5, 5]))
+    assert fighting.slope_sigma_percent == pytest.approx(2.0)
+    assert fighting.slope_sigma_percent > 10 * agreeing.slope_sigma_percent
+
+
+def test_one_estimate_stays_as_it_is() -> None:
+    total = combine(np.array([-3.5]), np.array([0.7]), np.array([9]))
+    assert (total.slope_percent, total.slope_sigma_percent, total.drives) == (-3.5, pytest.approx(0.7), 1)
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, np.nan, np.inf])
+def test_an_impossible_sigma_is_refused(sigma: float) -> None:
+    with pytest.raises(ValueError, match="sigma"):
+        combine(np.array([1.0]), np.array([sigma]), np.array([1]))
+    with pytest.raises(ValueError, match="at least one"):
+        combine(np.array([]), np.array([]), np.array([]))

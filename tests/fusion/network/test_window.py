@@ -1,0 +1,201 @@
+"""What a change can reach, and which gaps are bridged, on small hand-made networks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from factor_support import block_of_streets, roads, street
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fusion.network.window import gap_rows, neighbourhood
+from fusion.roads.table import RoadTable
+
+
+def mask(table: RoadTable, *rows: int) -> np.ndarray:
+    out = np.zeros(len(table), bool)
+    out[list(rows)] = True
+    return out
+
+
+def found(rows: np.ndarray) -> list[int]:
+    assert rows.dtype == np.bool_
+    return np.flatnonzero(rows).tolist()
+
+
+def distances(table: RoadTable, use: np.ndarray) -> dict[int, dict[int, float]]:
+    """Shortest ways between all nodes along some rows, by Floyd and Warshall."""
+    nodes = {*table.from_node.tolist(), *table.to_node.tolist()}
+    way = {a: {b: 0.0 if a == b else np.inf for b in nodes} for a in nodes}
+    for row in np.flatnonzero(use):
+        a, b = int(table.from_node[row]), int(table.to_node[row])
+        way[a][b] = way[b][a] = min(way[a][b], float(table.length_m[row]))
+    for k in nodes:
+        for a in nodes:
+            for b in nodes:
+                way[a][b] = min(way[a][b], way[a][k] + way[k][b])
+    return way
+
+
+def test_reach_is_measured_along_the_road_to_where_a_segment_begins() -> None:
+    table = street(*[100.0] * 8)
+    everything = np.ones(8, bool)
+    assert found(neighbourhood(table, everything, mask(table, 3), 150.0)) == [1, 2, 3, 4, 5]
+    assert found(neighbourhood(table, everything, mask(table, 3), 0.0)) == [2, 3, 4]
+    assert found(neighbourhood(table, everything, mask(table, 0, 7), 110.0)) == [0, 1, 2, 5, 6, 7]
+
+
+def test_undriven_roads_neither_carry_a_change_nor_are_reached_by_it() -> None:
+    table = street(*[100.0] * 6)
+    driven = mask(table, 0, 1, 3, 4, 5)
+    assert found(neighbourhood(table, driven, mask(table, 0), 1000.0)) == [0, 1]
+    assert found(neighbourhood(table, driven, mask(table, 3), 1000.0)) == [3, 4, 5]
+
+
+def test_a_touched_segment_that_lost_its_last_pass_still_counts() -> None:
+    table = street(*[100.0] * 4)
+    assert found(neighbourhood(table, mask(table, 0, 1, 3), mask(table, 2), 50.0)) == [1, 2, 3]
+
+
+def test_nothing_touched_reaches_nothing() -> None:
+    table = street(100.0, 100.0)
+    assert found(neighbourhood(table, np.ones(2, bool), np.zeros(2, bool), 1e3)) == []
+    empty = RoadTable.empty()
+    assert len(neighbourhood(empty, np.zeros(0, bool), np.zeros(0, bool), 1e3)) == 0
+    assert len(gap_rows(empty, np.zeros(0, bool))) == 0
+
+
+def test_of_two_roads_between_the_same_nodes_the_shorter_counts() -> None:
+    points = {0: (0.0, 0.0), 1: (100.0, 0.0), 2: (50.0, 200.0), 3: (200.0, 0.0)}
+    table = roads(points, [(0, 2), (2, 1), (0, 1), (1, 3)])
+    assert found(neighbourhood(table, np.ones(4, bool), mask(table, 0), 110.0)) == [0, 1, 2, 3]
+
+
+@given(seed=st.integers(0, 2**31), radius=st.floats(0, 400))
+def test_reach_against_all_shortest_ways(seed: int, radius: float) -> None:
+    rng = np.random.default_rng(seed)
+    table = block_of_streets(4, 3, 80.0)
+    driven, touched = rng.random(len(table)) < 0.7, rng.random(len(table)) < 0.1
+    way = distances(table, driven | touched)
+    sources = [n for r in np.flatnonzero(touched) for n in (int(table.from_node[r]), int(table.to_node[r]))]
+    expected = [
+        row
+        for row in range(len(table))
+        if touched[row]
+        or (
+            driven[row]
+            and min(
+                (way[s][e] for s in sources for e in (int(table.from_node[row]), int(table.to_node[row]))),
+                default=np.inf,
+            )
+            <= radius
+        )
+    ]
+    assert found(neighbourhood(table, driven, touched, radius)) == expected
+
+
+def test_a_chain_of_several_segments_between_driven_ones_is_a_gap() -> None:
+    table = street(100.0, 40.0, 50.0, 60.0, 100.0)
+    driven = mask(table, 0, 4)
+    assert found(gap_rows(table, driven)) == [1, 2, 3]
+    assert found(gap_rows(table, driven, 151.0)) == [1, 2, 3]
+    assert found(gap_rows(table, driven, 149.0)) == []
+
+
+def test_long_chains_are_found_whole_wherever_their_middle_lies() -> None:
+    for lengths in (
+        (150.0, 10.0, 10.0, 10.0),
+        (10.0, 10.0, 10.0, 150.0),
+        (10.0, 150.0, 10.0, 10.0),
+        (20.0,) * 9,
+    ):
+        table = street(30.0, *lengths, 30.0)
+        gap = list(range(1, len(lengths) + 1))
+        assert found(gap_rows(table, mask(table, 0, len(table) - 1))) == gap
+
+
+def test_blind_alleys_and_loops_from_one_node_are_no_gaps() -> None:
+    points = {
+        0: (0.0, 0.0), 1: (100.0, 0.0), 2: (200.0, 0.0),
+        3: (100.0, 40.0), 4: (100.0, 80.0),  # a blind alley of two segments from node 1
+        5: (230.0, 20.0), 6: (230.0, -20.0),  # a turning loop at node 2
+    }  # fmt: skip
+    table = roads(points, [(0, 1), (1, 2), (1, 3), (3, 4), (2, 5), (5, 6), (6, 2)])
+    assert found(gap_rows(table, mask(table, 0, 1))) == []
+
+
+def test_the_side_branches_of_a_gap_are_not_part_of_it() -> None:
+    points = {
+        0: (0.0, 0.0),
+        1: (50.0, 0.0),
+        2: (90.0, 0.0),
+        3: (130.0, 0.0),
+        4: (180.0, 0.0),
+        5: (90.0, 30.0),
+    }
+    table = roads(points, [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5)])
+    assert found(gap_rows(table, mask(table, 0, 3))) == [1, 2]
+
+
+def test_where_three_driven_ends_meet_all_ways_between_them_are_gaps() -> None:
+    points = {
+        0: (0.0, 0.0), 1: (-60.0, 0.0), 2: (60.0, 0.0), 3: (0.0, 70.0),
+        4: (-160.0, 0.0), 5: (160.0, 0.0), 6: (0.0, 170.0),
+    }  # fmt: skip
+    table = roads(points, [(0, 1), (0, 2), (0, 3), (1, 4), (2, 5), (3, 6)])
+    assert found(gap_rows(table, mask(table, 3, 4, 5))) == [0, 1, 2]
+
+
+def test_driven_segments_are_never_gaps_and_without_any_there_is_none() -> None:
+    table = street(50.0, 50.0, 50.0)
+    assert found(gap_rows(table, np.ones(3, bool))) == []
+    assert found(gap_rows(table, np.zeros(3, bool))) == []
+    assert found(gap_rows(table, mask(table, 1))) == []
+
+
+def test_a_road_parallel_to_a_driven_one_bridges_its_ends() -> None:
+    points = {0: (0.0, 0.0), 1: (80.0, 0.0), 2: (40.0, 30.0)}
+    table = roads(points, [(0, 1), (0, 2), (2, 1)])
+    assert found(gap_rows(table, mask(table, 0))) == [1, 2]
+
+
+@given(seed=st.integers(0, 2**31), longest=st.floats(50, 350))
+def test_a_gap_is_on_a_way_that_is_short_enough_and_every_shortest_way_is_found(
+    seed: int, longest: float
+) -> None:
+    """Against all shortest ways: none too long is marked; between neighbours that are near enough, all is."""
+    rng = np.random.default_rng(seed)
+    table = block_of_streets(4, 4, 70.0)
+    driven = rng.random(len(table)) < 0.25
+    gaps = gap_rows(table, driven, longest)
+    assert not np.any(gaps & driven)
+    way = distances(table, ~driven)
+    anchors = {n for r in np.flatnonzero(driven) for n in (int(table.from_node[r]), int(table.to_node[r]))}
+    through = np.full(len(table), np.inf)
+    for row in np.flatnonzero(~driven):
+        a, b, length = int(table.from_node[row]), int(table.to_node[row]), float(table.length_m[row])
+        through[row] = min(
+            (way[p][a] + length + way[b][q] for p in anchors for q in anchors if p != q), default=np.inf
+        )
+    assert np.all(through[gaps] <= longest + 1e-6)
+    # A row between two driven nodes that is short enough itself is a gap whatever lies around it.
+    alone = [
+        r
+        for r in np.flatnonzero(~driven)
+        if {int(table.from_node[r]), int(table.to_node[r])} <= anchors and table.length_m[r] <= longest
+    ]
+    assert np.all(gaps[alone])
+
+
+@pytest.mark.parametrize("shuffle", [1, 2, 3])
+def test_the_order_of_rows_and_the_direction_of_drawing_do_not_matter(shuffle: int) -> None:
+    points = {k: (45.0 * k, 8.0 * (k % 2)) for k in range(9)}
+    edges = [(k, k + 1) for k in range(8)]
+    rng = np.random.default_rng(shuffle)
+    order = rng.permutation(8)
+    turned = [edges[k] if rng.random() < 0.5 else edges[k][::-1] for k in order]
+    table = roads(points, turned)
+    driven = np.isin(order, [0, 4, 7])
+    assert sorted(order[gap_rows(table, driven)].tolist()) == [1, 2, 3, 5, 6]
+    near = neighbourhood(table, np.ones(8, bool), order == 4, 50.0)
+    assert sorted(order[near].tolist()) == [2, 3, 4, 5, 6]

@@ -1,0 +1,53 @@
+"""A database that knows the simulated town, and logs of drives through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.core.blobs import BlobStore
+from app.core.db import Sessions
+from app.drives import intake as ingest
+from app.drives.process import Workbench
+from app.drives.store import DriveRow
+from app.roads import imports as road_imports
+from app.terrain import store as dem_store
+from fusion.simulate.scene.town import Town
+
+Send = Callable[..., DriveRow]
+
+
+@pytest.fixture(scope="module")
+def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the town's roads, its elevation and three logs, the first and last along one route."""
+    folder = tmp_path_factory.mktemp("town")
+    town.write_osm(folder / "town.osm")
+    town.write_dem(folder / "town.tif")
+    for number, (seed, receiver) in enumerate([(0, "m8"), (1, "m8"), (0, "f9p")]):
+        town.drive(seed, duration_s=150, receiver=receiver).write_csv(folder / f"{number}.csv")
+    return folder
+
+
+@pytest.fixture
+def bench(sessions: Sessions, files: Path, tmp_path: Path) -> Workbench:
+    """A workbench whose database knows the town."""
+    road_imports.import_roads(sessions, files / "town.osm", tmp_path / "dem")
+    dem_store.import_dem(sessions, [files / "town.tif"], tmp_path / "dem")
+    return Workbench(sessions, BlobStore(str(tmp_path / "blobs")), tmp_path / "dem")
+
+
+@pytest.fixture
+def send(bench: Workbench, files: Path) -> Send:
+    """``send(seed or bytes, method, options)``: upload a log; returns the queued drive."""
+
+    def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> DriveRow:
+        content = log if isinstance(log, bytes) else (files / f"{log}.csv").read_bytes()
+        drive, _ = ingest.accept_upload(
+            bench.sessions, bench.blobs, [content], filename="log", method=method, options=options
+        )
+        return drive
+
+    return upload

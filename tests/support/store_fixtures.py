@@ -1,0 +1,127 @@
+"""A small network in a real database, and drives with made-up estimates on it."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import pytest
+
+from app.core.db import Sessions, make_engine, session_factory
+from app.drives import store as drives
+from app.network import results as slopes
+from app.network import versions as locks
+from app.roads import imports as roads
+from app.roads import store as road_store
+from fusion.roads.table import RoadTable
+from fusion.simulate.scene.town import Town
+from fusion.types import Ints, SegmentSlope
+
+AddDrive = Callable[..., uuid.UUID]
+T0_S = 1_700_000_000.0
+
+
+@pytest.fixture
+def sessions(database_url: str) -> Iterator[Sessions]:
+    """Sessions on this test's own database."""
+    engine = make_engine(database_url)
+    yield session_factory(engine)
+    engine.dispose()
+
+
+@pytest.fixture
+def chain() -> Callable[..., RoadTable]:
+    """``chain(n, lon, lat)``: a way of n segments that runs east, each 0.001 degrees long."""
+
+    def make(n: int = 10, lon: float = 8.5, lat: float = 49.0, way: int = 7, **columns: object) -> RoadTable:
+        k = np.arange(n)
+        whole = {
+            "osm_way_id": np.full(n, way),
+            "from_node": 100 + k,
+            "to_node": 101 + k,
+            "lon0_deg": lon + 0.001 * k,
+            "lat0_deg": np.full(n, lat),
+            "lon1_deg": lon + 0.001 * (k + 1),
+            "lat1_deg": np.full(n, lat),
+            "oneway": np.zeros(n),
+            "bridge": np.zeros(n, bool),
+            "tunnel": np.zeros(n, bool),
+            "layer": np.zeros(n),
+            "highway": ["residential"] * n,
+            "name": ["Straße"] * n,
+        }
+        return RoadTable.from_columns(**(whole | columns))  # type: ignore[arg-type]
+
+    return make
+
+
+@pytest.fixture
+def segment_ids(sessions: Sessions, chain: Callable[..., RoadTable]) -> Ints:
+    """The ids of an imported chain of ten segments, from west to east."""
+    table = chain()
+    with sessions.begin() as session:
+        roads.replace_roads(session, table, "chain.osm", "0" * 64)
+    with sessions() as session:
+        return road_store.all_roads(session)[1]
+
+
+@pytest.fixture
+def streets(sessions: Sessions, town: Town) -> tuple[RoadTable, Ints]:
+    """The town's roads, imported, and their ids."""
+    with sessions.begin() as session:
+        roads.replace_roads(
+            session, town.roads, "town.osm", "0" * 64, dem_slope_percent=town.true_slope_percent + 1.0
+        )
+        return road_store.all_roads(session)
+
+
+@pytest.fixture
+def add_drive(sessions: Sessions) -> AddDrive:
+    """``add_drive(ids, {index: (slope, sigma)})`` stores a done drive with these estimates; returns its id."""
+    return lambda ids, estimates, **options: _add_drive(sessions, ids, estimates, **options)
+
+
+def _add_drive(
+    sessions: Sessions,
+    ids: Ints,
+    estimates: dict[int, tuple[float, float]],
+    name: str | None = None,
+) -> uuid.UUID:
+    content = name or uuid.uuid4().hex
+    with sessions.begin() as session:
+        drive, _ = drives.create_drive(
+            session,
+            sha256=hashlib.sha256(content.encode()).hexdigest(),
+            filename=f"{content}.csv",
+            size_bytes=10,
+            blob_key=f"drives/{content}",
+            method="raw",
+            options={},
+        )
+        drives.mark_running(session, drive.id, drive.generation)
+    with sessions.begin() as session:
+        locks.own_network(session)
+        assert drives.lock_running(session, drive.id, drive.generation)
+        drives.mark_done(
+            session,
+            drive.id,
+            report={"epochs": 5},
+            bounds=(8.5, 49.0, 8.51, 49.0),
+            epochs=5,
+            distance_m=100.0,
+            drive_time=None,
+        )
+        version = road_store.current_road_version(session)
+        assert version is not None
+        provenance = slopes.RunProvenance("raw", {"min_epochs": 4}, "1.0", version.id, None)
+        slopes.save_result(session, drive.id, ids, _slopes(estimates), provenance)
+    return drive.id
+
+
+def _slopes(estimates: dict[int, tuple[float, float]]) -> Sequence[SegmentSlope]:
+    return [
+        SegmentSlope(index, slope, sigma, 5, 1, T0_S + index, T0_S + index + 0.5)
+        for index, (slope, sigma) in estimates.items()
+    ]
