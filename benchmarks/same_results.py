@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Whether two states of the code give the same results, byte for byte: what a change of structure must hold.
 
-    python benchmarks/same_results.py DATA_DIR --before CHECKOUT [--after CHECKOUT] [--seeds 3] [--keep DIR]
-                                      [--json FILE]
+    python benchmarks/same_results.py DATA_DIR --before CHECKOUT [--after CHECKOUT] [--seeds 3] [--only TEXT]
+                                      [--keep DIR] [--json FILE]
 
 CHECKOUT is a working tree of this repository at the state in question (``git worktree add ../before COMMIT``). Both
 states run with the interpreter that runs this script, each from its own folder, so packages are the same:
@@ -16,7 +16,8 @@ states run with the interpreter that runs this script, each from its own folder,
 Two files are the same where their bytes are, but for what the clock of the machine writes (``updated_at``). Compiled
 loops in which sums may be regrouped give other last digits in the process that compiles them than in those that load
 them from the cache, so every method runs once in each state before anything counts. Exit status 1 where any differs.
-``--keep DIR`` leaves the files there and takes those that are there already.
+``--only`` takes the cases whose name holds the text (``fuse raw``, ``09_0``, ``demo``). ``--keep DIR`` leaves the files
+there and takes those that are there already.
 """
 
 from __future__ import annotations
@@ -157,7 +158,7 @@ def compare(args: argparse.Namespace, folder: Path) -> list[dict[str, object]]:
         (folder / name).mkdir(exist_ok=True, parents=True)
     rows: list[dict[str, object]] = []
     logs = make_logs(args.data_dir, tool, args.seeds, folder / "logs")
-    everything = list(cases(args.data_dir.resolve(), logs))
+    everything = [case for case in cases(args.data_dir.resolve(), logs) if args.only in case.name]
     warm_up(everything, states, folder)
     for case in everything:
         got = {name: run(case, checkout, folder / name) for name, checkout in states.items()}
@@ -184,6 +185,7 @@ def main() -> None:
     parser.add_argument("--before", type=Path, required=True)
     parser.add_argument("--after", type=Path, default=REPOSITORY)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--only", default="", metavar="TEXT")
     parser.add_argument("--keep", type=Path, help="folder for the files of both")
     parser.add_argument("--roadtruth", type=Path)
     parser.add_argument("--json", type=Path)
