@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from source_tree import REPOSITORY, imported_names, name_of, sources, text_of, tree_of
 
-REPOSITORY = Path(__file__).resolve().parents[1]
 TOP_LEVEL = {
     "pyproject.toml",
     "README.md",
@@ -23,7 +23,6 @@ TOP_LEVEL = {
     "tests",
     "benchmarks",
 }
-LONGEST_FILE_LINES = 350
 
 SQL_PLACES = {
     Path("app") / place
@@ -50,44 +49,12 @@ SQL_STATEMENT = re.compile(
 )
 
 
-def sources(folder: str) -> list[Path]:
-    """Every Python file of a package, relative to the repository."""
-    return [path.relative_to(REPOSITORY) for path in sorted((REPOSITORY / folder).rglob("*.py"))]
-
-
-def tree_of(path: Path) -> ast.Module:
-    return ast.parse((REPOSITORY / path).read_text(), filename=str(path))
-
-
-def imported_modules(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """(line, absolute module) of every import, also of those by name through importlib."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            yield node.lineno, node.module
-        elif isinstance(node, ast.Call) and name_of(node.func) in {"import_module", "__import__"}:
-            yield from ((node.lineno, text) for argument in node.args if (text := text_of(argument)))
-
-
-def text_of(node: ast.AST) -> str:
-    """The value of a string literal, else an empty string."""
-    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
-
-
-def name_of(node: ast.expr) -> str:
-    """``f`` of ``f`` and of ``a.b.f``."""
-    if isinstance(node, ast.Attribute):
-        return node.attr
-    return node.id if isinstance(node, ast.Name) else ""
-
-
 def name_of_attribute(node: ast.AST) -> str:
     return node.attr if isinstance(node, ast.Attribute) else ""
 
 
 def service_imports(tree: ast.Module) -> Iterator[int]:
-    yield from (line for line, module in imported_modules(tree) if module.split(".")[0] == "app")
+    yield from (line for line, name in imported_names(tree) if name.split(".")[0] == "app")
 
 
 def environment_reads(tree: ast.Module) -> Iterator[int]:
@@ -185,12 +152,6 @@ def test_each_rule_sees_what_it_forbids(rule: Rule, code: str) -> None:
 )
 def test_no_rule_sees_what_it_allows(rule: Rule, code: str) -> None:
     assert not list(rule(ast.parse(code)))
-
-
-def test_files_stay_small() -> None:
-    folders = ("app", "fusion", "migrations", "tests", "benchmarks")
-    lengths = {p: len((REPOSITORY / p).read_text().splitlines()) for f in folders for p in sources(f)}
-    assert {str(p): n for p, n in lengths.items() if n > LONGEST_FILE_LINES} == {}
 
 
 def repository_files() -> list[Path]:

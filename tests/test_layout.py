@@ -1,0 +1,146 @@
+"""The house: which room may look into which, how large rooms and files are, and that tests stand as the sources do."""
+
+from __future__ import annotations
+
+import ast
+import statistics
+from collections import Counter
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+from source_tree import REPOSITORY, importers, imports_of, lines_of, sources, tree_of
+
+LONGEST_FILE_LINES = 350
+MOST_FILES_IN_A_FOLDER = 22
+FRAGMENT_LINES = 40
+MEDIAN_LINES = range(100, 251)
+
+GROUND = {"types", "errors", "registry", "frames", "compiled"}
+"""What every room of the library stands on: files at its root, beside the pipeline."""
+
+LIBRARY = {
+    "filters": set(),
+    "formats": set(),
+    "gnss": set(),
+    "roads": set(),
+    "terrain": {"roads"},
+    "matching": {"roads"},
+    "network": {"roads", "filters"},
+    "methods": {"filters", "roads", "terrain", "matching", "network"},
+    "pipeline": {"methods", "network", "roads", "terrain"},
+    "simulate": {"roads"},
+}
+"""Room -> the rooms of the library that it may import from."""
+
+FRAGMENTS: Mapping[str, str] = {}
+"""Short files with one importer that stay by themselves, each with the reason."""
+
+
+def room(path: Path) -> str:
+    """The room of a file: its folder below the package, or its own name at the package's root."""
+    return path.parts[1] if len(path.parts) > 2 else path.stem
+
+
+def modules() -> list[Path]:
+    """Every file of the library and of the service but ``__init__`` and ``__main__``."""
+    return [path for path in sources("fusion") + sources("app") if not path.stem.startswith("__")]
+
+
+def test_no_file_imports_itself_through_others() -> None:
+    graph = {path: imports_of(path) for package in ("fusion", "app") for path in sources(package)}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(str(path) for path in error.args[1]))
+
+
+def test_a_circle_would_be_seen() -> None:
+    with pytest.raises(CycleError):
+        TopologicalSorter({"a": {"b"}, "b": {"c"}, "c": {"a"}}).prepare()
+
+
+def test_rooms_of_the_library_look_downwards_only() -> None:
+    wrong = [
+        f"{path} -> {target}"
+        for path in sources("fusion")
+        for target in imports_of(path)
+        if room(path) != room(target)
+        and room(target) not in GROUND
+        and room(target) not in LIBRARY.get(room(path), set())
+    ]
+    assert wrong == []
+
+
+def test_the_root_of_the_library_holds_the_ground_and_the_pipeline() -> None:
+    files = {path.stem for path in sources("fusion") if len(path.parts) == 2}
+    assert files == GROUND | {"pipeline", "__init__"}
+    folders = {path.parts[1] for path in sources("fusion") if len(path.parts) > 2}
+    assert folders == set(LIBRARY) - {"pipeline"}
+
+
+def test_what_everything_of_the_service_stands_on_knows_no_subject() -> None:
+    wrong = [
+        f"{path} -> {target}"
+        for path in sources("app/core")
+        for target in imports_of(path)
+        if target.parts[0] == "app" and target.parts[:2] != ("app", "core") and target.name != "__init__.py"
+    ]
+    assert wrong == []
+
+
+def test_files_stay_small() -> None:
+    folders = ("app", "fusion", "migrations", "tests", "benchmarks")
+    lengths = {path: lines_of(path) for folder in folders for path in sources(folder)}
+    assert {str(path): n for path, n in lengths.items() if n > LONGEST_FILE_LINES} == {}
+
+
+def test_files_are_no_fragments_on_the_whole() -> None:
+    assert statistics.median(map(lines_of, modules())) in MEDIAN_LINES
+
+
+def test_fragments_join_their_importers() -> None:
+    known = importers()
+    found = {str(path) for path in modules() if lines_of(path) < FRAGMENT_LINES and len(known[path]) == 1}
+    assert found == set(FRAGMENTS)
+    assert all(FRAGMENTS.values())
+
+
+def test_no_folder_is_a_crowd() -> None:
+    files = Counter(path.parent for package in ("fusion", "app", "benchmarks") for path in sources(package))
+    assert {str(folder): n for folder, n in files.items() if n > MOST_FILES_IN_A_FOLDER} == {}
+
+
+def test_every_module_says_what_it_is_for() -> None:
+    everything = [path for folder in ("fusion", "app", "benchmarks", "tests") for path in sources(folder)]
+    silent = [str(path) for path in everything if not ast.get_docstring(tree_of(path))]
+    assert silent == []
+
+
+def test_no_module_offers_what_another_defines() -> None:
+    """``__all__`` is for packages whose ``__init__`` holds a registry, and for fixtures that tests share."""
+    offering = {
+        path
+        for path in sources("fusion") + sources("app")
+        for node in tree_of(path).body
+        if isinstance(node, ast.Assign)
+        and any(isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets)
+    }
+    assert {path.name for path in offering} <= {"__init__.py"}
+    holding = {
+        path
+        for path in offering
+        if any(isinstance(node, ast.Attribute) and node.attr == "add" for node in ast.walk(tree_of(path)))
+    }
+    assert offering == holding
+
+
+def test_tests_stand_as_the_sources_do() -> None:
+    lost = {
+        str(path.parent)
+        for top in ("fusion", "app", "benchmarks")
+        for path in sources(f"tests/{top}")
+        if not (REPOSITORY / path.parent.relative_to("tests")).is_dir()
+    }
+    assert lost == set()
