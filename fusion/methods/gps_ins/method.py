@@ -15,6 +15,7 @@ from fusion.methods.base import DriveResult, Options
 from fusion.methods.epochs.levelling import MountPitch, estimate_mount
 from fusion.methods.epochs.line import ErrorShares, line_slopes
 from fusion.methods.epochs.table import Epochs, build_epochs
+from fusion.methods.epochs.terrain import quality_warnings
 from fusion.methods.gps_ins.height import (
     Climb,
     HeightReadings,
@@ -27,7 +28,6 @@ from fusion.methods.gps_ins.height import (
 from fusion.methods.gps_ins.options import ExtendedOptions, GpsInsOptions, KalmanOptions, UnscentedOptions
 from fusion.methods.gps_ins.plane import Plane, locate, settings_of
 from fusion.methods.gps_ins.signals import NEED, Ins, read_ins
-from fusion.methods.nine_state.surroundings import quality_warnings
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Progress, Track

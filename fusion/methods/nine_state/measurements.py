@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.methods.nine_state.filter import Estimate, PredictedMap
 from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
+from fusion.methods.nine_state.protocol import Estimate, PredictedMap
 from fusion.types import Floats
 
 SLOWEST_MPS = 0.5

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 from fusion.matching.points.mahalanobis import PointMatch
 from fusion.methods.epochs.levelling import MountPitch
-from fusion.methods.epochs.options import EpochOptions
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.filter import EpochFilter, Estimate, PredictedMap
 from fusion.methods.nine_state.motion import OUTLIERS_BEFORE_RESTART, VX, VY, fix_fits
+from fusion.methods.nine_state.options import NineStateOptions
+from fusion.methods.nine_state.protocol import EpochFilter, Estimate, PredictedMap
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.nine_state.surroundings import Roads, Terrain
 from fusion.methods.nine_state.track import EpochRows
@@ -30,7 +30,7 @@ class DriveRun:
     epochs: Epochs
     network: RoadNetwork
     engine: EpochFilter
-    options: EpochOptions
+    options: NineStateOptions
     sensors: Sensors
     terrain: Terrain | None = None
     map_in_outages_only: bool = False

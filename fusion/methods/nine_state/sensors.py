@@ -10,15 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fusion.methods.epochs.levelling import MountPitch
-from fusion.methods.epochs.options import EpochOptions, InertialOptions
 from fusion.methods.epochs.table import Epochs, white_altitude_sigma
-from fusion.methods.nine_state.filter import Measurement
 from fusion.methods.nine_state.motion import AX, AY, AZ, STATES, VX, VY, VZ, X, Y, Z, whitened
+from fusion.methods.nine_state.options import InertialOptions, NineStateOptions
+from fusion.methods.nine_state.protocol import Measurement
 from fusion.types import Floats
 
 _SHARPEST_DOPPLER_MPS = 0.02
 
-FIX_ROWS = (VX, X, VY, Y, VZ, Z)
+GNSS_STATES = (VX, X, VY, Y, VZ, Z)
 """The states that the receiver measures."""
 
 
@@ -47,7 +47,7 @@ class Sensors:
     """
 
     epochs: Epochs
-    options: EpochOptions
+    options: NineStateOptions
     inertial: InertialOptions | None = None
     mount: MountPitch | None = None
 
@@ -98,7 +98,7 @@ class Sensors:
         if use_fix:
             var[Z] = whitened(var[Z], dt_s, o.gnss_correlation_s)
         else:
-            var[list(FIX_ROWS)] = np.inf
+            var[list(GNSS_STATES)] = np.inf
         if self.inertial is None or not (moving and c.pitch_var[e] < np.inf):
             return Measurement(c.z[e], 1.0 / var)
         body = whitened(self.inertial.pitch_sigma_rad**2, dt_s, self.inertial.pitch_correlation_s)

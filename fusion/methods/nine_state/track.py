@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from fusion.errors import MissingSensorError
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.filter import Estimate
 from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, X, Y, Z
+from fusion.methods.nine_state.protocol import Estimate
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints, Track
 

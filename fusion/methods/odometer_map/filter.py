@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap, Road, WheelReading
 from fusion.methods.nine_state.measurements import SLOWEST_MPS, gaussian_estimate, ground_row, predicted_map
 from fusion.methods.nine_state.motion import STATES, VX, VY, VZ, Z, whitened
+from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap, Road, WheelReading
 from fusion.methods.odometer_map.heading import RememberedHeading
 from fusion.methods.odometer_map.measurements import map_rows
 from fusion.methods.odometer_map.odometry import Odometry

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.methods.nine_state.filter import Road
 from fusion.methods.nine_state.measurements import SLOWEST_MPS, heading_row
 from fusion.methods.nine_state.motion import STATES, X, Y
+from fusion.methods.nine_state.protocol import Road
 from fusion.types import Floats
 
 _TO_THE_RIGHT = np.array([[0.0, 1.0], [-1.0, 0.0]])

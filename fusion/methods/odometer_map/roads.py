@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fusion.matching.points.mahalanobis import PointMatch
-from fusion.methods.nine_state.filter import PredictedMap
+from fusion.methods.nine_state.protocol import PredictedMap
 from fusion.methods.nine_state.surroundings import Roads
 from fusion.methods.odometer_map.options import OdometerMapOptions
 from fusion.roads.network import RoadNetwork

@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from fusion.filters import kalman
-from fusion.methods.epochs.options import EpochOptions
-from fusion.methods.nine_state.motion import STATES, VX, VY, noise_rates, transition
+from fusion.methods.nine_state.motion import STATES, VX, VY, process_noise_rates, transition
+from fusion.methods.nine_state.options import NineStateOptions
 from fusion.types import Floats
 
 ROUNDING = slice(9, 11)
@@ -52,7 +52,7 @@ class StepState:
         """The nine states, mean (9,) and covariance (9, 9)."""
         return self.mean[:STATES], self.covariance[:STATES, :STATES]
 
-    def widen(self, options: EpochOptions, dt_s: float) -> None:
+    def widen(self, options: NineStateOptions, dt_s: float) -> None:
         """Predict the nine states over ``dt_s`` (8), and join what a reading at its end depends on."""
         step, noise = np.zeros((WIDE, KEPT)), np.zeros((WIDE, WIDE))
         step[:KEPT] = np.eye(KEPT)
@@ -81,11 +81,11 @@ class StepState:
             self.covariance[ROUNDING, ROUNDING] = self._rounding
 
 
-def _over(options: EpochOptions, dt_s: float) -> tuple[Floats, Floats]:
+def _over(options: NineStateOptions, dt_s: float) -> tuple[Floats, Floats]:
     """F and Q (9, 9) over ``dt_s``: of a step as printed, or of several where it is longer than the paper's."""
     steps = max(1, math.ceil(dt_s / _LONGEST_S))
     once = transition(options, dt_s / steps)
-    fresh = np.diag(noise_rates(options).ravel() * dt_s / steps)
+    fresh = np.diag(process_noise_rates(options) * dt_s / steps)
     moved, noise = once, fresh
     for _ in range(steps - 1):
         # Noise of an acceleration has to reach the position: within one step, as printed, it does not.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.filter import Measurement, WheelReading
+from fusion.methods.nine_state.protocol import Measurement, WheelReading
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.odometer_map.options import OdometerMapOptions
 from fusion.types import DriveLog, Floats

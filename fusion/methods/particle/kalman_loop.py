@@ -32,10 +32,10 @@ from fusion.methods.nine_state.motion import (
     Y,
     Z,
     fix_fits,
-    motion,
+    transition_matrix,
     whitened,
 )
-from fusion.methods.nine_state.sensors import FIX_ROWS, SensorColumns
+from fusion.methods.nine_state.sensors import GNSS_STATES, SensorColumns
 from fusion.methods.nine_state.track import EpochRows
 from fusion.roads.kernels import NOT_POSITIVE, SegmentGrid, nearest
 from fusion.types import Floats, Ints
@@ -162,7 +162,7 @@ def _sense(drive: Drive, sensors: SensorColumns, rules: Rules, now: Now, rows: E
         if not np.isfinite(speed):
             speed = math.hypot(now.mean[VX], now.mean[VY])
         use_fix = _plausible(drive, sensors, now, rows, e, dt)
-        F = motion(dt, rules.half_rate * dt * dt)
+        F = transition_matrix(dt, rules.half_rate * dt * dt)
         mean, covariance = predict(now.mean, now.covariance, F, np.diag(rules.noise * dt))
         now.mean[:], now.covariance[:] = mean, covariance
     elif not np.isfinite(speed):
@@ -196,7 +196,7 @@ def _correct_states(sensors: SensorColumns, rules: Rules, now: Now, e: int, dt: 
     unit = np.zeros(STATES)
     for state in range(STATES):
         variance = sensors.var[e, state]
-        if not np.isfinite(variance) or (not use_fix and state in FIX_ROWS):
+        if not np.isfinite(variance) or (not use_fix and state in GNSS_STATES):
             continue
         if state == Z:
             variance = whitened(variance, dt, rules.gnss_correlation_s)

@@ -24,7 +24,7 @@ from fusion.methods.nine_state.run import DriveRun, mount_report
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.nine_state.surroundings import Terrain
 from fusion.methods.particle.filter import ParticleCloud
-from fusion.methods.particle.kalman import KalmanRun
+from fusion.methods.particle.kalman_run import KalmanRun
 from fusion.methods.particle.options import ParticleOptions
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem

@@ -12,10 +12,20 @@ import numpy as np
 
 from fusion.filters.unscented import Unscented
 from fusion.frames import wrap_angle
-from fusion.methods.epochs.options import EpochOptions
-from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap, Road
 from fusion.methods.nine_state.measurements import SLOWEST_MPS, gaussian_estimate, predicted_map
-from fusion.methods.nine_state.motion import STEEPEST_RAD, VX, VY, VZ, X, Y, Z, noise_rates, transition
+from fusion.methods.nine_state.motion import (
+    STEEPEST_RAD,
+    VX,
+    VY,
+    VZ,
+    X,
+    Y,
+    Z,
+    process_noise_rates,
+    transition,
+)
+from fusion.methods.nine_state.options import NineStateOptions
+from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
 from fusion.types import Floats
 
 
@@ -26,7 +36,7 @@ class UnscentedFilter:
     Corrections follow the order of the thesis; those that belong to one source enter together.
     """
 
-    options: EpochOptions
+    options: NineStateOptions
     unscented: Unscented
 
     def restart(self, mean: Floats, sigma: Floats) -> None:
@@ -36,7 +46,7 @@ class UnscentedFilter:
     def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
         """See ``EpochFilter``."""
         if dt_s is not None:
-            F, Q = transition(self.options, dt_s), np.diag(noise_rates(self.options).ravel() * dt_s)
+            F, Q = transition(self.options, dt_s), np.diag(process_noise_rates(self.options) * dt_s)
             self._mean, self._covariance = self.unscented.predict(
                 self._mean, self._covariance, lambda points: points @ F.T, Q
             )

@@ -17,9 +17,10 @@ from fusion.errors import MissingSensorError
 from fusion.filters.unscented import Unscented
 from fusion.methods.base import DriveResult, Registered
 from fusion.methods.epochs.line import ErrorShares, line_slopes
-from fusion.methods.epochs.options import EpochOptions, TerrainOptions
 from fusion.methods.epochs.table import Epochs, build_epochs
+from fusion.methods.epochs.terrain import TerrainOptions
 from fusion.methods.nine_state.motion import whitened
+from fusion.methods.nine_state.options import NineStateOptions
 from fusion.methods.nine_state.run import DriveRun
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.nine_state.surroundings import Terrain
@@ -54,7 +55,7 @@ _TERRAIN_GRADE_PER_M = 0.012
 _MAD_TO_SIGMA = 1.4826
 
 
-class UkfDemOptions(TerrainOptions, EpochOptions):
+class UkfDemOptions(TerrainOptions, NineStateOptions):
     """Options of the filter. Process noises were chosen for positions alone, on four roads with three receivers."""
 
     sigma_acc_mps2: float = Field(

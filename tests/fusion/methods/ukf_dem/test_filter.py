@@ -10,8 +10,8 @@ import pytest
 from reference_filters import ReferenceFilter
 
 from fusion.filters.unscented import Unscented
-from fusion.methods.nine_state.filter import EpochFilter, Estimate, Measurement, Road
 from fusion.methods.nine_state.motion import VX, VY, VZ, X, Y, Z
+from fusion.methods.nine_state.protocol import EpochFilter, Estimate, Measurement, Road
 from fusion.methods.nine_state.run import DriveRun
 from fusion.methods.particle.filter import ParticleCloud
 from fusion.methods.particle.method import prepare

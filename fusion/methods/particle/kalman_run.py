@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.motion import half_rate, noise_rates
+from fusion.methods.nine_state.motion import half_rate, process_noise_rates
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.nine_state.surroundings import Terrain
 from fusion.methods.nine_state.track import EpochRows
@@ -89,7 +89,7 @@ class KalmanRun:
         return Rules(
             linear=self.linear,
             half_rate=half_rate(o),
-            noise=noise_rates(o).ravel(),
+            noise=process_noise_rates(o),
             min_speed=o.min_speed_mps,
             gate=o.match_gate,
             antenna_m=o.antenna_height_m,
