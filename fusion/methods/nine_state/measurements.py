@@ -22,7 +22,7 @@ _STEEPEST = math.tan(STEEPEST_RAD)
 
 
 @compiled
-def heading_row(state: Floats) -> tuple[float, Floats]:
+def heading_measurement(state: Floats) -> tuple[float, Floats]:
     """Direction of travel, radians from east, and its derivative (9,)."""
     vx, vy = state[VX], state[VY]
     square = max(vx * vx + vy * vy, SLOWEST_MPS**2)
@@ -32,7 +32,7 @@ def heading_row(state: Floats) -> tuple[float, Floats]:
 
 
 @compiled
-def pitch_row(state: Floats) -> tuple[float, Floats]:
+def pitch_measurement(state: Floats) -> tuple[float, Floats]:
     """Pitch of the way travelled, radians, and its derivative (9,)."""
     vx, vy, vz = state[VX], state[VY], state[VZ]
     speed = math.hypot(vx, vy)
@@ -46,9 +46,9 @@ def pitch_row(state: Floats) -> tuple[float, Floats]:
 
 
 @compiled
-def ground_row(state: Floats, antenna_m: float) -> tuple[float, Floats]:
+def ground_measurement(state: Floats, antenna_m: float) -> tuple[float, Floats]:
     """Height of the road under an antenna ``antenna_m`` above it, metres, and its derivative (9,)."""
-    pitch, row = pitch_row(state)
+    pitch, row = pitch_measurement(state)
     steep = min(max(pitch, -STEEPEST_RAD), STEEPEST_RAD)
     lift = antenna_m / math.cos(steep)
     row *= -lift * math.tan(steep) if steep == pitch else 0.0
@@ -58,7 +58,7 @@ def ground_row(state: Floats, antenna_m: float) -> tuple[float, Floats]:
 
 def map_rows(state: Floats) -> tuple[Floats, Floats]:
     """(x, y, heading) and its Jacobian, shapes (3,) and (3, 9)."""
-    heading, row = heading_row(state)
+    heading, row = heading_measurement(state)
     design = np.zeros((3, STATES))
     design[0, X] = design[1, Y] = 1.0
     design[2] = row
@@ -83,7 +83,7 @@ def map_covariance(covariance: Floats, heading: Floats) -> Floats:
 @compiled
 def attitude_and_spreads(state: Floats, covariance: Floats) -> tuple[float, float, float, float]:
     """Pitch and its sigma, radians; sigma of the position in the plane and of the height, metres: to first order."""
-    pitch, row = pitch_row(state)
+    pitch, row = pitch_measurement(state)
     variance = 0.0
     for a in range(STATES):
         for b in range(STATES):
@@ -98,7 +98,7 @@ def attitude_and_spreads(state: Floats, covariance: Floats) -> tuple[float, floa
 
 def predicted_map(state: Floats, covariance: Floats) -> PredictedMap:
     """What a map match starts from, to first order."""
-    heading, row = heading_row(state)
+    heading, row = heading_measurement(state)
     return PredictedMap(float(state[X]), float(state[Y]), heading, map_covariance(covariance, row))
 
 

@@ -17,10 +17,10 @@ from fusion.compiled import compiled
 from fusion.filters.kalman import correct_scalar, predict
 from fusion.methods.nine_state.measurements import (
     attitude_and_spreads,
-    ground_row,
-    heading_row,
+    ground_measurement,
+    heading_measurement,
     map_covariance,
-    pitch_row,
+    pitch_measurement,
 )
 from fusion.methods.nine_state.motion import (
     OUTLIERS_BEFORE_RESTART,
@@ -171,7 +171,7 @@ def _sense(drive: Drive, sensors: SensorColumns, rules: Rules, now: Now, rows: E
     now.place[WAY] = max(speed * dt, SHORTEST_WAY_M)
     _correct_states(sensors, rules, now, e, dt, use_fix)
     if now.flags[MOVING] == 1 and np.isfinite(sensors.pitch_var[e]) and not rules.linear:
-        pitch, row = pitch_row(now.mean)
+        pitch, row = pitch_measurement(now.mean)
         body = whitened(rules.pitch_var, dt, rules.pitch_correlation_s)
         correct_scalar(now.mean, now.covariance, sensors.pitch[e] - pitch, row, sensors.pitch_var[e] + body)
 
@@ -208,7 +208,7 @@ def _correct_states(sensors: SensorColumns, rules: Rules, now: Now, e: int, dt: 
 @compiled
 def _match(grid: SegmentGrid, rules: Rules, now: Now) -> None:
     """The road point of (2.27)-(2.31) nearest to the prediction."""
-    heading, row = heading_row(now.mean)
+    heading, row = heading_measurement(now.mean)
     covariance = map_covariance(now.covariance, row)
     covariance[0, 0] += rules.map_var_m2
     covariance[1, 1] += rules.map_var_m2
@@ -253,11 +253,11 @@ def _locate(rules: Rules, now: Now) -> None:
             correct_scalar(mean, covariance, at - mean[state], unit, rules.map_var_m2)
             unit[state] = 0.0
         if now.flags[MOVING] == 1 and not rules.linear:
-            heading, row = heading_row(mean)
+            heading, row = heading_measurement(mean)
             turn = _wrapped(now.place[ROAD_DIRECTION] - heading)
             correct_scalar(mean, covariance, turn, row, rules.map_var_rad2)
     if np.isfinite(now.place[GROUND]):
-        height, row = ground_row(mean, rules.antenna_m)
+        height, row = ground_measurement(mean, rules.antenna_m)
         if rules.linear:
             # Only what is linear may enter: the antenna's height above the ground is taken as known.
             row[:] = 0.0

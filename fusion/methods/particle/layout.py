@@ -61,7 +61,7 @@ def predicted_map(sums: Floats, origin: Floats, heading: float) -> tuple[float, 
 
 @compiled
 def weights_summary(sums: Floats, particles: int) -> tuple[float, float, float, float]:
-    """From the locating pass's sums: greatest log weight, sum of weights on its scale, N_eff (1.50), entropy S_w (1.49)."""
+    """Greatest log weight, sum of weights on its scale, N_eff (1.50), entropy S_w (1.49): of the locating pass."""
     total = _merged(sums, B_WW, B_WLOGW)
     w = total[B_W]
     entropy = math.log(particles) + total[B_WLOGW] / w - math.log(w)
