@@ -12,6 +12,7 @@ from fusion.frames import wrap_angle
 from fusion.matching.points.mahalanobis import PointMatches, match_points
 from fusion.methods.epochs.table import Epochs
 from fusion.methods.gps_ins.filter import Drive, Filtered, Settings, chi_square_gate, run
+from fusion.methods.gps_ins.ins import Ins, build_drive
 from fusion.methods.gps_ins.models import HEADING, ExtendedModel, KalmanModel, Model, UnscentedModel
 from fusion.methods.gps_ins.options import (
     ExtendedOptions,
@@ -20,7 +21,6 @@ from fusion.methods.gps_ins.options import (
     KalmanOptions,
     UnscentedOptions,
 )
-from fusion.methods.gps_ins.signals import Ins, build_drive
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats
 

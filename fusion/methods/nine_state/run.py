@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, field
 
 from fusion.matching.points.mahalanobis import PointMatch
-from fusion.methods.epochs.levelling import MountPitch
 from fusion.methods.epochs.table import Epochs
 from fusion.methods.nine_state.motion import OUTLIERS_BEFORE_RESTART, VX, VY, fix_fits
 from fusion.methods.nine_state.options import NineStateOptions
@@ -129,12 +128,3 @@ class DriveRun:
     def cloud_report(self) -> dict[str, object]:
         """What a cloud of particles says besides."""
         return self.rows.cloud_report()
-
-
-def mount_report(mount: MountPitch) -> dict[str, object]:
-    """What is known of the tilt of the pitch sensor's mount."""
-    return {
-        "mount_pitch_deg": math.degrees(mount.angle_rad) if mount.known else None,
-        "mount_pitch_sigma_deg": math.degrees(mount.sigma) if mount.known else None,
-        "mount_pitch_source": mount.source,
-    }

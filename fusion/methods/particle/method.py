@@ -17,10 +17,10 @@ import numpy as np
 
 from fusion.errors import MissingSensorError
 from fusion.methods.base import DriveResult
-from fusion.methods.epochs.levelling import MountPitch, estimate_mount
+from fusion.methods.epochs.levelling import MountPitch, estimate_mount, mount_report
 from fusion.methods.epochs.line import ErrorShares, line_slopes
 from fusion.methods.epochs.table import build_epochs
-from fusion.methods.nine_state.run import DriveRun, mount_report
+from fusion.methods.nine_state.run import DriveRun
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.nine_state.surroundings import Terrain
 from fusion.methods.particle.filter import ParticleCloud

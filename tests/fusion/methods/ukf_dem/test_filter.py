@@ -16,7 +16,7 @@ from fusion.methods.nine_state.run import DriveRun
 from fusion.methods.particle.filter import ParticleCloud
 from fusion.methods.particle.method import prepare
 from fusion.methods.particle.options import ParticleOptions
-from fusion.methods.ukf_dem.filter import UnscentedFilter
+from fusion.methods.ukf_dem import UnscentedFilter
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
