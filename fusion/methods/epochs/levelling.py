@@ -4,8 +4,8 @@ Every real mount is askew: one degree reads as 1.7 % of slope on each segment. O
 integral of the true grade along the road is the height gained, whatever the road does in between; what the
 sensor's integral has beyond it is the mount's tilt.
 
-This is for the methods that filter epoch by epoch: one tilt for the whole drive, from its epochs alone. ``profile`` does
-not use it; there the mount's pitch is a state of the smoother, estimated together with the road.
+This is for the methods that filter epoch by epoch: one tilt for the whole drive, from its epochs alone. ``profile``
+does not use it; there the mount's pitch is a state of the smoother, estimated together with the road.
 """
 
 from __future__ import annotations

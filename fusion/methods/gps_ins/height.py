@@ -182,8 +182,8 @@ def _measured(
 ) -> tuple[tuple[Floats, Floats], bool]:
     """Corrected by a height, and whether it was believed."""
     mean, covariance = moments
-    residual = float(readings.height_m[e]) - mean
+    innovation = float(readings.height_m[e]) - mean
     gate = _GATE_SIGMAS * math.hypot(float(readings.gate_m[e]), math.sqrt(covariance[0, 0]))
-    if abs(residual[0]) > gate:
+    if abs(innovation[0]) > gate:
         return moments, False
-    return kalman.correct(mean, covariance, residual, _ONE, _ONE * float(readings.sigma_m[e]) ** 2), True
+    return kalman.correct(mean, covariance, innovation, _ONE, _ONE * float(readings.sigma_m[e]) ** 2), True

@@ -165,10 +165,12 @@ def _anchored(
         return moments
     if moments is None:
         return np.array([course_rad, 0.0]), np.diag([sigma_rad**2, _GYRO_BIAS_SIGMA_RADPS**2])
-    residual = math.remainder(course_rad - moments[0][0], math.tau)
-    if abs(residual) > math.pi / 2:
-        residual = math.remainder(residual + math.pi, math.tau)
-    return kalman.correct(*moments, np.array([residual]), np.array([[1.0, 0.0]]), np.array([[sigma_rad**2]]))
+    innovation = math.remainder(course_rad - moments[0][0], math.tau)
+    if abs(innovation) > math.pi / 2:
+        innovation = math.remainder(innovation + math.pi, math.tau)
+    return kalman.correct(
+        *moments, np.array([innovation]), np.array([[1.0, 0.0]]), np.array([[sigma_rad**2]])
+    )
 
 
 def _speed(epochs: Epochs, heading_rad: Floats) -> Floats:

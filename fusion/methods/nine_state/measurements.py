@@ -1,8 +1,8 @@
-"""Measurement functions of the nine-state model with their Jacobians, and what a Gaussian state says in their terms.
+"""Measurement functions of the nine states with their Jacobians, and what a Gaussian state says in their terms.
 
 Functions of a state (9,): heading atan2(vy, vx) of (7) and (2.14), pitch atan(vz / |v|) of (3.14), and the height
 z - H / cos(pitch) of the ground of (2.17). Near standstill angles have no derivative; below ``SLOWEST_MPS`` they are
-taken as if the vehicle moved that fast.
+taken as if the vehicle moved that fast. How sure a sensor is of what it measures is not known here.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X
 from fusion.methods.nine_state.protocol import Estimate, PredictedMap
 from fusion.types import Floats
 
-SLOWEST_MPS = 0.5
+SLOWEST_MPS = 0.5  # 1.8 km/h
 
 _STEEPEST = math.tan(STEEPEST_RAD)
 
@@ -54,15 +54,6 @@ def ground_measurement(state: Floats, antenna_m: float) -> tuple[float, Floats]:
     row *= -lift * math.tan(steep) if steep == pitch else 0.0
     row[Z] = 1.0
     return state[Z] - lift, row
-
-
-def map_rows(state: Floats) -> tuple[Floats, Floats]:
-    """(x, y, heading) and its Jacobian, shapes (3,) and (3, 9)."""
-    heading, row = heading_measurement(state)
-    design = np.zeros((3, STATES))
-    design[0, X] = design[1, Y] = 1.0
-    design[2] = row
-    return np.array([state[X], state[Y], heading]), design
 
 
 @compiled
