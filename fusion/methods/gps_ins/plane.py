@@ -1,4 +1,7 @@
-"""A drive in the plane: options to filter, estimate, heading, and the road under each epoch."""
+"""A drive in the plane: options to filter, estimate, heading, and the road under each epoch.
+
+The height stands beside it (``height``); the filter itself (``filter``) knows neither options nor roads.
+"""
 
 from __future__ import annotations
 

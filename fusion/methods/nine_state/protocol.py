@@ -1,4 +1,7 @@
-"""What a filter that goes through a drive epoch by epoch is to the run that leads it: one protocol, its messages."""
+"""What a filter over the nine states is to the run that leads it through a drive: one protocol, and its messages.
+
+Nothing here says how a filter represents what it knows, nor where measurements come from.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +10,25 @@ from typing import Protocol
 
 from fusion.types import Floats
 
+_FEWEST_PARTICLES = 3.0  # effective ones (N_eff) of a cloud that has not collapsed
 
-@dataclass(frozen=True)
-class WheelReading:
-    """What the wheels say over the last ``dt``: rotations in radians (left, right), or one speed in m/s.
 
-    Any of them may be NaN; ``speed_mps`` counts only where a rotation is missing.
-    """
+class EpochFilter(Protocol):
+    """A filter over the nine states: ``restart`` once, then ``sense`` and ``locate`` at each epoch."""
 
-    left_rad: float
-    right_rad: float
-    speed_mps: float
+    def restart(self, mean: Floats, sigma: Floats) -> None:
+        """Begin anew around ``mean`` (9,) with standard deviations ``sigma`` (9,)."""
+        ...
+
+    def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
+        """Predict over ``dt_s`` (None: no prediction) and correct by what the vehicle's sensors say."""
+        ...
+
+    def locate(
+        self, road: Road | None, use_heading: bool, ground_m: float | None, inv_var_ground: float
+    ) -> Estimate:
+        """Correct by the matched road point and by the terrain's height where there are any, and estimate."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -36,6 +47,18 @@ class Measurement:
 
 
 @dataclass(frozen=True)
+class WheelReading:
+    """What the wheels say over the last ``dt``: rotations in radians (left, right), or one speed in m/s.
+
+    Any of them may be NaN; ``speed_mps`` counts only where a rotation is missing.
+    """
+
+    left_rad: float
+    right_rad: float
+    speed_mps: float
+
+
+@dataclass(frozen=True)
 class PredictedMap:
     """Zhat (2.26) and its covariance P (2.30) over x, y, heading, after the sensors' corrections."""
 
@@ -45,7 +68,8 @@ class PredictedMap:
     covariance: Floats
 
 
-_FEWEST = 3.0
+Road = tuple[float, float, float]
+"""A matched point: x, y in metres and the direction of the road as it is driven, radians from east."""
 
 
 @dataclass(frozen=True)
@@ -68,26 +92,4 @@ class Estimate:
     def collapsed(self) -> bool:
         """Whether one or two particles have all the weight and have just been copied to all places: such a cloud says
         nothing of its own error, and the filter has to begin anew."""
-        return self.resampled and self.n_eff < _FEWEST
-
-
-Road = tuple[float, float, float]
-"""A matched point: x, y in metres and the direction of the road as it is driven, radians from east."""
-
-
-class EpochFilter(Protocol):
-    """A filter over the nine states: ``restart`` once, then ``sense`` and ``locate`` at each epoch."""
-
-    def restart(self, mean: Floats, sigma: Floats) -> None:
-        """Begin anew around ``mean`` (9,) with standard deviations ``sigma`` (9,)."""
-        ...
-
-    def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
-        """Predict over ``dt_s`` (None: no prediction) and correct by what the vehicle's sensors say."""
-        ...
-
-    def locate(
-        self, road: Road | None, use_heading: bool, ground_m: float | None, inv_var_ground: float
-    ) -> Estimate:
-        """Correct by the matched road point and by the terrain's height where there are any, and estimate."""
-        ...
+        return self.resampled and self.n_eff < _FEWEST_PARTICLES

@@ -1,4 +1,7 @@
-"""A drive taken through a filter over the nine states, epoch by epoch, in the order of Al Assaad 2020."""
+"""A drive taken through a filter over the nine states, epoch by epoch, in the order of Al Assaad 2020.
+
+Whatever follows ``EpochFilter`` is an engine. Which one, and what becomes of its track, is the method's business.
+"""
 
 from __future__ import annotations
 

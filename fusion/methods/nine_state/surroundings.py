@@ -17,7 +17,9 @@ from fusion.terrain.dem import Dem
 from fusion.terrain.windows import WINDOWS, HeightModel
 from fusion.types import Floats
 
-_LEAST_OFFSET_M = 10.0
+_LEAST_OFFSET_M = (
+    10.0  # a smaller difference is error, not another datum: geoids lie tens of metres off the ellipsoid
+)
 
 
 class Roads:

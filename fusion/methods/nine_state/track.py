@@ -1,4 +1,7 @@
-"""Collecting a filter's epochs, as a track and as figures about the run."""
+"""What a filter said at each epoch of a drive, collected: as a track, and as figures about the run.
+
+Plain arrays, which compiled loops fill as well. No slope is drawn here.
+"""
 
 from __future__ import annotations
 

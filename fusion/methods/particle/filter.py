@@ -1,4 +1,7 @@
-"""The particle filter of Al Assaad 2020 at one epoch after another, on the compiled cloud."""
+"""The particle filter of Al Assaad 2020 at one epoch after another, on the compiled cloud.
+
+Two passes over all particles make an epoch: ``sense_pass``, and after the map match ``locate_pass``.
+"""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ from fusion.compiled import compiled
 from fusion.methods.nine_state.motion import STATES, X, Y, Z
 from fusion.types import Floats
 
-BLOCK = 2048  # particles: 99 kB a chunk; `benchmarks/particle_speed.py` shows what it does to the time
+# Particles in a chunk of 99 kB; `benchmarks/particle_speed.py --profile N` shows the time of the loops over one.
+BLOCK = 2048
 ROW = BLOCK + 16  # rows that lie a power of two apart would share few places in the cache
 LOGW, TURN, PITCH = STATES, STATES + 1, STATES + 2
 ROWS = STATES + 3

@@ -33,7 +33,9 @@ from fusion.types import DriveLog, Progress
 # numba's portable threading layer aborts the process when two threads enter parallel loops at once.
 _PARALLEL = threading.Lock()
 
-_PARTICLES_PER_THREAD = 10_000
+_PARTICLES_PER_THREAD = (
+    10_000  # at least; `benchmarks/particle_speed.py` shows the time by number of particles
+)
 
 _WINDOWS = {"ch2": "tin", "ch3": "adjacent"}
 
