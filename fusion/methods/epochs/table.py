@@ -73,15 +73,14 @@ class Epochs:
         return np.isfinite(self.x_m)
 
     def take(self, keep: NDArray[np.bool_]) -> Epochs:
-        """The epochs selected by a mask."""
-        return Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
+        """The epochs selected by a mask; a restart among those left out counts at the next one that is kept."""
+        stretch = np.cumsum(self.restart)[keep]
+        kept = Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
+        return replace(kept, restart=np.diff(stretch, prepend=-1) > 0)
 
     def with_fix(self) -> Epochs:
-        """The epochs that have a position; a restart between two of them is not lost."""
-        keep = self.has_gnss
-        stretch = np.cumsum(self.restart)[keep]
-        found = self.take(keep)
-        return replace(found, restart=np.diff(stretch, prepend=-1) > 0)
+        """The epochs that have a position."""
+        return self.take(self.has_gnss)
 
 
 def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1.0) -> Epochs:

@@ -123,8 +123,7 @@ def without_waiting(epochs: Epochs) -> Epochs:
     usual = _USUAL_STEPS * float(np.median(np.diff(fixed)))
     after = np.clip(np.searchsorted(fixed, epochs.time_s), 1, len(fixed) - 1)
     keep = epochs.has_gnss | (fixed[after] - fixed[after - 1] > usual)
-    stretch = np.cumsum(epochs.restart)[keep]
-    return replace(epochs.take(keep), restart=np.diff(stretch, prepend=-1) > 0)
+    return epochs.take(keep)
 
 
 class NearRoads(Roads):
