@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from fusion.methods.nine_state import motion as k
-from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap, Road
+from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
 from fusion.methods.particle.options import ParticleOptions
 from fusion.types import Floats
 
@@ -25,7 +25,7 @@ class NumpyCloud:
     def __init__(self, options: ParticleOptions) -> None:
         self.options = options
         self._rng = np.random.default_rng(options.seed)
-        self._q_per_s = k.noise_rates(options).ravel()
+        self._q_per_s = k.process_noise_rates(options)
 
     def restart(self, mean: Floats, sigma: Floats) -> None:
         n = self.options.particles

@@ -15,18 +15,16 @@ import numpy as np
 
 from fusion.filters.random import LANE_WORDS, fill_normals, seed_lanes
 from fusion.methods.nine_state import motion as k
-from fusion.methods.particle import cloud as first
-from fusion.methods.particle import estimate as second
 from fusion.methods.particle import filter as particle_filter
-from fusion.methods.particle import layout
+from fusion.methods.particle import layout, locate_pass, sense_pass
 
 # The compiled parts of an epoch by what the filter calls them.
 PARTS = {
-    "predict_and_weigh": "first pass: copies, motion, GNSS, acceleration, pitch",
-    "predicted_map": "sums of the first pass",
-    "weigh_and_estimate": "second pass: map, terrain, estimate",
-    "weights_summary": "sums of the second pass: weights",
-    "state_summary": "sums of the second pass: state",
+    "predict_and_weigh": "sensing pass: copies, motion, GNSS, acceleration, pitch",
+    "predicted_map": "sums of the sensing pass",
+    "weigh_and_estimate": "locating pass: map, terrain, estimate",
+    "weights_summary": "sums of the locating pass: weights",
+    "state_summary": "sums of the locating pass: state",
     "fill_weights": "weights for resampling",
 }
 
@@ -63,7 +61,7 @@ def loops(particles: int) -> dict[str, float]:
     blocks = layout.blocks_of(particles)
     source = np.zeros((blocks, layout.CHUNK), np.float32)
     mean = np.array([0.0, 9.0, 0.0, 0.0, -4.0, 0.0, 0.0, 0.3, 0.0])
-    first.draw_cloud(source, 0, 1, mean, np.full(9, 0.5))
+    sense_pass.draw_cloud(source, 0, 1, mean, np.full(9, 0.5))
     chunk = source[0].copy()
     rng = np.random.default_rng(0)
     weights = rng.exponential(size=particles) ** 2
@@ -72,7 +70,7 @@ def loops(particles: int) -> dict[str, float]:
     seed_lanes(0, 1, 0, lanes)
     fill_normals(lanes, normals)
     still, top = np.float32(0), np.float32(0)
-    draws = first._importance_density(np.full(9, 0.1), np.zeros(9), np.ones(9), np.zeros(9), True)
+    draws = sense_pass._importance_density(np.full(9, 0.1), np.zeros(9), np.ones(9), np.zeros(9), True)
     draws[:, layout.D_GAIN] = 0.0  # what is repeated here must not wear the cloud out
     axis, logw, out = chunk[: 3 * layout.ROW], chunk[layout.LOGW * layout.ROW :], np.empty(n)
     row_a, row_b = np.zeros(layout.A_COLUMNS), np.zeros(layout.B_COLUMNS)
@@ -80,14 +78,14 @@ def loops(particles: int) -> dict[str, float]:
     moving = (axis, logw, normals * 0, n, still, still, still, draws[:3] * 0)
     calls: dict[str, tuple[int, Callable[..., object], tuple[object, ...]]] = {
         "nine normals": (9, fill_normals, (lanes, normals[:n])),
-        "copies of ancestors": (1, first._inherit, (source.reshape(-1), ancestors, chunk)),
-        "motion, GNSS, acceleration": (3, first._move_axis, moving),
-        "heading, pitch": (1, first._weigh_pitch, (chunk, n, -0.4, 0.0, 0.0, 0.0)),
-        "exp, moments for the map": (1, first._map_moments, (chunk, n, top, row_a)),
-        "map, terrain": (1, second._weigh_road, ground),
-        "exp, moments of attitude": (1, second._attitude_moments, (chunk, n, top, row_b)),
-        "exp, moments of the state": (1, second._state_moments, (chunk, n, top, row_b)),
-        "exp, weights": (1, second._fill_block, (logw, top, np.float32(1), out)),
+        "copies of ancestors": (1, sense_pass._inherit, (source.reshape(-1), ancestors, chunk)),
+        "motion, GNSS, acceleration": (3, sense_pass._move_axis, moving),
+        "heading, pitch": (1, sense_pass._weigh_pitch, (chunk, n, -0.4, 0.0, 0.0, 0.0)),
+        "exp, moments for the map": (1, sense_pass._map_moments, (chunk, n, top, row_a)),
+        "map, terrain": (1, locate_pass._weigh_road, ground),
+        "exp, moments of attitude": (1, locate_pass._attitude_moments, (chunk, n, top, row_b)),
+        "exp, moments of the state": (1, locate_pass._state_moments, (chunk, n, top, row_b)),
+        "exp, weights": (1, locate_pass._fill_block, (logw, top, np.float32(1), out)),
     }
     return {name: 1e9 / n * times * _fastest(call, args) for name, (times, call, args) in calls.items()}
 
@@ -127,6 +125,6 @@ def bytes_per_particle() -> int:
     copied = 2 * single * states  # read at the ancestor's place, written at the new one
     passed = single * (
         rows + rows + 1
-    )  # written by the first pass, read by the second, which writes log weights
+    )  # written by the sensing pass, read by the locating one, which writes log weights
     drawn = 8 * 10  # weights, their ends, the sorted points, ancestors: each written and read, sums twice
     return copied + passed + drawn

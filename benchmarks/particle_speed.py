@@ -36,7 +36,7 @@ import particle_profile
 from particle_numpy import NumpyCloud
 
 from fusion.formats import read_log
-from fusion.methods.nine_state.filter import EpochFilter
+from fusion.methods.nine_state.protocol import EpochFilter
 from fusion.methods.nine_state.run import DriveRun
 from fusion.methods.particle.filter import ParticleCloud
 from fusion.methods.particle.method import prepare, threads_for

@@ -15,11 +15,10 @@ from scenes.calais import Interchange, calais_drive, make_interchange
 
 from fusion.formats import read_log
 from fusion.frames import wrap_angle
-from fusion.methods import METHODS
+from fusion.methods import METHODS, ukf_dem
 from fusion.methods.base import DriveResult
 from fusion.methods.nine_state.motion import AX, VX
 from fusion.methods.particle import method as particle
-from fusion.methods.ukf_dem import method as ukf_dem
 from fusion.pipeline import parse_options
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.drive import SimulatedDrive

@@ -18,10 +18,10 @@ Model = Callable[[Floats], Floats]
 
 
 def predict(
-    mean: Floats, covariance: Floats, f: Model, jacobian: Model, noise: Floats
+    mean: Floats, covariance: Floats, f: Model, jacobian: Model, process_noise: Floats
 ) -> tuple[Floats, Floats]:
-    """f(x) and F P F' + Q, where F = ``jacobian(x)`` (n, n), ``f(x)`` (n,) and ``noise`` Q (n, n)."""
-    _, predicted = kalman.predict(mean, covariance, jacobian(mean), noise)
+    """f(x) and F P F' + Q, where F = ``jacobian(x)`` (n, n), ``f(x)`` (n,) and ``process_noise`` Q (n, n)."""
+    _, predicted = kalman.predict(mean, covariance, jacobian(mean), process_noise)
     return f(mean), predicted
 
 
@@ -31,11 +31,11 @@ def correct(
     measured: Floats,
     h: Model,
     jacobian: Model,
-    noise: Floats,
+    measurement_noise: Floats,
     subtract: Callable[[Floats, Floats], Floats] = np.subtract,
 ) -> tuple[Floats, Floats]:
-    """The Kalman correction by ``subtract(measured, h(x))`` (m,), with H = ``jacobian(x)`` (m, n), ``noise`` R (m, m).
+    """The Kalman correction by the innovation ``subtract(measured, h(x))`` (m,), with H = ``jacobian(x)`` (m, n).
 
-    ``subtract`` wraps what is an angle. The covariance has Joseph's form.
+    ``measurement_noise`` is R (m, m). ``subtract`` wraps what is an angle. The covariance has Joseph's form.
     """
-    return kalman.correct(mean, covariance, subtract(measured, h(mean)), jacobian(mean), noise)
+    return kalman.correct(mean, covariance, subtract(measured, h(mean)), jacobian(mean), measurement_noise)

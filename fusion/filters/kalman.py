@@ -1,7 +1,8 @@
 """The Kalman filter: Al Assaad 2020, (1.33) and (1.34); Saadaoui 2011, Algorithm 1.
 
 States are a mean x (n,) and a symmetric covariance P (n, n), both float64. The functions are compiled and may be
-called from Python and from compiled loops alike; they return new arrays, but for ``correct_scalar``.
+called from Python and from compiled loops alike; they return new arrays, but for ``correct_scalar``. ``extended`` puts
+a model on top of them.
 """
 
 from __future__ import annotations
@@ -13,45 +14,62 @@ from fusion.types import Floats
 
 
 @compiled
-def predict(mean: Floats, covariance: Floats, transition: Floats, noise: Floats) -> tuple[Floats, Floats]:
-    """F x and F P F' + Q, with ``transition`` F (n, n) and ``noise`` Q (n, n); the caller adds a known command."""
+def predict(
+    mean: Floats, covariance: Floats, transition: Floats, process_noise: Floats
+) -> tuple[Floats, Floats]:
+    """F x and F P F' + Q, with ``transition`` F (n, n) and ``process_noise`` Q (n, n).
+
+    The caller adds a known command.
+    """
     x, P, F = np.ascontiguousarray(mean), np.ascontiguousarray(covariance), np.ascontiguousarray(transition)
-    return F @ x, _symmetric(F @ P @ F.T + noise)
+    return F @ x, _symmetric(F @ P @ F.T + process_noise)
 
 
 @compiled
 def correct(
-    mean: Floats, covariance: Floats, residual: Floats, design: Floats, noise: Floats
+    mean: Floats, covariance: Floats, innovation: Floats, jacobian: Floats, measurement_noise: Floats
 ) -> tuple[Floats, Floats]:
     """x + K r and (I - K H) P (I - K H)' + K R K' with the gain K = P H' (H P H' + R)^-1.
 
-    ``residual`` r (m,) is z - H x, or z - h(x) wrapped where it is an angle; ``design`` H (m, n), ``noise`` R (m, m).
+    ``innovation`` r (m,) is z - H x, or z - h(x) wrapped where it is an angle; ``jacobian`` H (m, n) is the matrix of
+    the measurement, or its derivative; ``measurement_noise`` R (m, m).
+
     The thesis prints (I - K H) P, which is the same for this gain; Joseph's form stays symmetric and positive
     semi-definite in finite arithmetic too. Raises ``LinAlgError`` where H P H' + R is singular.
     """
-    P, r, H = np.ascontiguousarray(covariance), np.ascontiguousarray(residual), np.ascontiguousarray(design)
-    R = np.ascontiguousarray(noise)
+    P, r, H = (
+        np.ascontiguousarray(covariance),
+        np.ascontiguousarray(innovation),
+        np.ascontiguousarray(jacobian),
+    )
+    R = np.ascontiguousarray(measurement_noise)
     K = np.ascontiguousarray(np.linalg.solve(H @ P @ H.T + R, H @ P).T)
     A = np.eye(len(mean)) - K @ H
     return mean + K @ r, _symmetric(A @ P @ A.T + K @ R @ K.T)
 
 
 @compiled
-def normalised_square(covariance: Floats, residual: Floats, design: Floats, noise: Floats) -> float:
+def normalised_square(
+    covariance: Floats, innovation: Floats, jacobian: Floats, measurement_noise: Floats
+) -> float:
     """r' (H P H' + R)^-1 r: chi-square with m degrees of freedom where the filter's covariances are right.
 
     Shapes as for ``correct``. For gates, and for tests of consistency.
     """
-    P, r, H = np.ascontiguousarray(covariance), np.ascontiguousarray(residual), np.ascontiguousarray(design)
-    return float(r @ np.linalg.solve(H @ P @ H.T + noise, r))
+    P, r, H = (
+        np.ascontiguousarray(covariance),
+        np.ascontiguousarray(innovation),
+        np.ascontiguousarray(jacobian),
+    )
+    return float(r @ np.linalg.solve(H @ P @ H.T + measurement_noise, r))
 
 
 @compiled
-def correct_scalar(mean: Floats, covariance: Floats, residual: float, row: Floats, variance: float) -> None:
+def correct_scalar(mean: Floats, covariance: Floats, innovation: float, row: Floats, variance: float) -> None:
     """Correct ``mean`` (n,) and ``covariance`` (n, n) in place by one scalar measurement, in Joseph's form.
 
     For compiled loops, where matrices would cost more than the sums. Measurements with independent errors may be
-    taken one after another, each with the ``residual`` that it has against the mean as it stands by then.
+    taken one after another, each with the ``innovation`` that it has against the mean as it stands by then.
     ``row`` (n,) is the measurement's row of H, ``variance`` its positive variance.
     """
     n = len(mean)
@@ -65,7 +83,7 @@ def correct_scalar(mean: Floats, covariance: Floats, residual: float, row: Float
     # (I - k h') P (I - k h')' in two steps: multiplied out, a vague start would cost all digits.
     for a in range(n):
         gain = across[a] / total
-        mean[a] += gain * residual
+        mean[a] += gain * innovation
         for b in range(n):
             covariance[a, b] -= gain * across[b]
     for a in range(n):

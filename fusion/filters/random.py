@@ -21,7 +21,7 @@ from fusion.types import Floats
 Stream = NDArray[np.uint64]
 """Four words of state of one stream."""
 
-LANES = 64
+LANES = 64  # streams side by side: some vector registers full of 64-bit words
 LANE_WORDS = 8 * LANES
 Lanes = NDArray[np.uint64]
 """``LANE_WORDS`` words: four rows of state of ``LANES`` streams, then four rows for what they give in four steps."""
@@ -29,6 +29,7 @@ Lanes = NDArray[np.uint64]
 GROUP = 8 * LANES
 """Number of 32-bit draws in those four rows."""
 
+# SplitMix64: the step of its counter, and the factors of its finaliser.
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)

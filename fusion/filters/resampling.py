@@ -32,7 +32,7 @@ class Resampler(Protocol):
 
 RESAMPLERS: Registry[Resampler] = Registry("resampling scheme")
 
-_BLOCK = 4096
+_BLOCK = 4096  # weights that one thread takes at a time; draws are keyed by it, so another gives other draws
 _BELOW_ONE = 1.0 - 2.0**-53
 _ROUNDING = 1e-9  # relative; so much may be lost where an expected number of descendants should be whole
 

@@ -1,10 +1,14 @@
-"""Solving large sparse normal equations, with those covariances that a map needs and no others."""
+"""Solving large sparse normal equations, with those covariances that a map needs and no others.
+
+``NormalEquations`` is the whole of it for a caller; the compiled functions below are its steps. What the unknowns are,
+and who wrote the equations, is not known here. (``scipy`` loads its parts when they are first used, so importing this
+costs nothing.)
+"""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
+import scipy
 
 from fusion.compiled import compiled
 from fusion.types import Floats, Ints
@@ -19,12 +23,12 @@ class NormalEquations:
     definite.
     """
 
-    def __init__(self, matrix: sparse.csc_matrix, order: Ints | None = None) -> None:
+    def __init__(self, matrix: scipy.sparse.csc_matrix, order: Ints | None = None) -> None:
         matrix = matrix.tocsc()
         self.order = fill_reducing_order(matrix) if order is None else order
         self._place = np.empty_like(self.order)
         self._place[self.order] = np.arange(len(self.order))
-        upper = sparse.triu(matrix[self.order][:, self.order], format="csc")
+        upper = scipy.sparse.triu(matrix[self.order][:, self.order], format="csc")
         upper.sort_indices()
         columns = (upper.indptr.astype(np.int64), upper.indices.astype(np.int64), upper.data)
         # The pattern is found without looking at values: an entry that happens to be 0 belongs to it.
@@ -58,10 +62,10 @@ class NormalEquations:
         return self._inverse
 
 
-def fill_reducing_order(matrix: sparse.csc_matrix) -> Ints:
+def fill_reducing_order(matrix: scipy.sparse.csc_matrix) -> Ints:
     """An elimination order (n,) with little fill: minimum degree, as SuperLU finds it."""
     try:
-        factor = splu(
+        factor = scipy.sparse.linalg.splu(
             matrix,
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,

@@ -66,12 +66,15 @@ class Unscented:
         mean: Floats,
         covariance: Floats,
         f: PointsModel,
-        noise: Floats,
+        process_noise: Floats,
         subtract: Subtract = np.subtract,
     ) -> tuple[Floats, Floats]:
-        """Mean and covariance of f(x) + noise, of covariance Q (n, n); ``subtract`` gives differences of states."""
+        """Mean and covariance of f(x) + w, w of covariance ``process_noise`` Q (n, n).
+
+        ``subtract`` gives differences of states.
+        """
         centre, shift, differences = self._image(f(self.sigma_points(mean, covariance)), subtract)
-        return centre + shift, self._covariance(differences, shift) + noise
+        return centre + shift, self._covariance(differences, shift) + process_noise
 
     def correct(
         self,
@@ -79,10 +82,10 @@ class Unscented:
         covariance: Floats,
         measured: Floats,
         h: PointsModel,
-        noise: Floats,
+        measurement_noise: Floats,
         subtract: Subtract = np.subtract,
     ) -> tuple[Floats, Floats]:
-        """x + K (z - h) and the covariance after it; ``measured`` z (m,), ``noise`` R (m, m).
+        """x + K (z - h) and the covariance after it; ``measured`` z (m,), ``measurement_noise`` R (m, m).
 
         ``subtract`` gives differences of measurements. The printed P - K Pzz K' is summed as the covariance of
         what the gain leaves of each point, plus K R K', which is Joseph's form for sigma points.
@@ -91,9 +94,9 @@ class Unscented:
         centre, shift, differences = self._image(h(mean + offsets), subtract)
         weight = 0.5 / self._scale(len(mean))
         cross = weight * offsets.T @ differences
-        gain = np.linalg.solve(self._covariance(differences, shift) + noise, cross.T).T
+        gain = np.linalg.solve(self._covariance(differences, shift) + measurement_noise, cross.T).T
         left = self._covariance(offsets - differences @ gain.T, gain @ shift)
-        corrected = left + _symmetric(gain @ noise @ gain.T)
+        corrected = left + _symmetric(gain @ measurement_noise @ gain.T)
         return mean + gain @ subtract(measured, centre + shift), corrected
 
     def _scale(self, n: int) -> float:

@@ -1,13 +1,12 @@
 """The estimators, by name. A new one is one file with a class that follows ``Method``, and one line here."""
 
 from fusion.methods.base import METHODS
-from fusion.methods.baselines.dem import DemMethod
-from fusion.methods.baselines.raw import RawMethod
+from fusion.methods.baselines import DemMethod, RawMethod
 from fusion.methods.gps_ins.method import GPS_INS_METHODS
 from fusion.methods.odometer_map.method import OdometerMapMethod
 from fusion.methods.particle.method import ParticleMethod
 from fusion.methods.profile.method import ProfileMethod
-from fusion.methods.ukf_dem.method import UkfDemMethod
+from fusion.methods.ukf_dem import UkfDemMethod
 
 for _method in (
     ProfileMethod(),

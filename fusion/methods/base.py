@@ -1,4 +1,7 @@
-"""What a method is: the protocol, the registry, and options every method shares."""
+"""What a method is: the protocol, the registry that it goes by, what it returns, and what its options are made of.
+
+No method is known here: each is a file of its own, and ``fusion.methods`` puts them into the registry.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,65 @@ from fusion.types import DriveLog, Measurements, Progress, SegmentSlope, Track
 
 if TYPE_CHECKING:
     from fusion.network.pass_factor import PassFactor
+
+
+class Method(Protocol):
+    """A named estimator: a drive log and its surroundings in, a track and segment slopes out."""
+
+    @property
+    def name(self) -> str:
+        """The name in ``METHODS``."""
+        ...
+
+    @property
+    def source(self) -> str:
+        """Where the method comes from: author, year, chapter."""
+        ...
+
+    @property
+    def description(self) -> str:
+        """One sentence for a person who chooses."""
+        ...
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """What the log and its surroundings must have, in words."""
+        ...
+
+    @property
+    def options_model(self) -> type[Options]:
+        """The options, each with its unit, range and default."""
+        ...
+
+    def estimate(
+        self, log: DriveLog, network: RoadNetwork, dem: Dem | None, options: Any, progress: Progress
+    ) -> DriveResult:
+        """Estimate the slopes of the segments that were driven.
+
+        ``options`` is an instance of ``options_model``. The result depends on the arguments alone: the same
+        log, roads, terrain and options give the same numbers on any number of threads. Raises
+        ``MissingSensorError`` where the log lacks what the method needs, ``NoMatchError`` where no epoch
+        comes near a road.
+        """
+        ...
+
+
+METHODS: Registry[Method] = Registry("method")
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """Everything a method says about a drive. ``report`` is JSON-serialisable.
+
+    ``factors``: what the drive contributes to the network adjustment, one a pass; empty for methods that give only
+    slopes. ``measurements``: what the estimate is drawn over, where the method offers it.
+    """
+
+    track: Track
+    slopes: tuple[SegmentSlope, ...]
+    report: dict[str, Any]
+    factors: tuple[PassFactor, ...] = ()
+    measurements: Measurements | None = None
 
 
 class Options(BaseModel):
@@ -81,62 +143,3 @@ def _allowed(schema: dict[str, Any]) -> str:
     parts = [f"≥ {low:g}" if low is not None else "", f"> {above:g}" if above is not None else ""]
     parts += [f"≤ {high:.10g}" if high is not None else "", f"< {below:g}" if below is not None else ""]
     return ", ".join(part for part in parts if part)
-
-
-class Method(Protocol):
-    """A named estimator: a drive log and its surroundings in, a track and segment slopes out."""
-
-    @property
-    def name(self) -> str:
-        """The name in ``METHODS``."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """Where the method comes from: author, year, chapter."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """One sentence for a person who chooses."""
-        ...
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """What the log and its surroundings must have, in words."""
-        ...
-
-    @property
-    def options_model(self) -> type[Options]:
-        """The options, each with its unit, range and default."""
-        ...
-
-    def estimate(
-        self, log: DriveLog, network: RoadNetwork, dem: Dem | None, options: Any, progress: Progress
-    ) -> DriveResult:
-        """Estimate the slopes of the segments that were driven.
-
-        ``options`` is an instance of ``options_model``. The result depends on the arguments alone: the same
-        log, roads, terrain and options give the same numbers on any number of threads. Raises
-        ``MissingSensorError`` where the log lacks what the method needs, ``NoMatchError`` where no epoch
-        comes near a road.
-        """
-        ...
-
-
-METHODS: Registry[Method] = Registry("method")
-
-
-@dataclass(frozen=True)
-class DriveResult:
-    """Everything a method says about a drive. ``report`` is JSON-serialisable.
-
-    ``factors``: what the drive contributes to the network adjustment, one a pass; empty for methods that give only
-    slopes. ``measurements``: what the estimate is drawn over, where the method offers it.
-    """
-
-    track: Track
-    slopes: tuple[SegmentSlope, ...]
-    report: dict[str, Any]
-    factors: tuple[PassFactor, ...] = ()
-    measurements: Measurements | None = None

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from fusion.filters.sparse_inverse import NormalEquations
 from fusion.network.curve import interval_count, knot_length, slope_rows, smoothness_block
@@ -160,11 +159,11 @@ class _System:
         other.vector, other._parts = self.vector.copy(), list(self._parts)
         return other
 
-    def matrix(self) -> sparse.csc_matrix:
+    def matrix(self) -> scipy.sparse.csc_matrix:
         """The sum, with a weak hold on the level of each connected part, which no difference of heights fixes."""
         rows, columns, values = (np.concatenate(part) for part in zip(*self._parts, strict=True))
-        matrix = sparse.csc_matrix((values, (rows, columns)), shape=(self.size, self.size))
-        _, part = connected_components(matrix, directed=False)
+        matrix = scipy.sparse.csc_matrix((values, (rows, columns)), shape=(self.size, self.size))
+        _, part = scipy.sparse.csgraph.connected_components(matrix, directed=False)
         _, first = np.unique(part, return_index=True)
         # In place: a sum of sparse matrices would drop entries that happen to be 0, and their covariances with them.
         diagonal = matrix.diagonal()
@@ -217,7 +216,7 @@ def _solve(system: _System, roughness: _Roughness) -> tuple[NormalEquations, Flo
     return equations, solution
 
 
-def _factorised(matrix: sparse.csc_matrix, order: Ints | None) -> NormalEquations:
+def _factorised(matrix: scipy.sparse.csc_matrix, order: Ints | None) -> NormalEquations:
     """The factorised equations; rounding in long sums of factors may ask for a hair more."""
     try:
         return NormalEquations(matrix, order)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.filters import extended, kalman
-from fusion.methods.epochs.options import EpochOptions
-from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap, Road
 from fusion.methods.nine_state.measurements import SLOWEST_MPS
 from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
+from fusion.methods.nine_state.options import NineStateOptions
+from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
 from fusion.types import Floats
 
 Function = Callable[[Floats], Floats]
@@ -48,7 +48,7 @@ def lift(state: Floats, antenna_m: float) -> float:
 class ReferenceFilter:
     """The extended Kalman filter, or the Kalman filter where ``linear``: an ``EpochFilter``."""
 
-    options: EpochOptions
+    options: NineStateOptions
     linear: bool = False
 
     def restart(self, mean: Floats, sigma: Floats) -> None:

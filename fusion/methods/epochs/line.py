@@ -1,4 +1,8 @@
-"""From altitudes along a road to the slopes of its segments: the line of the thesis, with a sigma that is true."""
+"""From altitudes along a road to the slopes of its segments: the line of Al Assaad 2020, 3.4.3, with a true sigma.
+
+A filter's track goes in by ``line_slopes`` with what share of its spreads a slope keeps; ``segment_slopes`` takes any
+track with any covariance of its altitudes. Which method made the track is not known here.
+"""
 
 from __future__ import annotations
 
@@ -16,140 +20,6 @@ from fusion.types import Floats, SegmentSlope, Track
 Index = NDArray[np.intp]
 AltitudeCovariance = Callable[[Index], Floats]
 """Covariance (k, k), m^2, of the altitude errors at k epochs of a track."""
-
-
-@dataclass(frozen=True)
-class LineRule:
-    """When a pass over a segment yields a slope.
-
-    ``min_epochs``: altitudes on the segment at least (thesis 3.4.3: 3, its experiment 4). ``min_span_m``: distance
-    between the first and the last of them at least. ``max_break_s``: epochs further apart belong to two passes.
-    ``min_speed_mps``: epochs slower than this are left out, for a standing vehicle's estimates wander.
-    ``max_slope_percent``: a steeper line is no road and is dropped.
-    ``floor_percent``: what a line can't know about a segment (its curvature, where within it the epochs lie).
-    """
-
-    min_epochs: int = 4
-    min_span_m: float = 5.0
-    max_break_s: float = 5.0
-    min_speed_mps: float = 1.0
-    max_slope_percent: float = 50.0
-    floor_percent: float = 0.2
-
-
-def passes(track: Track, max_break_s: float) -> Iterator[tuple[int, Index]]:
-    """Yield (segment, epochs) for each uninterrupted stay on a segment.
-
-    A stay ends where the estimate begins anew, and after a break of ``max_break_s``, or of 2.5 times the usual time
-    between epochs where a log is sparser than that.
-    """
-    segment, step = track.segment, np.diff(track.time_s)
-    if not len(segment):
-        return
-    longest = max(max_break_s, 2.5 * float(np.median(step))) if len(step) else max_break_s
-    cuts = np.flatnonzero((np.diff(segment) != 0) | (step > longest) | track.starts[1:]) + 1
-    for part in np.split(np.arange(len(segment)), cuts):
-        if segment[part[0]] >= 0:
-            yield int(segment[part[0]]), part
-
-
-def line_weights(distance_m: Floats) -> Floats:
-    """Weights h with least-squares slope = h @ altitude, for at least two different distances."""
-    centred = distance_m - distance_m.mean()
-    weights: Floats = centred / float(centred @ centred)
-    return weights
-
-
-def segment_slopes(track: Track, covariance: AltitudeCovariance, rule: LineRule) -> tuple[SegmentSlope, ...]:
-    """The slope of every segment that the track stays on long enough, passes combined, ordered by segment.
-
-    ``distance_m`` grows from from_node to to_node, so the sign is right whichever way the vehicle went.
-    """
-    found: dict[int, list[tuple[float, float, Index]]] = {}
-    known = np.isfinite(track.alt_m) & np.isfinite(track.distance_m) & ~(track.speed_mps < rule.min_speed_mps)
-    for segment, epochs in passes(track, rule.max_break_s):
-        usable = epochs[known[epochs]]
-        if len(usable) < rule.min_epochs or np.ptp(track.distance_m[usable]) < rule.min_span_m:
-            continue
-        weights = line_weights(track.distance_m[usable])
-        slope = 100.0 * float(weights @ track.alt_m[usable])
-        if abs(slope) > rule.max_slope_percent:
-            continue
-        variance = float(weights @ covariance(usable) @ weights)
-        sigma = float(np.hypot(100.0 * np.sqrt(max(variance, 0.0)), rule.floor_percent))
-        found.setdefault(segment, []).append((slope, sigma, usable))
-    return tuple(_joined(segment, found[segment], track.time_s) for segment in sorted(found))
-
-
-def _joined(segment: int, parts: list[tuple[float, float, Index]], time_s: Floats) -> SegmentSlope:
-    observations = np.array([len(epochs) for _, _, epochs in parts])
-    total = combine(np.array([p[0] for p in parts]), np.array([p[1] for p in parts]), observations)
-    return SegmentSlope(
-        segment=segment,
-        slope_percent=total.slope_percent,
-        slope_sigma_percent=total.slope_sigma_percent,
-        observations=total.observations,
-        passes=len(parts),
-        first_time_s=float(time_s[parts[0][2][0]]),
-        last_time_s=float(time_s[parts[-1][2][-1]]),
-    )
-
-
-@dataclass(frozen=True)
-class AltitudeErrors:
-    """A model of how altitude errors hang together along a drive, per epoch of a track (arrays of shape (n,)).
-
-    White error ``white_m``; Gauss-Markov error ``correlated_m`` with ``correlation_s``; and the height that a
-    grade error ``grade`` (Gauss-Markov in time, ``grade_correlation_s``) adds up to along the way.
-    """
-
-    time_s: Floats
-    speed_mps: Floats
-    white_m: Floats
-    correlated_m: Floats
-    correlation_s: float
-    grade: Floats
-    grade_correlation_s: float
-
-    def covariance(self, epochs: Index) -> Floats:
-        """Covariance of the altitude errors at ``epochs``, shape (k, k), m^2."""
-        covariance: Floats = _altitude_covariance(
-            self.time_s[epochs],
-            self.white_m[epochs],
-            self.correlated_m[epochs],
-            self.correlation_s,
-            self.grade[epochs] * self.speed_mps[epochs],
-            self.grade_correlation_s,
-        )
-        return covariance
-
-
-@compiled
-def _altitude_covariance(
-    time_s: Floats, white: Floats, level: Floats, level_tau_s: float, rate: Floats, rate_tau_s: float
-) -> Floats:
-    """Covariance (k, k) of white noise, a Gauss-Markov height and the climb that a Gauss-Markov rate adds up to."""
-    n = len(time_s)
-    # Trapezoidal sums of the rate: the height error at epoch k is the sum of the climbs before it.
-    climbs = np.zeros((n, n))
-    for k in range(1, n):
-        half = 0.5 * (time_s[k] - time_s[k - 1])
-        for a in range(n):
-            lag = abs(time_s[a] - time_s[k - 1])
-            other = abs(time_s[a] - time_s[k])
-            step = rate[k - 1] * math.exp(-lag / rate_tau_s) + rate[k] * math.exp(-other / rate_tau_s)
-            climbs[a, k] = climbs[a, k - 1] + half * rate[a] * step
-    out = np.zeros((n, n))
-    for k in range(n):
-        for b in range(n):
-            if k:
-                half = 0.5 * (time_s[k] - time_s[k - 1])
-                out[k, b] = out[k - 1, b] + half * (climbs[k - 1, b] + climbs[k, b])
-    for a in range(n):
-        for b in range(n):
-            out[a, b] += level[a] * level[b] * math.exp(-abs(time_s[a] - time_s[b]) / level_tau_s)
-        out[a, a] += white[a] ** 2
-    return out
 
 
 @dataclass(frozen=True)
@@ -191,3 +61,137 @@ def line_slopes(
     )
     rule = LineRule(min_epochs=min_epochs, floor_percent=shares.floor_percent)
     return segment_slopes(track, errors.covariance, rule)
+
+
+@dataclass(frozen=True)
+class AltitudeErrors:
+    """A model of how altitude errors hang together along a drive, per epoch of a track (arrays of shape (n,)).
+
+    White error ``white_m``; Gauss-Markov error ``correlated_m`` with ``correlation_s``; and the height that a
+    grade error ``grade`` (Gauss-Markov in time, ``grade_correlation_s``) adds up to along the way.
+    """
+
+    time_s: Floats
+    speed_mps: Floats
+    white_m: Floats
+    correlated_m: Floats
+    correlation_s: float
+    grade: Floats
+    grade_correlation_s: float
+
+    def covariance(self, epochs: Index) -> Floats:
+        """Covariance of the altitude errors at ``epochs``, shape (k, k), m^2."""
+        covariance: Floats = _altitude_covariance(
+            self.time_s[epochs],
+            self.white_m[epochs],
+            self.correlated_m[epochs],
+            self.correlation_s,
+            self.grade[epochs] * self.speed_mps[epochs],
+            self.grade_correlation_s,
+        )
+        return covariance
+
+
+@dataclass(frozen=True)
+class LineRule:
+    """When a pass over a segment yields a slope.
+
+    ``min_epochs``: altitudes on the segment at least (thesis 3.4.3: 3, its experiment 4). ``min_span_m``: distance
+    between the first and the last of them at least. ``max_break_s``: epochs further apart belong to two passes.
+    ``min_speed_mps``: epochs slower than this are left out, for a standing vehicle's estimates wander.
+    ``max_slope_percent``: a steeper line is no road and is dropped.
+    ``floor_percent``: what a line can't know about a segment (its curvature, where within it the epochs lie).
+    """
+
+    min_epochs: int = 4
+    min_span_m: float = 5.0
+    max_break_s: float = 5.0
+    min_speed_mps: float = 1.0
+    max_slope_percent: float = 50.0
+    floor_percent: float = 0.2
+
+
+def segment_slopes(track: Track, covariance: AltitudeCovariance, rule: LineRule) -> tuple[SegmentSlope, ...]:
+    """The slope of every segment that the track stays on long enough, passes combined, ordered by segment.
+
+    ``distance_m`` grows from from_node to to_node, so the sign is right whichever way the vehicle went.
+    """
+    found: dict[int, list[tuple[float, float, Index]]] = {}
+    known = np.isfinite(track.alt_m) & np.isfinite(track.distance_m) & ~(track.speed_mps < rule.min_speed_mps)
+    for segment, epochs in passes(track, rule.max_break_s):
+        usable = epochs[known[epochs]]
+        if len(usable) < rule.min_epochs or np.ptp(track.distance_m[usable]) < rule.min_span_m:
+            continue
+        weights = line_weights(track.distance_m[usable])
+        slope = 100.0 * float(weights @ track.alt_m[usable])
+        if abs(slope) > rule.max_slope_percent:
+            continue
+        variance = float(weights @ covariance(usable) @ weights)
+        sigma = float(np.hypot(100.0 * np.sqrt(max(variance, 0.0)), rule.floor_percent))
+        found.setdefault(segment, []).append((slope, sigma, usable))
+    return tuple(_joined(segment, found[segment], track.time_s) for segment in sorted(found))
+
+
+def passes(track: Track, max_break_s: float) -> Iterator[tuple[int, Index]]:
+    """Yield (segment, epochs) for each uninterrupted stay on a segment.
+
+    A stay ends where the estimate begins anew, and after a break of ``max_break_s``, or of 2.5 times the usual time
+    between epochs where a log is sparser than that.
+    """
+    segment, step = track.segment, np.diff(track.time_s)
+    if not len(segment):
+        return
+    longest = max(max_break_s, 2.5 * float(np.median(step))) if len(step) else max_break_s
+    cuts = np.flatnonzero((np.diff(segment) != 0) | (step > longest) | track.starts[1:]) + 1
+    for part in np.split(np.arange(len(segment)), cuts):
+        if segment[part[0]] >= 0:
+            yield int(segment[part[0]]), part
+
+
+def line_weights(distance_m: Floats) -> Floats:
+    """Weights h with least-squares slope = h @ altitude, for at least two different distances."""
+    centred = distance_m - distance_m.mean()
+    weights: Floats = centred / float(centred @ centred)
+    return weights
+
+
+def _joined(segment: int, parts: list[tuple[float, float, Index]], time_s: Floats) -> SegmentSlope:
+    observations = np.array([len(epochs) for _, _, epochs in parts])
+    total = combine(np.array([p[0] for p in parts]), np.array([p[1] for p in parts]), observations)
+    return SegmentSlope(
+        segment=segment,
+        slope_percent=total.slope_percent,
+        slope_sigma_percent=total.slope_sigma_percent,
+        observations=total.observations,
+        passes=len(parts),
+        first_time_s=float(time_s[parts[0][2][0]]),
+        last_time_s=float(time_s[parts[-1][2][-1]]),
+    )
+
+
+@compiled
+def _altitude_covariance(
+    time_s: Floats, white: Floats, level: Floats, level_tau_s: float, rate: Floats, rate_tau_s: float
+) -> Floats:
+    """Covariance (k, k) of white noise, a Gauss-Markov height and the climb that a Gauss-Markov rate adds up to."""
+    n = len(time_s)
+    # Trapezoidal sums of the rate: the height error at epoch k is the sum of the climbs before it.
+    climbs = np.zeros((n, n))
+    for k in range(1, n):
+        half = 0.5 * (time_s[k] - time_s[k - 1])
+        for a in range(n):
+            lag = abs(time_s[a] - time_s[k - 1])
+            other = abs(time_s[a] - time_s[k])
+            step = rate[k - 1] * math.exp(-lag / rate_tau_s) + rate[k] * math.exp(-other / rate_tau_s)
+            climbs[a, k] = climbs[a, k - 1] + half * rate[a] * step
+    out = np.zeros((n, n))
+    for k in range(n):
+        for b in range(n):
+            if k:
+                half = 0.5 * (time_s[k] - time_s[k - 1])
+                out[k, b] = out[k - 1, b] + half * (climbs[k - 1, b] + climbs[k, b])
+    for a in range(n):
+        for b in range(n):
+            out[a, b] += level[a] * level[b] * math.exp(-abs(time_s[a] - time_s[b]) / level_tau_s)
+        out[a, a] += white[a] ** 2
+    return out

@@ -1,8 +1,8 @@
-"""A drive log laid on one clock for the filters that work epoch by epoch.
+"""A drive log laid on one clock for the methods that work epoch by epoch.
 
 The log's tables keep their own rates; here each epoch takes from every sensor what was measured around it,
 and NaN where nothing was. Epochs follow the GNSS fixes; in an outage they go on at the pace of the other
-sensors, so that a filter can bridge it.
+sensors, so that a filter can bridge it. No road, no terrain and no filter is known here.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ UNKNOWN_ALTITUDE_SIGMA_M = 5.0
 
 MAX_BRIDGED_S = 120.0
 """A hole in the whole recording longer than this starts the filter anew."""
+
+MAD_TO_SIGMA = 1.4826
+"""The median of absolute deviations of a Gaussian, times this, is its sigma."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +73,14 @@ class Epochs:
         return np.isfinite(self.x_m)
 
     def take(self, keep: NDArray[np.bool_]) -> Epochs:
-        """The epochs selected by a mask."""
-        return Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
+        """The epochs selected by a mask; a restart among those left out counts at the next one that is kept."""
+        stretch = np.cumsum(self.restart)[keep]
+        kept = Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
+        return replace(kept, restart=np.diff(stretch, prepend=-1) > 0)
 
     def with_fix(self) -> Epochs:
-        """The epochs that have a position; a restart between two of them is not lost."""
-        keep = self.has_gnss
-        stretch = np.cumsum(self.restart)[keep]
-        found = self.take(keep)
-        return replace(found, restart=np.diff(stretch, prepend=-1) > 0)
+        """The epochs that have a position."""
+        return self.take(self.has_gnss)
 
 
 def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1.0) -> Epochs:
@@ -135,7 +137,7 @@ def white_altitude_sigma(epochs: Epochs) -> float:
     usable = second[np.isfinite(second) & regular]
     if len(usable) < 5:
         return UNKNOWN_ALTITUDE_SIGMA_M
-    return float(max(1.4826 * np.median(np.abs(usable)) / np.sqrt(6), 0.01))
+    return float(max(MAD_TO_SIGMA * np.median(np.abs(usable)) / np.sqrt(6), 0.01))
 
 
 def _epoch_times(log: DriveLog, period_s: float) -> Floats:

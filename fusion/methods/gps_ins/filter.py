@@ -1,6 +1,7 @@
 """GPS positions fused with the speed and heading of an INS, epoch by epoch: Saadaoui 2011, chapter 4.
 
-Arrays in, arrays out: the methods and the benchmark of the thesis's experiments run the same code.
+Arrays in, arrays out: the methods and the benchmark of the thesis's experiments run the same code. It knows no log, no
+road and no height.
 """
 
 from __future__ import annotations

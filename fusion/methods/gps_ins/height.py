@@ -14,16 +14,18 @@ from numpy.typing import NDArray
 
 from fusion.filters import kalman
 from fusion.methods.epochs.levelling import MountPitch
-from fusion.methods.epochs.table import Epochs, white_altitude_sigma
+from fusion.methods.epochs.table import MAD_TO_SIGMA, Epochs, white_altitude_sigma
 from fusion.methods.gps_ins.options import GpsInsOptions
 from fusion.types import Floats
 
 _UNKNOWN_GRADE = 0.06  # spread of road grades, where nothing says how steep the road is
-_UNKNOWN_SPEED_MPS = 15.0
-_STANDING_CLIMB_MPS = 0.02
+_UNKNOWN_SPEED_MPS = (
+    15.0  # of a vehicle whose speed nothing says: a spread of its climb, with the grade above
+)
+_STANDING_CLIMB_MPS = 0.02  # one sigma of the climb of a vehicle that stands
 _START_SIGMA_M = 0.5  # the receiver's own datum is kept, slopes need no other
-_GATE_SIGMAS = 5.0
-_MIN_SCATTER = 20
+_GATE_SIGMAS = 5.0  # a height further off than this is left out
+_MIN_SCATTER = 20  # second differences of pitch from which its noise can be told
 
 _ONE = np.eye(1)
 
@@ -87,7 +89,9 @@ def _pitch_sigma(epochs: Epochs, moving: NDArray[np.bool_], options: GpsInsOptio
     """The sensor's stated accuracy and the body's motion; unstated, the scatter of the drive's own pitches."""
     second = np.diff(np.where(moving, epochs.pitch_rad, np.nan), 2)
     second = second[np.isfinite(second)]
-    scatter = 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6) if len(second) >= _MIN_SCATTER else 0.0
+    scatter = 0.0
+    if len(second) >= _MIN_SCATTER:
+        scatter = MAD_TO_SIGMA * float(np.median(np.abs(second))) / math.sqrt(6)
     stated = np.hypot(epochs.pitch_acc_rad, options.pitch_sigma_rad)
     return np.where(np.isfinite(stated), stated, max(scatter, options.pitch_sigma_rad))
 
@@ -178,8 +182,8 @@ def _measured(
 ) -> tuple[tuple[Floats, Floats], bool]:
     """Corrected by a height, and whether it was believed."""
     mean, covariance = moments
-    residual = float(readings.height_m[e]) - mean
+    innovation = float(readings.height_m[e]) - mean
     gate = _GATE_SIGMAS * math.hypot(float(readings.gate_m[e]), math.sqrt(covariance[0, 0]))
-    if abs(residual[0]) > gate:
+    if abs(innovation[0]) > gate:
         return moments, False
-    return kalman.correct(mean, covariance, residual, _ONE, _ONE * float(readings.sigma_m[e]) ** 2), True
+    return kalman.correct(mean, covariance, innovation, _ONE, _ONE * float(readings.sigma_m[e]) ** 2), True

@@ -1,7 +1,7 @@
 """Methods ``gps-ins-kf``, ``gps-ins-ekf`` and ``gps-ins-ukf``: Saadaoui 2011, chapter 4.
 
-GPS positions are fused with the speed and heading of an INS in the plane. Heights (``gps_ins_height``), roads and
-slopes are ours: the thesis has none of them.
+GPS positions are fused with the speed and heading of an INS in the plane. Heights (``height``), roads and slopes
+are ours: the thesis has none of them.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ import numpy as np
 
 from fusion.errors import MissingSensorError
 from fusion.methods.base import DriveResult, Options
-from fusion.methods.epochs.levelling import MountPitch, estimate_mount
+from fusion.methods.epochs.levelling import MountPitch, estimate_mount, mount_report
 from fusion.methods.epochs.line import ErrorShares, line_slopes
 from fusion.methods.epochs.table import Epochs, build_epochs
+from fusion.methods.epochs.terrain import quality_warnings
 from fusion.methods.gps_ins.height import (
     Climb,
     HeightReadings,
@@ -24,10 +25,9 @@ from fusion.methods.gps_ins.height import (
     gnss_heights,
     terrain_heights,
 )
+from fusion.methods.gps_ins.ins import NEED, Ins, read_ins
 from fusion.methods.gps_ins.options import ExtendedOptions, GpsInsOptions, KalmanOptions, UnscentedOptions
 from fusion.methods.gps_ins.plane import Plane, locate, settings_of
-from fusion.methods.gps_ins.signals import NEED, Ins, read_ins
-from fusion.methods.nine_state.surroundings import quality_warnings
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Progress, Track
@@ -172,7 +172,5 @@ def _report(
         "gated_heights": int(heights.gated.sum()),
         "outage_share": float(np.mean(~epochs.has_gnss)),
         "mean_nis": float(nis.mean()) if len(nis) else None,
-        "mount_pitch_deg": float(np.degrees(mount.angle_rad)) if mount.known else None,
-        "mount_pitch_sigma_deg": float(np.degrees(mount.sigma)) if mount.known else None,
-        "mount_pitch_source": mount.source,
+        **mount_report(mount),
     }

@@ -2,7 +2,7 @@
 
 The state is [x, y] while the heading is a command, else [x, y, heading]; metres in the local plane, the heading from
 east, anticlockwise. The heading is kept as an unwrapped angle, so that plain differences and means of it are right.
-Every measurement is linear in the state: rows of ``design``.
+Every measurement is linear in the state: rows of ``jacobian``.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class Model(Protocol):
         ...
 
     def correct(
-        self, mean: Floats, covariance: Floats, measured: Floats, design: Floats, noise: Floats
+        self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
     ) -> Moments:
-        """The moments after a measurement of ``design @ state``."""
+        """The moments after a measurement of ``jacobian @ state``."""
         ...
 
 
@@ -71,10 +71,10 @@ class KalmanModel:
         return mean + displacement(step, step.heading_rad), covariance
 
     def correct(
-        self, mean: Floats, covariance: Floats, measured: Floats, design: Floats, noise: Floats
+        self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
     ) -> Moments:
         """See ``Model.correct``."""
-        return kalman.correct(mean, covariance, measured - design @ mean, design, noise)
+        return kalman.correct(mean, covariance, measured - jacobian @ mean, jacobian, noise)
 
 
 @dataclass(frozen=True)
@@ -100,20 +100,20 @@ class ExtendedModel:
         return extended.predict(mean, covariance, f, jacobian, noise)
 
     def correct(
-        self, mean: Floats, covariance: Floats, measured: Floats, design: Floats, noise: Floats
+        self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
     ) -> Moments:
         """See ``Model.correct``."""
 
         def h(state: Floats) -> Floats:
-            return _floats(design @ state)
+            return _floats(jacobian @ state)
 
-        def jacobian(state: Floats) -> Floats:
-            return design
+        def derivative(state: Floats) -> Floats:
+            return jacobian
 
         def innovation(z: Floats, expected: Floats) -> Floats:
             return _floats(expected if self.printed_innovation else z - expected)
 
-        return extended.correct(mean, covariance, measured, h, jacobian, noise, subtract=innovation)
+        return extended.correct(mean, covariance, measured, h, derivative, noise, subtract=innovation)
 
     def _heading_column(self, step: Step, heading_rad: float) -> Floats:
         if self.printed_jacobian:
@@ -143,12 +143,12 @@ class UnscentedModel:
         return self.transform.predict(mean, covariance, f, noise)
 
     def correct(
-        self, mean: Floats, covariance: Floats, measured: Floats, design: Floats, noise: Floats
+        self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
     ) -> Moments:
         """See ``Model.correct``."""
 
         def h(points: Floats) -> Floats:
-            return _floats(points @ design.T)
+            return _floats(points @ jacobian.T)
 
         return self.transform.correct(mean, covariance, measured, h, noise)
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from fusion.methods.epochs.options import TerrainOptions
+from fusion.methods.epochs.terrain import TerrainOptions
 
 HeadingPolicy = Literal["command", "overwrite", "measurement"]
 

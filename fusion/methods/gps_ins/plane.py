@@ -1,4 +1,7 @@
-"""A drive in the plane: options to filter, estimate, heading, and the road under each epoch."""
+"""A drive in the plane: options to filter, estimate, heading, and the road under each epoch.
+
+The height stands beside it (``height``); the filter itself (``filter``) knows neither options nor roads.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from fusion.frames import wrap_angle
 from fusion.matching.points.mahalanobis import PointMatches, match_points
 from fusion.methods.epochs.table import Epochs
 from fusion.methods.gps_ins.filter import Drive, Filtered, Settings, chi_square_gate, run
+from fusion.methods.gps_ins.ins import Ins, build_drive
 from fusion.methods.gps_ins.models import HEADING, ExtendedModel, KalmanModel, Model, UnscentedModel
 from fusion.methods.gps_ins.options import (
     ExtendedOptions,
@@ -20,7 +24,6 @@ from fusion.methods.gps_ins.options import (
     KalmanOptions,
     UnscentedOptions,
 )
-from fusion.methods.gps_ins.signals import Ins, build_drive
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats
 

@@ -1,8 +1,8 @@
-"""Measurement functions of the nine-state model with their Jacobians, and what a Gaussian state says in their terms.
+"""Measurement functions of the nine states with their Jacobians, and what a Gaussian state says in their terms.
 
 Functions of a state (9,): heading atan2(vy, vx) of (7) and (2.14), pitch atan(vz / |v|) of (3.14), and the height
 z - H / cos(pitch) of the ground of (2.17). Near standstill angles have no derivative; below ``SLOWEST_MPS`` they are
-taken as if the vehicle moved that fast.
+taken as if the vehicle moved that fast. How sure a sensor is of what it measures is not known here.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import math
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.methods.nine_state.filter import Estimate, PredictedMap
 from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
+from fusion.methods.nine_state.protocol import Estimate, PredictedMap
 from fusion.types import Floats
 
-SLOWEST_MPS = 0.5
+SLOWEST_MPS = 0.5  # 1.8 km/h
 
 _STEEPEST = math.tan(STEEPEST_RAD)
 
 
 @compiled
-def heading_row(state: Floats) -> tuple[float, Floats]:
+def heading_measurement(state: Floats) -> tuple[float, Floats]:
     """Direction of travel, radians from east, and its derivative (9,)."""
     vx, vy = state[VX], state[VY]
     square = max(vx * vx + vy * vy, SLOWEST_MPS**2)
@@ -32,7 +32,7 @@ def heading_row(state: Floats) -> tuple[float, Floats]:
 
 
 @compiled
-def pitch_row(state: Floats) -> tuple[float, Floats]:
+def pitch_measurement(state: Floats) -> tuple[float, Floats]:
     """Pitch of the way travelled, radians, and its derivative (9,)."""
     vx, vy, vz = state[VX], state[VY], state[VZ]
     speed = math.hypot(vx, vy)
@@ -46,23 +46,14 @@ def pitch_row(state: Floats) -> tuple[float, Floats]:
 
 
 @compiled
-def ground_row(state: Floats, antenna_m: float) -> tuple[float, Floats]:
+def ground_measurement(state: Floats, antenna_m: float) -> tuple[float, Floats]:
     """Height of the road under an antenna ``antenna_m`` above it, metres, and its derivative (9,)."""
-    pitch, row = pitch_row(state)
+    pitch, row = pitch_measurement(state)
     steep = min(max(pitch, -STEEPEST_RAD), STEEPEST_RAD)
     lift = antenna_m / math.cos(steep)
     row *= -lift * math.tan(steep) if steep == pitch else 0.0
     row[Z] = 1.0
     return state[Z] - lift, row
-
-
-def map_rows(state: Floats) -> tuple[Floats, Floats]:
-    """(x, y, heading) and its Jacobian, shapes (3,) and (3, 9)."""
-    heading, row = heading_row(state)
-    design = np.zeros((3, STATES))
-    design[0, X] = design[1, Y] = 1.0
-    design[2] = row
-    return np.array([state[X], state[Y], heading]), design
 
 
 @compiled
@@ -83,7 +74,7 @@ def map_covariance(covariance: Floats, heading: Floats) -> Floats:
 @compiled
 def attitude_and_spreads(state: Floats, covariance: Floats) -> tuple[float, float, float, float]:
     """Pitch and its sigma, radians; sigma of the position in the plane and of the height, metres: to first order."""
-    pitch, row = pitch_row(state)
+    pitch, row = pitch_measurement(state)
     variance = 0.0
     for a in range(STATES):
         for b in range(STATES):
@@ -98,7 +89,7 @@ def attitude_and_spreads(state: Floats, covariance: Floats) -> tuple[float, floa
 
 def predicted_map(state: Floats, covariance: Floats) -> PredictedMap:
     """What a map match starts from, to first order."""
-    heading, row = heading_row(state)
+    heading, row = heading_measurement(state)
     return PredictedMap(float(state[X]), float(state[Y]), heading, map_covariance(covariance, row))
 
 

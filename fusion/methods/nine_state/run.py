@@ -1,4 +1,7 @@
-"""A drive taken through a filter over the nine states, epoch by epoch, in the order of Al Assaad 2020."""
+"""A drive taken through a filter over the nine states, epoch by epoch, in the order of Al Assaad 2020.
+
+Whatever follows ``EpochFilter`` is an engine. Which one, and what becomes of its track, is the method's business.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,10 @@ import math
 from dataclasses import dataclass, field
 
 from fusion.matching.points.mahalanobis import PointMatch
-from fusion.methods.epochs.levelling import MountPitch
-from fusion.methods.epochs.options import EpochOptions
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.filter import EpochFilter, Estimate, PredictedMap
 from fusion.methods.nine_state.motion import OUTLIERS_BEFORE_RESTART, VX, VY, fix_fits
+from fusion.methods.nine_state.options import NineStateOptions
+from fusion.methods.nine_state.protocol import EpochFilter, Estimate, PredictedMap
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.nine_state.surroundings import Roads, Terrain
 from fusion.methods.nine_state.track import EpochRows
@@ -30,7 +32,7 @@ class DriveRun:
     epochs: Epochs
     network: RoadNetwork
     engine: EpochFilter
-    options: EpochOptions
+    options: NineStateOptions
     sensors: Sensors
     terrain: Terrain | None = None
     map_in_outages_only: bool = False
@@ -129,12 +131,3 @@ class DriveRun:
     def cloud_report(self) -> dict[str, object]:
         """What a cloud of particles says besides."""
         return self.rows.cloud_report()
-
-
-def mount_report(mount: MountPitch) -> dict[str, object]:
-    """What is known of the tilt of the pitch sensor's mount."""
-    return {
-        "mount_pitch_deg": math.degrees(mount.angle_rad) if mount.known else None,
-        "mount_pitch_sigma_deg": math.degrees(mount.sigma) if mount.known else None,
-        "mount_pitch_source": mount.source,
-    }

@@ -1,4 +1,8 @@
-"""What the sensors say to a filter over the nine states at one epoch: values with their inverse variances."""
+"""What the sensors say to a filter over the nine states at one epoch: values with their inverse variances.
+
+The epochs of a drive meet the options here: stated accuracies count before those of the options, errors that hang
+together are thinned out. Roads and terrain are no sensors; they stand in ``surroundings``.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +14,20 @@ from typing import NamedTuple
 import numpy as np
 
 from fusion.methods.epochs.levelling import MountPitch
-from fusion.methods.epochs.options import EpochOptions, InertialOptions
 from fusion.methods.epochs.table import Epochs, white_altitude_sigma
-from fusion.methods.nine_state.filter import Measurement
 from fusion.methods.nine_state.motion import AX, AY, AZ, STATES, VX, VY, VZ, X, Y, Z, whitened
+from fusion.methods.nine_state.options import InertialOptions, NineStateOptions
+from fusion.methods.nine_state.protocol import Measurement
 from fusion.types import Floats
 
-_SHARPEST_DOPPLER_MPS = 0.02
+_SHARPEST_DOPPLER_MPS = 0.02  # a receiver that states less is not believed
 
-FIX_ROWS = (VX, X, VY, Y, VZ, Z)
+# Spreads of a new state. A vehicle of unknown velocity may go anywhere on the plane, but hardly up.
+_START_VELOCITY_SIGMA_MPS = np.array([8.0, 8.0, 0.5])  # east, north, up, where nothing measures it
+_LEAST_START_VELOCITY_SIGMA_MPS = 0.3  # where something does
+_START_ACCELERATION_SIGMA_MPS2 = np.array([0.5, 0.5, 0.1])
+
+GNSS_STATES = (VX, X, VY, Y, VZ, Z)
 """The states that the receiver measures."""
 
 
@@ -47,7 +56,7 @@ class Sensors:
     """
 
     epochs: Epochs
-    options: EpochOptions
+    options: NineStateOptions
     inertial: InertialOptions | None = None
     mount: MountPitch | None = None
 
@@ -98,7 +107,7 @@ class Sensors:
         if use_fix:
             var[Z] = whitened(var[Z], dt_s, o.gnss_correlation_s)
         else:
-            var[list(FIX_ROWS)] = np.inf
+            var[list(GNSS_STATES)] = np.inf
         if self.inertial is None or not (moving and c.pitch_var[e] < np.inf):
             return Measurement(c.z[e], 1.0 / var)
         body = whitened(self.inertial.pitch_sigma_rad**2, dt_s, self.inertial.pitch_correlation_s)
@@ -149,9 +158,9 @@ class Sensors:
         sigma[:, [X, Y]] = h_sigma[:, None]
         sigma[:, Z] = self.options.start_altitude_sigma_m
         known = np.isfinite(velocity)
-        # A vehicle of unknown velocity may go anywhere on the plane, but hardly up.
-        unknown = np.array([8.0, 8.0, 0.5])
         mean[:, [VX, VY, VZ]] = np.where(known, velocity, 0.0)
-        sigma[:, [VX, VY, VZ]] = np.where(known, np.maximum(spread, 0.3), unknown)
-        sigma[:, [AX, AY, AZ]] = 0.5, 0.5, 0.1
+        sigma[:, [VX, VY, VZ]] = np.where(
+            known, np.maximum(spread, _LEAST_START_VELOCITY_SIGMA_MPS), _START_VELOCITY_SIGMA_MPS
+        )
+        sigma[:, [AX, AY, AZ]] = _START_ACCELERATION_SIGMA_MPS2
         return mean, sigma

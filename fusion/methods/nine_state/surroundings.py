@@ -7,22 +7,25 @@ import math
 import numpy as np
 
 from fusion.matching.points.mahalanobis import PointMatch, nearest_mahalanobis
-from fusion.methods.epochs.options import EpochOptions, TerrainOptions
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.filter import PredictedMap
+from fusion.methods.epochs.terrain import TerrainOptions, quality_warnings
 from fusion.methods.nine_state.motion import SHORTEST_WAY_M, whitened
+from fusion.methods.nine_state.options import NineStateOptions
+from fusion.methods.nine_state.protocol import PredictedMap
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import WINDOWS, HeightModel
 from fusion.types import Floats
 
-_LEAST_OFFSET_M = 10.0
+_LEAST_OFFSET_M = (
+    10.0  # a smaller difference is error, not another datum: geoids lie tens of metres off the ellipsoid
+)
 
 
 class Roads:
     """Map matching of (2.27)-(2.31): candidates by Mahalanobis distance, accepted within the gate."""
 
-    def __init__(self, network: RoadNetwork, options: EpochOptions) -> None:
+    def __init__(self, network: RoadNetwork, options: NineStateOptions) -> None:
         self._network = network
         self._gate = options.match_gate
         self._noise: Floats = np.diag(
@@ -94,16 +97,6 @@ class Terrain:
         """Heights of the triangulated surface at places (n,), on the log's datum; NaN where unknown."""
         lon, lat = self._network.projection.to_lonlat(x_m, y_m)
         return self._dem.heights(lon, lat) + self.offset_m
-
-
-def quality_warnings(dem: Dem, options: TerrainOptions) -> list[str]:
-    """A threshold that some raster knows nothing of."""
-    if not options.dem_min_quality or not dem.without_quality:
-        return []
-    return [
-        f"{', '.join(dem.without_quality)}: no quality layer (..._num.tif) is known, so the option dem_min_quality has "
-        "no effect there. Put it beside the raster, or import both together."
-    ]
 
 
 def _datum_offset(epochs: Epochs, network: RoadNetwork, dem: Dem, antenna_m: float) -> float:

@@ -1,4 +1,7 @@
-"""Collecting a filter's epochs, as a track and as figures about the run."""
+"""What a filter said at each epoch of a drive, collected: as a track, and as figures about the run.
+
+Plain arrays, which compiled loops fill as well. No slope is drawn here.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,8 @@ from numpy.typing import NDArray
 
 from fusion.errors import MissingSensorError
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.filter import Estimate
 from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, X, Y, Z
+from fusion.methods.nine_state.protocol import Estimate
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints, Track
 

@@ -1,4 +1,7 @@
-"""The extended Kalman filter of Lahrech et al. 2005: GNSS position (9), wheels (10), map (11)-(12), in this order."""
+"""The extended Kalman filter of Lahrech et al. 2005: GNSS position (9), wheels (10), map (11)-(12), in this order.
+
+It corrects by whatever it is handed. Whether there is an outage, and which road was matched, is its caller's business.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +10,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap, Road, WheelReading
-from fusion.methods.nine_state.measurements import SLOWEST_MPS, gaussian_estimate, ground_row, predicted_map
-from fusion.methods.nine_state.motion import STATES, VX, VY, VZ, Z, whitened
-from fusion.methods.odometer_map.heading import RememberedHeading
-from fusion.methods.odometer_map.measurements import map_rows
-from fusion.methods.odometer_map.odometry import Odometry
+from fusion.methods.nine_state.measurements import (
+    SLOWEST_MPS,
+    gaussian_estimate,
+    ground_measurement,
+    heading_measurement,
+    predicted_map,
+)
+from fusion.methods.nine_state.motion import STATES, VX, VY, VZ, X, Y, Z, whitened
+from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap, Road, WheelReading
+from fusion.methods.odometer_map.odometry import Odometry, heading_axes
 from fusion.methods.odometer_map.options import OdometerMapOptions
-from fusion.methods.odometer_map.state import BEFORE, SCALE, StepState
+from fusion.methods.odometer_map.state import BEFORE, SCALE, RememberedHeading, StepState
 from fusion.types import Floats
 
-_CLIMB_S = 10.0  # grades hang together so long
+_CLIMB_S = 10.0  # grades hang together so long while driving
 
 
 class OdometerMapFilter:
-    """Implements ``EpochFilter``. It takes whatever it is handed; when wheels and map count is its caller's rule.
+    """Implements ``EpochFilter``; when wheels and map count is its caller's rule.
 
     ``counts`` says how many epochs each sensor corrected; ``open_loop`` are those with neither a fix nor a road, and
     ``blind`` those without a fix that lack turns, or any odometer.
@@ -56,8 +63,8 @@ class OdometerMapFilter:
         if dt_s is not None:
             self._state.widen(self._options, dt_s)
         if len(seen):
-            residual = measured.z[seen] - self._state.mean[seen]
-            self._state.correct(residual, np.eye(STATES)[seen], np.diag(1 / measured.inv_var[seen]))
+            innovation = measured.z[seen] - self._state.mean[seen]
+            self._state.correct(innovation, np.eye(STATES)[seen], np.diag(1 / measured.inv_var[seen]))
             self.counts["gnss"] += 1
         rotated = dt_s is not None and self._correct_by(measured.wheels, dt_s)
         self._state.narrow(wheels_read=rotated)
@@ -77,12 +84,12 @@ class OdometerMapFilter:
         if reading is not None and rotated:
             turned = reading.left_rad, reading.right_rad
             self._look_behind(self._odometry.way_m(*turned), mean[BEFORE])
-            rows = self._odometry.rotations(mean, dt_s, *turned, self._heading)
+            read = self._odometry.rotations(mean, dt_s, *turned, self._heading)
             self._heading = self._odometry.turned(self._heading, *turned)
             self.counts["wheels"] += 1
         elif reading is not None and math.isfinite(reading.speed_mps):
             self._heading = self._heading.after_way(reading.speed_mps * dt_s)
-            rows = self._odometry.speed(mean, reading.speed_mps, self._heading)
+            read = self._odometry.speed(mean, reading.speed_mps, self._heading)
             self.counts["speed"] += 1
             self.blind["turns"] += self._bridging
         else:
@@ -90,7 +97,7 @@ class OdometerMapFilter:
                 self._heading = self._heading.after_way(math.hypot(*mean[BEFORE]) * dt_s)
                 self.blind["everything"] += 1
             return False
-        self._state.correct(rows.residual, rows.design, rows.noise)
+        self._state.correct(read.innovation, read.jacobian, read.noise)
         return rotated
 
     def _look_behind(self, way_m: float, velocity: Floats) -> None:
@@ -118,14 +125,14 @@ class OdometerMapFilter:
     def _correct_by_map(self, road: Road, use_heading: bool) -> None:
         """(12)."""
         o = self._options
-        residual, design = map_rows(self._state.motion[0], road)
+        innovation, jacobian = road_measurement(self._state.motion[0], road)
         first = 1 if o.map_correction == "line" else 0
-        rows = slice(first, 3 if use_heading else 2)
+        used = slice(first, 3 if use_heading else 2)
         sigma = np.array([o.map_sigma_m, o.map_sigma_m, math.hypot(o.map_sigma_rad, self._bend_rad)])
-        self._state.correct(residual[rows], design[rows], np.diag(sigma[rows] ** 2))
+        self._state.correct(innovation[used], jacobian[used], np.diag(sigma[used] ** 2))
 
     def _correct_by_ground(self, ground_m: float, inv_var: float) -> None:
-        expected, row = ground_row(self._state.motion[0], self._options.antenna_height_m)
+        expected, row = ground_measurement(self._state.motion[0], self._options.antenna_height_m)
         self._state.correct(np.array([ground_m - expected]), row[None], np.array([[1 / inv_var]]))
 
     def _bound_climb(self, dt_s: float) -> None:
@@ -148,3 +155,17 @@ class OdometerMapFilter:
             estimate = replace(estimate, heading_rad=nose)
         self._course = estimate.heading_rad
         return estimate
+
+
+def road_measurement(state: Floats, road: Road) -> tuple[Floats, Floats]:
+    """Innovation (3,) by a matched road point, (6) and (7), and the Jacobian (3, 9) of what it is compared with.
+
+    The rows are turned into the road: position along it, position across it (to its left), direction.
+    """
+    heading, row = heading_measurement(state)
+    jacobian = np.zeros((3, STATES))
+    jacobian[:2, [X, Y]] = heading_axes(road[2])
+    jacobian[2] = row
+    away = np.array([road[0] - state[X], road[1] - state[Y]])
+    turn = math.remainder(road[2] - heading, 2 * math.pi)
+    return np.append(jacobian[:2, [X, Y]] @ away, turn), jacobian

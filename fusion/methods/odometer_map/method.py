@@ -7,25 +7,27 @@ that the filter takes it for wrong. Between the fixes of a slow receiver nothing
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from fusion.errors import MissingSensorError
+from fusion.matching.points.mahalanobis import PointMatch
 from fusion.methods.base import DriveResult
 from fusion.methods.epochs.line import ErrorShares, line_slopes
 from fusion.methods.epochs.table import Epochs, build_epochs
+from fusion.methods.nine_state.protocol import PredictedMap
 from fusion.methods.nine_state.run import DriveRun
-from fusion.methods.nine_state.surroundings import Terrain
+from fusion.methods.nine_state.surroundings import Roads, Terrain
 from fusion.methods.odometer_map.filter import OdometerMapFilter
 from fusion.methods.odometer_map.options import OdometerMapOptions
-from fusion.methods.odometer_map.roads import NearRoads
 from fusion.methods.odometer_map.wheels import WheelSensors, rotations_between, with_inertial_turns
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Progress, Track
+from fusion.types import DriveLog, Floats, Progress, Track
 
-_USUAL_STEPS = 1.5
+_USUAL_STEPS = 1.5  # of the time between fixes: the next one came in time, so none was due between
 
 # Fitted by likelihood to the errors of 3,000 slopes (three receiver classes on three real roads and the simulated town,
 # with and without outages); on other seeds of the same 96 % lie within 1.96 sigma. From positions alone a slope's
@@ -113,6 +115,66 @@ def prepare(
     return DriveRun(epochs, network, engine, options, sensors, terrain, paper, roads), engine
 
 
+def without_waiting(epochs: Epochs) -> Epochs:
+    """Without the epochs at which no fix was due, since the next one came in time."""
+    fixed = epochs.time_s[epochs.has_gnss]
+    if len(fixed) < 2:
+        return epochs
+    usual = _USUAL_STEPS * float(np.median(np.diff(fixed)))
+    after = np.clip(np.searchsorted(fixed, epochs.time_s), 1, len(fixed) - 1)
+    keep = epochs.has_gnss | (fixed[after] - fixed[after - 1] > usual)
+    return epochs.take(keep)
+
+
+class NearRoads(Roads):
+    """``Roads`` that answer while the position is known to ``match_within_m``: beyond it any road would do.
+
+    With ``map_step_m`` a match is one of the matched segment's points, so far apart, and its end (11).
+    """
+
+    def __init__(self, network: RoadNetwork, options: OdometerMapOptions) -> None:
+        super().__init__(network, options)
+        self._table, self._options = network, options
+
+    def match(self, predicted: PredictedMap, use_heading: bool) -> PointMatch | None:
+        """The road point of least Mahalanobis distance, or None where that is outside the gate."""
+        widest = float(np.linalg.eigvalsh(predicted.covariance[:2, :2])[-1])
+        if widest > self._options.match_within_m**2:
+            return None
+        exact = super().match(predicted, use_heading)
+        if exact is None or self._options.map_step_m is None:
+            return exact
+        return self._nearest_point(exact, predicted, use_heading)
+
+    def _nearest_point(
+        self, exact: PointMatch, predicted: PredictedMap, use_heading: bool
+    ) -> PointMatch | None:
+        along, x, y = self._points(exact.segment)
+        turn = math.remainder(exact.heading_rad - predicted.heading_rad, 2 * math.pi)
+        used = slice(0, 3 if use_heading else 2)
+        away = np.column_stack([x - predicted.x_m, y - predicted.y_m, np.full(len(x), turn)])[:, used]
+        o = self._options
+        noise = np.diag([o.map_sigma_m, o.map_sigma_m, o.map_sigma_rad]) ** 2
+        spread = (predicted.covariance + noise)[used, used]
+        square = np.sum(away * np.linalg.solve(spread, away.T).T, axis=1)
+        best = int(np.argmin(square))
+        d = math.sqrt(float(square[best]))
+        if d > o.match_gate:
+            return None
+        return replace(
+            exact, x_m=float(x[best]), y_m=float(y[best]), distance_m=float(along[best]), mahalanobis=d
+        )
+
+    def _points(self, segment: int) -> tuple[Floats, Floats, Floats]:
+        """Distances from from_node, x and y of a segment's points, metres."""
+        t, length = self._table, float(self._table.length_m[segment])
+        along = np.append(np.arange(0.0, length, self._options.map_step_m), length)
+        share = along / length if length > 0 else np.zeros(len(along))
+        x = t.x0[segment] + share * (t.x1[segment] - t.x0[segment])
+        y = t.y0[segment] + share * (t.y1[segment] - t.y0[segment])
+        return along, x, y
+
+
 def _for_slopes(run: DriveRun, track: Track, shares: ErrorShares) -> Track:
     """The track without the heights that nothing measured, and with the climb less sure while the altitude settles.
 
@@ -128,18 +190,6 @@ def _for_slopes(run: DriveRun, track: Track, shares: ErrorShares) -> Track:
         alt_m=np.where(measured, track.alt_m, np.nan),
         pitch_sigma_rad=np.hypot(track.pitch_sigma_rad, climb),
     )
-
-
-def without_waiting(epochs: Epochs) -> Epochs:
-    """Without the epochs at which no fix was due, since the next one came in time."""
-    fixed = epochs.time_s[epochs.has_gnss]
-    if len(fixed) < 2:
-        return epochs
-    usual = _USUAL_STEPS * float(np.median(np.diff(fixed)))
-    after = np.clip(np.searchsorted(fixed, epochs.time_s), 1, len(fixed) - 1)
-    keep = epochs.has_gnss | (fixed[after] - fixed[after - 1] > usual)
-    stretch = np.cumsum(epochs.restart)[keep]
-    return replace(epochs.take(keep), restart=np.diff(stretch, prepend=-1) > 0)
 
 
 def _own_report(run: DriveRun, engine: OdometerMapFilter, options: OdometerMapOptions) -> dict[str, object]:

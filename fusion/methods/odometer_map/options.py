@@ -8,14 +8,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from fusion.methods.base import Registered
-from fusion.methods.epochs.options import EpochOptions, TerrainOptions
+from fusion.methods.epochs.terrain import TerrainOptions
+from fusion.methods.nine_state.options import NineStateOptions
 from fusion.terrain.windows import WINDOWS
 
 CHI_SQUARE_3_95 = 7.815
 """95 % of a chi-square with three degrees of freedom lie below."""
 
 
-class OdometerMapOptions(TerrainOptions, EpochOptions):
+class OdometerMapOptions(TerrainOptions, NineStateOptions):
     """Lahrech et al. 2005. Values marked "paper" are printed there; the others were chosen on several drives."""
 
     policy: Literal["paper", "always"] = Field(

@@ -1,4 +1,7 @@
-"""From a log's cumulative wheel rotations to what each wheel turned between two epochs."""
+"""From a log's cumulative wheel rotations to what each wheel turned between two epochs, and to a filter's readings.
+
+Resets and gaps of the counters end here; what a rotation says about the motion is the filter's.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.filter import Measurement, WheelReading
+from fusion.methods.nine_state.protocol import Measurement, WheelReading
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.odometer_map.options import OdometerMapOptions
 from fusion.types import DriveLog, Floats
 
-_FASTEST_RADPS = 400.0
-_QUICKEST_RADPS2 = 35.0
+# What a counter may do from one sample to the next before it counts as begun anew.
+_FASTEST_RADPS = 400.0  # no wheel turns faster: 120 m/s on 0.3 m
+_QUICKEST_RADPS2 = 35.0  # nor gathers or loses speed quicker: 10 m/s2 on 0.3 m
 _JITTER_RAD = 0.7  # a tick of the coarsest counters, and some
-_LONGEST_STEPS = 2.5
+_LONGEST_STEPS = 2.5  # of the usual time between samples: after a longer one nothing is known
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""The particle filter of Al Assaad 2020 at one epoch after another, on the compiled cloud."""
+"""The particle filter of Al Assaad 2020 at one epoch after another, on the compiled cloud.
+
+Two passes over all particles make an epoch: ``sense_pass``, and after the map match ``locate_pass``.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,13 @@ import numpy as np
 
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
-from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap, Road
-from fusion.methods.nine_state.motion import STATES, VX, VY, X, Y, Z, half_square, noise_rates
+from fusion.methods.nine_state.motion import STATES, VX, VY, X, Y, Z, half_square, process_noise_rates
+from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
 from fusion.methods.particle import layout as k
-from fusion.methods.particle.cloud import draw_cloud, follow, predict_and_weigh
-from fusion.methods.particle.estimate import fill_weights, weigh_and_estimate
+from fusion.methods.particle.layout import predicted_map, state_summary, weights_summary
+from fusion.methods.particle.locate_pass import fill_weights, weigh_and_estimate
 from fusion.methods.particle.options import ParticleOptions
-from fusion.methods.particle.sums import predicted_map, state_summary, weights_summary
+from fusion.methods.particle.sense_pass import draw_cloud, follow, predict_and_weigh
 from fusion.types import Floats, Ints
 
 
@@ -37,7 +40,7 @@ class ParticleCloud:
         self._last: Estimate | None = None
         self._settle = 0.0
         self._ancestors = _NONE
-        self._q_per_s = noise_rates(o).ravel()
+        self._q_per_s = process_noise_rates(o)
         self._resample, self._trigger = RESAMPLERS[o.resampling], TRIGGERS[o.resampling_trigger]
         self._threshold = (
             self._trigger.default_threshold if o.trigger_threshold is None else o.trigger_threshold

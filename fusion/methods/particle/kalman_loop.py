@@ -1,4 +1,4 @@
-"""The Kalman filters of the particle method as one compiled loop over a drive.
+"""The Kalman filters of the particle method as one compiled loop over a drive, which ``kalman_run`` leads.
 
 Each epoch is taken as ``DriveRun`` takes it through an engine, in the order of the thesis, with the textbook's
 prediction and with corrections by one number after another (their errors are independent). What a filter of 9 states
@@ -17,10 +17,10 @@ from fusion.compiled import compiled
 from fusion.filters.kalman import correct_scalar, predict
 from fusion.methods.nine_state.measurements import (
     attitude_and_spreads,
-    ground_row,
-    heading_row,
+    ground_measurement,
+    heading_measurement,
     map_covariance,
-    pitch_row,
+    pitch_measurement,
 )
 from fusion.methods.nine_state.motion import (
     OUTLIERS_BEFORE_RESTART,
@@ -32,10 +32,10 @@ from fusion.methods.nine_state.motion import (
     Y,
     Z,
     fix_fits,
-    motion,
+    transition_matrix,
     whitened,
 )
-from fusion.methods.nine_state.sensors import FIX_ROWS, SensorColumns
+from fusion.methods.nine_state.sensors import GNSS_STATES, SensorColumns
 from fusion.methods.nine_state.track import EpochRows
 from fusion.roads.kernels import NOT_POSITIVE, SegmentGrid, nearest
 from fusion.types import Floats, Ints
@@ -59,20 +59,20 @@ class Drive(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """The options as numbers; ``noise`` (9,) are process variances per second. ``linear``: the Kalman filter."""
+    """The options as numbers; ``process_noise`` (9,) are variances per second. ``linear``: the Kalman filter."""
 
     linear: bool
     half_rate: float
-    noise: Floats
-    min_speed: float
-    gate: float
+    process_noise: Floats
+    min_speed_mps: float
+    match_gate: float
     antenna_m: float
     map_var_m2: float
     map_var_rad2: float
     gnss_correlation_s: float
-    pitch_var: float
+    pitch_var_rad2: float
     pitch_correlation_s: float
-    dem_var: float
+    dem_var_m2: float
     dem_correlation_m: float
 
 
@@ -162,17 +162,17 @@ def _sense(drive: Drive, sensors: SensorColumns, rules: Rules, now: Now, rows: E
         if not np.isfinite(speed):
             speed = math.hypot(now.mean[VX], now.mean[VY])
         use_fix = _plausible(drive, sensors, now, rows, e, dt)
-        F = motion(dt, rules.half_rate * dt * dt)
-        mean, covariance = predict(now.mean, now.covariance, F, np.diag(rules.noise * dt))
+        F = transition_matrix(dt, rules.half_rate * dt * dt)
+        mean, covariance = predict(now.mean, now.covariance, F, np.diag(rules.process_noise * dt))
         now.mean[:], now.covariance[:] = mean, covariance
     elif not np.isfinite(speed):
         speed = 0.0
-    now.flags[MOVING] = speed >= rules.min_speed
+    now.flags[MOVING] = speed >= rules.min_speed_mps
     now.place[WAY] = max(speed * dt, SHORTEST_WAY_M)
     _correct_states(sensors, rules, now, e, dt, use_fix)
     if now.flags[MOVING] == 1 and np.isfinite(sensors.pitch_var[e]) and not rules.linear:
-        pitch, row = pitch_row(now.mean)
-        body = whitened(rules.pitch_var, dt, rules.pitch_correlation_s)
+        pitch, row = pitch_measurement(now.mean)
+        body = whitened(rules.pitch_var_rad2, dt, rules.pitch_correlation_s)
         correct_scalar(now.mean, now.covariance, sensors.pitch[e] - pitch, row, sensors.pitch_var[e] + body)
 
 
@@ -196,7 +196,7 @@ def _correct_states(sensors: SensorColumns, rules: Rules, now: Now, e: int, dt: 
     unit = np.zeros(STATES)
     for state in range(STATES):
         variance = sensors.var[e, state]
-        if not np.isfinite(variance) or (not use_fix and state in FIX_ROWS):
+        if not np.isfinite(variance) or (not use_fix and state in GNSS_STATES):
             continue
         if state == Z:
             variance = whitened(variance, dt, rules.gnss_correlation_s)
@@ -208,7 +208,7 @@ def _correct_states(sensors: SensorColumns, rules: Rules, now: Now, e: int, dt: 
 @compiled
 def _match(grid: SegmentGrid, rules: Rules, now: Now) -> None:
     """The road point of (2.27)-(2.31) nearest to the prediction."""
-    heading, row = heading_row(now.mean)
+    heading, row = heading_measurement(now.mean)
     covariance = map_covariance(now.covariance, row)
     covariance[0, 0] += rules.map_var_m2
     covariance[1, 1] += rules.map_var_m2
@@ -216,7 +216,9 @@ def _match(grid: SegmentGrid, rules: Rules, now: Now) -> None:
     if now.flags[MOVING] == 0:
         heading = np.nan
     x, y = now.mean[X], now.mean[Y]
-    segment, road_x, road_y, _, direction, _, _ = nearest(grid, x, y, heading, covariance, rules.gate, -1.0)
+    segment, road_x, road_y, _, direction, _, _ = nearest(
+        grid, x, y, heading, covariance, rules.match_gate, -1.0
+    )
     if segment == NOT_POSITIVE:
         raise ValueError("the covariance of a match must be finite and positive definite")
     now.flags[SEGMENT] = segment
@@ -253,16 +255,16 @@ def _locate(rules: Rules, now: Now) -> None:
             correct_scalar(mean, covariance, at - mean[state], unit, rules.map_var_m2)
             unit[state] = 0.0
         if now.flags[MOVING] == 1 and not rules.linear:
-            heading, row = heading_row(mean)
+            heading, row = heading_measurement(mean)
             turn = _wrapped(now.place[ROAD_DIRECTION] - heading)
             correct_scalar(mean, covariance, turn, row, rules.map_var_rad2)
     if np.isfinite(now.place[GROUND]):
-        height, row = ground_row(mean, rules.antenna_m)
+        height, row = ground_measurement(mean, rules.antenna_m)
         if rules.linear:
             # Only what is linear may enter: the antenna's height above the ground is taken as known.
             row[:] = 0.0
             row[Z] = 1.0
-        variance = whitened(rules.dem_var, now.place[WAY], rules.dem_correlation_m)
+        variance = whitened(rules.dem_var_m2, now.place[WAY], rules.dem_correlation_m)
         correct_scalar(mean, covariance, now.place[GROUND] - height, row, variance)
 
 

@@ -17,14 +17,14 @@ import numpy as np
 
 from fusion.errors import MissingSensorError
 from fusion.methods.base import DriveResult
-from fusion.methods.epochs.levelling import MountPitch, estimate_mount
+from fusion.methods.epochs.levelling import MountPitch, estimate_mount, mount_report
 from fusion.methods.epochs.line import ErrorShares, line_slopes
 from fusion.methods.epochs.table import build_epochs
-from fusion.methods.nine_state.run import DriveRun, mount_report
+from fusion.methods.nine_state.run import DriveRun
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.nine_state.surroundings import Terrain
 from fusion.methods.particle.filter import ParticleCloud
-from fusion.methods.particle.kalman import KalmanRun
+from fusion.methods.particle.kalman_run import KalmanRun
 from fusion.methods.particle.options import ParticleOptions
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
@@ -33,7 +33,9 @@ from fusion.types import DriveLog, Progress
 # numba's portable threading layer aborts the process when two threads enter parallel loops at once.
 _PARALLEL = threading.Lock()
 
-_PARTICLES_PER_THREAD = 10_000
+_PARTICLES_PER_THREAD = (
+    10_000  # at least; `benchmarks/particle_speed.py` shows the time by number of particles
+)
 
 _WINDOWS = {"ch2": "tin", "ch3": "adjacent"}
 

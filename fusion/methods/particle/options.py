@@ -9,11 +9,12 @@ from pydantic import Field
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.methods.base import Registered
-from fusion.methods.epochs.options import EpochOptions, InertialOptions, TerrainOptions
+from fusion.methods.epochs.terrain import TerrainOptions
+from fusion.methods.nine_state.options import InertialOptions, NineStateOptions
 from fusion.terrain.windows import WINDOWS
 
 
-class ParticleOptions(TerrainOptions, InertialOptions, EpochOptions):
+class ParticleOptions(TerrainOptions, InertialOptions, NineStateOptions):
     """Al Assaad 2020. Values marked "thesis" are printed there; the others were chosen on several drives."""
 
     variant: Literal["ch2", "ch3"] = Field(

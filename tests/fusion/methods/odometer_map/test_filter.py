@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fusion.methods.nine_state.filter import Estimate, Measurement, WheelReading
 from fusion.methods.nine_state.motion import STATES, VX, VY, VZ, X, Y, Z
+from fusion.methods.nine_state.protocol import Estimate, Measurement, WheelReading
 from fusion.methods.odometer_map.filter import OdometerMapFilter
 from fusion.methods.odometer_map.options import OdometerMapOptions
 from fusion.methods.odometer_map.state import SCALE

@@ -1,4 +1,8 @@
-"""Compiled second pass of the particle method: map, terrain, what the estimate needs, weights for resampling."""
+"""Second of the two compiled passes over the particles of an epoch: weigh by map and terrain, and estimate.
+
+It is ``EpochFilter.locate``, after ``sense_pass`` and the map match between them. It gathers the moments of the
+estimate and, where the cloud is to be resampled, the weights. It moves no particle.
+"""
 
 from __future__ import annotations
 
@@ -41,6 +45,39 @@ from fusion.types import Floats
 _ZERO, _TINY = Single(0.0), Single(1e-12)
 _PI, _CIRCLE = Single(math.pi), Single(2.0 * math.pi)
 _STEEPEST, _QUARTERS_PER_RAD = Single(STEEPEST_RAD), Single(2.0 / math.pi)
+
+
+@compiled_parallel
+def weigh_and_estimate(
+    cloud: Singles,
+    n: int,
+    sums: Floats,
+    road: Floats,
+    inv_var_road: Floats,
+    ground: float,
+    inv_var_ground: float,
+    antenna: float,
+) -> None:
+    """The locating pass: map and terrain corrections; moments of the estimate, ``sums`` (blocks, B_COLUMNS).
+
+    ``road`` is the matched (x, y, heading) and ``ground`` the terrain's height under the vehicle, both from the
+    cloud's origin and heading, headings within a turn; inverse variances of 0 leave a correction out. ``antenna`` is
+    the antenna's height above the road.
+    """
+    for b in prange(cloud.shape[0]):
+        m = min(n - b * BLOCK, BLOCK)
+        top = _weigh_road(cloud[b], m, road, inv_var_road, ground, inv_var_ground, antenna)
+        _attitude_moments(cloud[b], m, top, sums[b])
+        _state_moments(cloud[b], m, top, sums[b])
+
+
+@compiled_parallel
+def fill_weights(cloud: Singles, top: float, total: float, weights: Floats) -> None:
+    """Fill ``weights`` (n,), which sum to 1; ``total`` is their sum on the scale of the greatest, e^top."""
+    n = len(weights)
+    for b in prange(cloud.shape[0]):
+        part = weights[b * BLOCK : min(n, (b + 1) * BLOCK)]
+        _fill_block(cloud[b, LOGW * ROW :], Single(top), Single(1.0 / total), part)
 
 
 @compiled_vector
@@ -126,40 +163,7 @@ def _state_moments(chunk: Singles, n: int, top: Single, row: Floats) -> None:
     row[B_XX], row[B_YY], row[B_ZZ] = s_xx, s_yy, s_zz
 
 
-@compiled_parallel
-def weigh_and_estimate(
-    cloud: Singles,
-    n: int,
-    sums: Floats,
-    road: Floats,
-    inv_var_road: Floats,
-    ground: float,
-    inv_var_ground: float,
-    antenna: float,
-) -> None:
-    """Second pass: map and terrain corrections; moments of the estimate, ``sums`` (blocks, B_COLUMNS).
-
-    ``road`` is the matched (x, y, heading) and ``ground`` the terrain's height under the vehicle, both from the
-    cloud's origin and heading, headings within a turn; inverse variances of 0 leave a correction out. ``antenna`` is
-    the antenna's height above the road.
-    """
-    for b in prange(cloud.shape[0]):
-        m = min(n - b * BLOCK, BLOCK)
-        top = _weigh_road(cloud[b], m, road, inv_var_road, ground, inv_var_ground, antenna)
-        _attitude_moments(cloud[b], m, top, sums[b])
-        _state_moments(cloud[b], m, top, sums[b])
-
-
 @compiled_vector
 def _fill_block(logw: Singles, top: Single, scale: Single, weights: Floats) -> None:
     for i in range(len(weights)):
         weights[i] = scale * exp_negative(logw[i] - top)
-
-
-@compiled_parallel
-def fill_weights(cloud: Singles, top: float, total: float, weights: Floats) -> None:
-    """Fill ``weights`` (n,), which sum to 1; ``total`` is their sum on the scale of the greatest, e^top."""
-    n = len(weights)
-    for b in prange(cloud.shape[0]):
-        part = weights[b * BLOCK : min(n, (b + 1) * BLOCK)]
-        _fill_block(cloud[b, LOGW * ROW :], Single(top), Single(1.0 / total), part)

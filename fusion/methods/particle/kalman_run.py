@@ -1,4 +1,7 @@
-"""A drive taken through the Kalman or the extended Kalman filter in one compiled loop."""
+"""A drive taken through the Kalman or the extended Kalman filter of the particle method: what leads the compiled loop.
+
+It hands the drive to ``kalman_loop`` in plain arrays, and answers what the loop stops for: the terrain under a segment.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fusion.methods.epochs.table import Epochs
-from fusion.methods.nine_state.motion import half_rate, noise_rates
+from fusion.methods.nine_state.motion import half_rate, process_noise_rates
 from fusion.methods.nine_state.sensors import Sensors
 from fusion.methods.nine_state.surroundings import Terrain
 from fusion.methods.nine_state.track import EpochRows
@@ -89,16 +92,16 @@ class KalmanRun:
         return Rules(
             linear=self.linear,
             half_rate=half_rate(o),
-            noise=noise_rates(o).ravel(),
-            min_speed=o.min_speed_mps,
-            gate=o.match_gate,
+            process_noise=process_noise_rates(o),
+            min_speed_mps=o.min_speed_mps,
+            match_gate=o.match_gate,
             antenna_m=o.antenna_height_m,
             map_var_m2=o.map_sigma_m**2,
             map_var_rad2=o.map_sigma_rad**2,
             gnss_correlation_s=o.gnss_correlation_s,
-            pitch_var=o.pitch_sigma_rad**2,
+            pitch_var_rad2=o.pitch_sigma_rad**2,
             pitch_correlation_s=o.pitch_correlation_s,
-            dem_var=o.dem_sigma_m**2,
+            dem_var_m2=o.dem_sigma_m**2,
             dem_correlation_m=o.dem_correlation_m,
         )
 

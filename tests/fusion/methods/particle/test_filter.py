@@ -10,7 +10,7 @@ import pytest
 
 from fusion.filters.triggers import effective_number, entropy
 from fusion.methods.nine_state import motion as k
-from fusion.methods.nine_state.filter import Estimate, Measurement, PredictedMap
+from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap
 from fusion.methods.particle import layout
 from fusion.methods.particle.filter import ParticleCloud
 from fusion.methods.particle.options import ParticleOptions

@@ -1,8 +1,9 @@
-"""Compiled first pass of the particle method: dynamics and sensors, one block of particles after another, in parallel.
+"""First of the two compiled passes over the particles of an epoch: predict, and weigh by the vehicle's own sensors.
 
-Two passes touch the cloud (``particle_layout``) at each epoch: this one predicts and weighs by GNSS, acceleration and
-pitch, and gathers what the map match needs; the second (``particle_estimate``) weighs by map and terrain, and gathers
-the estimate. Sums are kept per block and added in block order, so results do not depend on the number of threads.
+It is ``EpochFilter.sense``: dynamics, then GNSS, acceleration and pitch, and the moments that the map match starts
+from. ``locate_pass`` follows with the matched road and the terrain. Blocks of particles (``layout``) go through the
+whole pass in parallel, and sums are kept per block and added in block order, so results do not depend on the number of
+threads. It knows neither the map nor the terrain.
 """
 
 from __future__ import annotations
@@ -58,6 +59,20 @@ _Law = tuple[Single, Single, Single, Single, Single]
 
 
 @compiled
+def draw_cloud(cloud: Singles, seed: int, step: int, mean: Floats, sigma: Floats) -> None:
+    """A new cloud around ``mean`` (9,), from the origin, with deviations ``sigma`` (9,), all weights equal."""
+    lanes = np.empty(LANE_WORDS, np.uint64)
+    for b in range(cloud.shape[0]):
+        seed_lanes(seed, step, b, lanes)
+        for state in range(STATES):
+            row = cloud[b, state * ROW : (state + 1) * ROW]
+            fill_normals(lanes, row)
+            for i in range(len(row)):
+                row[i] = mean[state] + sigma[state] * row[i]
+    cloud[:, LOGW * ROW :] = _ZERO
+
+
+@compiled
 def follow(state: Floats, dt: float, origin: Floats, moved: Floats) -> None:
     """Bring ``origin`` (9,) to where ``state`` (9,) will be after ``dt``; ``moved`` (9,) receives how far that is.
 
@@ -67,6 +82,47 @@ def follow(state: Floats, dt: float, origin: Floats, moved: Floats) -> None:
     for position in range(2, STATES, 3):
         moved[position] = Single(state[position] + state[position - 1] * dt - origin[position])
         origin[position] += moved[position]
+
+
+@compiled_parallel
+def predict_and_weigh(
+    source: Singles,
+    ancestors: Ints,
+    cloud: Singles,
+    n: int,
+    sums: Floats,
+    seed: int,
+    step: int,
+    dt: float,
+    half_dt2: float,
+    moved: Floats,
+    origin: Floats,
+    q: Floats,
+    z: Floats,
+    inv_var: Floats,
+    optimal: bool,
+    heading: float,
+    pitch: float,
+    inv_var_pitch: float,
+    settle: float,
+) -> None:
+    """The sensing pass: dynamics, then GNSS, acceleration and pitch corrections; moments of (x, y, heading).
+
+    ``cloud`` of ``n`` particles is moved in place; with ``ancestors`` (n,) it is first filled with copies of those
+    particles of ``source``, with none (0,) it already holds them. ``origin`` (9,) is where positions count from and
+    ``moved`` (9,) how far it went since the last epoch; ``heading`` is the direction that headings count from. ``q``
+    (9,) are process variances over ``dt``, all 0 where nothing moves. ``settle`` is taken off all log weights.
+    ``sums`` (blocks, A_COLUMNS) receives the moments, with weights on the scale of each block's greatest.
+    """
+    draws = _importance_density(q, z, inv_var, origin, optimal)
+    for b in prange(cloud.shape[0]):
+        chunk, begin = cloud[b], b * BLOCK
+        m = min(n - begin, BLOCK)
+        if len(ancestors) > 0:
+            _inherit(source.reshape(source.size), ancestors[begin : begin + m], chunk)
+        _move(chunk, m, seed, step, b, dt, half_dt2, moved, draws)
+        top = _weigh_pitch(chunk, m, heading, pitch, inv_var_pitch, settle)
+        _map_moments(chunk, m, top, sums[b])
 
 
 @compiled
@@ -90,21 +146,37 @@ def _importance_density(q: Floats, z: Floats, inv_var: Floats, origin: Floats, o
 
 
 @compiled_vector
-def _law(draws: Singles, state: int) -> _Law:
-    """One row of ``draws`` as scalars: elements of an array would be loaded anew for each particle."""
-    row = draws[state]
-    return row[D_Z], row[D_GAIN], row[D_SPREAD], row[D_BEFORE], row[D_AFTER]
+def _inherit(source: Singles, ancestors: Ints, chunk: Singles) -> None:
+    """Fill a block with copies of its ancestors, all of the same weight: resampling, done where it is needed next."""
+    for i in range(min(len(ancestors), BLOCK)):
+        ancestor = np.uint64(ancestors[i])
+        place = ancestor // _BLOCK * _CHUNK + ancestor % _BLOCK
+        for state in range(STATES):
+            chunk[state * ROW + i] = source[place + np.uint64(state) * _ROW]
+    chunk[LOGW * ROW :] = _ZERO
 
 
 @compiled_vector
-def _draw(
-    mean: Single, normal: Single, z: Single, gain: Single, spread: Single, before: Single, after: Single
-) -> tuple[Single, Single]:
-    """A state drawn around its predicted ``mean``, and what its measurement takes off the log weight."""
-    away = z - mean
-    value = mean + gain * away + spread * normal
-    missed = z - value
-    return value, away * away * before + missed * missed * after
+def _move(
+    chunk: Singles,
+    n: int,
+    seed: int,
+    step: int,
+    block: int,
+    dt: float,
+    half_dt2: float,
+    moved: Floats,
+    draws: Singles,
+) -> None:
+    """The dynamics of a block, axis by axis, and the corrections by what measures the states themselves."""
+    lanes, normals = np.empty(LANE_WORDS, np.uint64), np.empty(3 * BLOCK, np.float32)
+    seed_lanes(seed, step, block, lanes)
+    logw = chunk[LOGW * ROW :]
+    for first in range(0, STATES, 3):
+        for kind in range(3):
+            fill_normals(lanes, normals[kind * BLOCK : kind * BLOCK + n])
+        rows, shift = chunk[first * ROW : (first + 3) * ROW], Single(moved[first + 2])
+        _move_axis(rows, logw, normals, n, Single(dt), Single(half_dt2), shift, draws[first : first + 3])
 
 
 @compiled_vector
@@ -133,26 +205,21 @@ def _move_axis(
 
 
 @compiled_vector
-def _move(
-    chunk: Singles,
-    n: int,
-    seed: int,
-    step: int,
-    block: int,
-    dt: float,
-    half_dt2: float,
-    moved: Floats,
-    draws: Singles,
-) -> None:
-    """The dynamics of a block, axis by axis, and the corrections by what measures the states themselves."""
-    lanes, normals = np.empty(LANE_WORDS, np.uint64), np.empty(3 * BLOCK, np.float32)
-    seed_lanes(seed, step, block, lanes)
-    logw = chunk[LOGW * ROW :]
-    for first in range(0, STATES, 3):
-        for kind in range(3):
-            fill_normals(lanes, normals[kind * BLOCK : kind * BLOCK + n])
-        rows, shift = chunk[first * ROW : (first + 3) * ROW], Single(moved[first + 2])
-        _move_axis(rows, logw, normals, n, Single(dt), Single(half_dt2), shift, draws[first : first + 3])
+def _law(draws: Singles, state: int) -> _Law:
+    """One row of ``draws`` as scalars: elements of an array would be loaded anew for each particle."""
+    row = draws[state]
+    return row[D_Z], row[D_GAIN], row[D_SPREAD], row[D_BEFORE], row[D_AFTER]
+
+
+@compiled_vector
+def _draw(
+    mean: Single, normal: Single, z: Single, gain: Single, spread: Single, before: Single, after: Single
+) -> tuple[Single, Single]:
+    """A state drawn around its predicted ``mean``, and what its measurement takes off the log weight."""
+    away = z - mean
+    value = mean + gain * away + spread * normal
+    missed = z - value
+    return value, away * away * before + missed * missed * after
 
 
 @compiled_vector
@@ -199,69 +266,3 @@ def _map_moments(chunk: Singles, n: int, top: Single, row: Floats) -> None:
     row[A_LOGMAX], row[A_W], row[A_X], row[A_Y], row[A_T] = top, s_w, s_x, s_y, s_t
     row[A_XX], row[A_YY], row[A_TT] = s_xx, s_yy, s_tt
     row[A_XY], row[A_XT], row[A_YT] = s_xy, s_xt, s_yt
-
-
-@compiled_vector
-def _inherit(source: Singles, ancestors: Ints, chunk: Singles) -> None:
-    """Fill a block with copies of its ancestors, all of the same weight: resampling, done where it is needed next."""
-    for i in range(min(len(ancestors), BLOCK)):
-        ancestor = np.uint64(ancestors[i])
-        place = ancestor // _BLOCK * _CHUNK + ancestor % _BLOCK
-        for state in range(STATES):
-            chunk[state * ROW + i] = source[place + np.uint64(state) * _ROW]
-    chunk[LOGW * ROW :] = _ZERO
-
-
-@compiled_parallel
-def predict_and_weigh(
-    source: Singles,
-    ancestors: Ints,
-    cloud: Singles,
-    n: int,
-    sums: Floats,
-    seed: int,
-    step: int,
-    dt: float,
-    half_dt2: float,
-    moved: Floats,
-    origin: Floats,
-    q: Floats,
-    z: Floats,
-    inv_var: Floats,
-    optimal: bool,
-    heading: float,
-    pitch: float,
-    inv_var_pitch: float,
-    settle: float,
-) -> None:
-    """First pass: dynamics, then GNSS, acceleration and pitch corrections; moments of (x, y, heading).
-
-    ``cloud`` of ``n`` particles is moved in place; with ``ancestors`` (n,) it is first filled with copies of those
-    particles of ``source``, with none (0,) it already holds them. ``origin`` (9,) is where positions count from and
-    ``moved`` (9,) how far it went since the last epoch; ``heading`` is the direction that headings count from. ``q``
-    (9,) are process variances over ``dt``, all 0 where nothing moves. ``settle`` is taken off all log weights.
-    ``sums`` (blocks, A_COLUMNS) receives the moments, with weights on the scale of each block's greatest.
-    """
-    draws = _importance_density(q, z, inv_var, origin, optimal)
-    for b in prange(cloud.shape[0]):
-        chunk, begin = cloud[b], b * BLOCK
-        m = min(n - begin, BLOCK)
-        if len(ancestors) > 0:
-            _inherit(source.reshape(source.size), ancestors[begin : begin + m], chunk)
-        _move(chunk, m, seed, step, b, dt, half_dt2, moved, draws)
-        top = _weigh_pitch(chunk, m, heading, pitch, inv_var_pitch, settle)
-        _map_moments(chunk, m, top, sums[b])
-
-
-@compiled
-def draw_cloud(cloud: Singles, seed: int, step: int, mean: Floats, sigma: Floats) -> None:
-    """A new cloud around ``mean`` (9,), from the origin, with deviations ``sigma`` (9,), all weights equal."""
-    lanes = np.empty(LANE_WORDS, np.uint64)
-    for b in range(cloud.shape[0]):
-        seed_lanes(seed, step, b, lanes)
-        for state in range(STATES):
-            row = cloud[b, state * ROW : (state + 1) * ROW]
-            fill_normals(lanes, row)
-            for i in range(len(row)):
-                row[i] = mean[state] + sigma[state] * row[i]
-    cloud[:, LOGW * ROW :] = _ZERO

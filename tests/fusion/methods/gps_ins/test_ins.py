@@ -11,9 +11,8 @@ import pytest
 from fusion.errors import MissingSensorError
 from fusion.frames import LocalProjection, wrap_angle
 from fusion.methods.epochs.table import Epochs, build_epochs
-from fusion.methods.gps_ins.heading import course, gyro_heading, yaw_heading
+from fusion.methods.gps_ins.ins import NEED, build_drive, course, gyro_heading, read_ins, yaw_heading
 from fusion.methods.gps_ins.options import ExtendedOptions
-from fusion.methods.gps_ins.signals import NEED, build_drive, read_ins
 from fusion.types import AngularRate, Attitude, DriveLog, GnssFix, GnssVelocity, Odometry
 
 PLANE = LocalProjection(8.0, 49.0)

@@ -10,7 +10,7 @@ import pytest
 from reference_filters import ReferenceFilter
 
 from fusion.methods.nine_state.run import DriveRun
-from fusion.methods.particle.kalman import KalmanRun
+from fusion.methods.particle.kalman_run import KalmanRun
 from fusion.methods.particle.method import prepare
 from fusion.methods.particle.options import ParticleOptions
 from fusion.pipeline import run_drive

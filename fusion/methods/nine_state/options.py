@@ -1,4 +1,7 @@
-"""Options that the filters over the nine states share, grouped by what they are about."""
+"""Options of every filter over the nine states, and those of the filters that take acceleration and pitch as well.
+
+Defaults here serve most; a method that needs others overrides the field. What belongs to one method stands with it.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,8 @@ from pydantic import Field
 from fusion.methods.base import Options
 
 
-class EpochOptions(Options):
-    """Motion, GNSS and map. Values marked "thesis" are Al Assaad's; the others were chosen on several drives."""
+class NineStateOptions(Options):
+    """Motion, GNSS and map. Values marked "thesis" are Al Assaad's (2020); the others were chosen on several drives."""
 
     period_s: float = Field(
         0.5,
@@ -94,24 +97,4 @@ class InertialOptions(Options):
         0.3,
         ge=0,
         description="Body motion hangs together this long, s: an epoch counts for dt / (dt + 2 tau).",
-    )
-
-
-class TerrainOptions(Options):
-    """The elevation model as a sensor; each method adds its own ``dem_window``."""
-
-    dem_sigma_m: float = Field(
-        6.0, gt=0, description="Accuracy of the terrain's height, m (thesis: 6 World 30, 12.6 ASTER)."
-    )
-    dem_correlation_m: float = Field(
-        300.0,
-        ge=0,
-        description="Terrain errors hang together this far, m: an epoch counts for dx / (dx + 2 L).",
-    )
-    dem_min_quality: int = Field(
-        0,
-        ge=0,
-        le=200,
-        description="Scenes that an ASTER post needs to count, by its quality layer (..._num.tif); 1 leaves out posts "
-        "filled from other sources, 0 keeps all.",
     )

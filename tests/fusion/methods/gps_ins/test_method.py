@@ -184,7 +184,7 @@ def test_a_wrongly_mounted_yaw_sensor_is_turned_unless_told_not_to(make_log: Mak
 def test_printed_forms_run_and_stay_finite(
     method: str, options: dict[str, object], gate: float, make_log: MakeLog, town: Town
 ) -> None:
-    """What they do to the estimate stands in test_gps_ins_printed; here they must not break a drive."""
+    """What they do to the estimate stands in test_models; here they must not break a drive."""
     log = make_log(1, duration_s=240)
     track = run(log, town, method, **options, gate_probability=gate).track
     assert np.isfinite(track.lat_deg).all()

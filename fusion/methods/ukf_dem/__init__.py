@@ -1,1 +1,0 @@
-"""Method ``ukf-dem``: an unscented filter over GNSS, road map and terrain."""
