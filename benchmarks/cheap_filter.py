@@ -39,7 +39,10 @@ from fusion.methods.particle.options import ParticleOptions
 from fusion.pipeline import ROAD_MARGIN_M
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import make_town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, no_progress
 
@@ -86,14 +89,14 @@ def roads_of(args: argparse.Namespace, folder: Path) -> Iterator[tuple[str, list
     if "town" not in args.roads.split(","):
         return
     town = make_town(seed=1)
-    town.write_dem(folder / "dem.tif")
+    write_dem(town, folder / "dem.tif")
     dem = Dem.open([folder / "dem.tif"])
     truth = dict(zip(keys_of(town.roads), town.true_slope_percent.tolist(), strict=True))
     outages = [tuple(map(float, cut.split(":"))) for cut in args.cut or []]
     drives = []
     for seed in range(args.seeds):
         path = folder / f"town_{seed}.csv"
-        town.drive(seed, duration_s=400, receiver=args.profile, outages=outages).write_csv(path)
+        write_csv(simulate_drive(town, seed, duration_s=400, receiver=args.profile, outages=outages), path)
         drives.append(drive_of(path, town.roads, dem, truth))
     yield "town", drives
 

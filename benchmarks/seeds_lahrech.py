@@ -27,6 +27,8 @@ from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
 from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Progress
 
@@ -130,9 +132,9 @@ class Scene:
     def make(cls, drive: SimulatedDrive, folder: Path) -> Scene:
         """Write the files of a drive into ``folder``, and read them back."""
         log, raster = folder / "drive.csv", folder / f"dem_{drive.town.seed}.tif"
-        drive.write_csv(log)
+        write_csv(drive, log)
         if not raster.exists():
-            drive.town.write_dem(raster)
+            write_dem(drive.town, raster)
         return cls(drive, read_log(log), Dem.open([raster]))
 
 

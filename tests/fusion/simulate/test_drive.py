@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 
 from fusion.errors import UnknownNameError
 from fusion.frames import acceleration_enu, wrap_angle
-from fusion.simulate.drive import SimulatedDrive
-from fusion.simulate.motion.motion import Driver
-from fusion.simulate.receiver.receiver import RECEIVERS, gauss_markov
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
+from fusion.simulate.motion.vehicle import Driver
+from fusion.simulate.receiver.profiles import RECEIVERS
+from fusion.simulate.receiver.readings import gauss_markov
 from fusion.simulate.scene.town import Town, make_town
+from fusion.simulate.write.csv_file import csv_columns
 
 RATE_HZ = 20.0
 
@@ -22,12 +24,12 @@ RATE_HZ = 20.0
 @pytest.fixture(scope="module", params=(3, 4))
 def perfect(request: pytest.FixtureRequest) -> SimulatedDrive:
     """A drive without any error, sampled densely."""
-    return make_town(2).drive(request.param, 300.0, receiver="perfect", rate_hz=RATE_HZ)
+    return simulate_drive(make_town(2), request.param, 300.0, receiver="perfect", rate_hz=RATE_HZ)
 
 
 @pytest.fixture(scope="module")
 def several(town: Town) -> list[SimulatedDrive]:
-    return [town.drive(100 + k, 300.0, rate_hz=10.0) for k in range(8)]
+    return [simulate_drive(town, 100 + k, 300.0, rate_hz=10.0) for k in range(8)]
 
 
 def integrate(rate: np.ndarray) -> np.ndarray:
@@ -86,7 +88,7 @@ def test_perfect_heights_are_the_roads_plus_the_antenna(perfect: SimulatedDrive)
 
 
 def test_antenna_height_is_an_option(town: Town) -> None:
-    low, high = (town.drive(9, 60.0, receiver="perfect", antenna_m=a) for a in (0.0, 2.0))
+    low, high = (simulate_drive(town, 9, 60.0, receiver="perfect", antenna_m=a) for a in (0.0, 2.0))
     np.testing.assert_allclose(high.gnss.alt_msl_m - low.gnss.alt_msl_m, 2.0)
 
 
@@ -153,7 +155,7 @@ def test_gauss_markov_starts_in_its_stationary_state() -> None:
 @pytest.mark.parametrize("receiver", ("m8", "m8u", "phone", "f9p"))
 def test_errors_have_the_size_that_the_profile_says(town: Town, receiver: str) -> None:
     p = RECEIVERS[receiver]
-    drives = [town.drive(300 + k, 120.0, receiver=receiver) for k in range(40)]
+    drives = [simulate_drive(town, 300 + k, 120.0, receiver=receiver) for k in range(40)]
     doppler = np.concatenate([d.gnss.velocity_ned_mps[:, 2] + d.truth.velocity_mps[:, 2] for d in drives])
     assert np.std(doppler) == pytest.approx(p.doppler_vertical_mps, rel=0.1)
     north = np.concatenate([d.gnss.velocity_ned_mps[:, 0] - d.truth.velocity_mps[:, 1] for d in drives])
@@ -196,7 +198,7 @@ def test_gravity_is_in_the_specific_force(several: list[SimulatedDrive]) -> None
 
 
 def test_gnss_is_lost_in_the_tunnel_and_in_outages(town: Town) -> None:
-    drive = town.drive(4, 900.0, outages=[(50.0, 20.0), (200.0, 5.0)], first=town.roads.tunnel)
+    drive = simulate_drive(town, 4, 900.0, outages=[(50.0, 20.0), (200.0, 5.0)], first=town.roads.tunnel)
     t = drive.elapsed_s
     cut = ((t >= 50) & (t < 70)) | ((t >= 200) & (t < 205))
     tunnel = town.roads.tunnel[drive.truth.segment]
@@ -206,7 +208,7 @@ def test_gnss_is_lost_in_the_tunnel_and_in_outages(town: Town) -> None:
 
 @pytest.mark.parametrize(("rate_hz", "count"), ((1.0, 60), (5.0, 300), (10.0, 600)))
 def test_epochs_come_at_the_rate_on_whole_milliseconds(town: Town, rate_hz: float, count: int) -> None:
-    drive = town.drive(2, 60.0, rate_hz=rate_hz)
+    drive = simulate_drive(town, 2, 60.0, rate_hz=rate_hz)
     assert len(drive.elapsed_s) in (count - 1, count)
     np.testing.assert_allclose(np.diff(drive.elapsed_s), 1 / rate_hz, atol=1e-9)
     np.testing.assert_allclose(drive.elapsed_s * 1000, np.round(drive.elapsed_s * 1000), atol=1e-6)
@@ -224,26 +226,29 @@ def test_passes_follow_the_route(several: list[SimulatedDrive]) -> None:
 
 def test_visits_count_what_was_driven(town: Town) -> None:
     visits = np.zeros(len(town.roads), np.int64)
-    drive = town.drive(6, 120.0, visits=visits)
+    drive = simulate_drive(town, 6, 120.0, visits=visits)
     expected = np.bincount([p.segment for p in drive.passes()], minlength=len(visits))
     np.testing.assert_array_equal(visits, expected)
 
 
 def test_a_seed_makes_one_drive(town: Town) -> None:
-    a, b, c = town.drive(11, 60.0), town.drive(11, 60.0), town.drive(12, 60.0)
-    for name, column in a.columns().items():
-        np.testing.assert_array_equal(column, b.columns()[name])
+    a, b, c = simulate_drive(town, 11, 60.0), simulate_drive(town, 11, 60.0), simulate_drive(town, 12, 60.0)
+    for name, column in csv_columns(a).items():
+        np.testing.assert_array_equal(column, csv_columns(b)[name])
     assert a.start_time_s != c.start_time_s
     assert not np.array_equal(a.gnss.alt_msl_m[:50], c.gnss.alt_msl_m[:50])
 
 
 def test_a_driver_may_be_held_back(town: Town) -> None:
-    plain, slow = town.drive(11, 200.0), town.drive(11, 200.0, driver=Driver(top_speed_mps=6.0))
+    plain, slow = (
+        simulate_drive(town, 11, 200.0),
+        simulate_drive(town, 11, 200.0, driver=Driver(top_speed_mps=6.0)),
+    )
     assert plain.truth.speed_mps.max() > 8
     assert slow.truth.speed_mps.max() < 6.1
     np.testing.assert_array_equal(slow.motion.route.segment, plain.motion.route.segment)
-    never = town.drive(11, 400.0, driver=Driver(stop_chance=0.0))
-    always = town.drive(11, 400.0, driver=Driver(stop_chance=1.0))
+    never = simulate_drive(town, 11, 400.0, driver=Driver(stop_chance=0.0))
+    always = simulate_drive(town, 11, 400.0, driver=Driver(stop_chance=1.0))
     halts = [int(np.sum(np.diff((d.truth.speed_mps < 0.2).astype(int)) == 1)) for d in (never, always)]
     assert halts[0] == 0
     assert halts[1] >= 3
@@ -251,13 +256,13 @@ def test_a_driver_may_be_held_back(town: Town) -> None:
 
 def test_bad_wishes_are_refused(town: Town) -> None:
     with pytest.raises(UnknownNameError, match="There is no receiver called 'x9'"):
-        town.drive(1, 60.0, receiver="x9")
+        simulate_drive(town, 1, 60.0, receiver="x9")
     with pytest.raises(ValueError, match="positive duration"):
-        town.drive(1, 0.0)
+        simulate_drive(town, 1, 0.0)
     with pytest.raises(ValueError, match="positive duration and rate"):
-        town.drive(1, 60.0, rate_hz=0.0)
+        simulate_drive(town, 1, 60.0, rate_hz=0.0)
     with pytest.raises(ValueError, match=r"a top speed, not 0\.0 m/s"):
-        town.drive(1, 60.0, driver=Driver(top_speed_mps=0.0))
+        simulate_drive(town, 1, 60.0, driver=Driver(top_speed_mps=0.0))
 
 
 def test_profiles_have_no_negative_figure() -> None:

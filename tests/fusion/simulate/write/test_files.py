@@ -15,10 +15,14 @@ import rasterio
 from fusion.formats import read_log
 from fusion.roads.osm import read_roads
 from fusion.simulate.bundle import Bundle, demo_drives, write_all
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.motion.routes import structures
 from fusion.simulate.scene.town import Town, make_town
 from fusion.simulate.write import dem_file
-from fusion.simulate.write.dem_file import ERROR_LENGTH_M, ERROR_SIGMA_M, dem_heights
+from fusion.simulate.write.csv_file import csv_columns, write_csv
+from fusion.simulate.write.dem_file import ERROR_LENGTH_M, ERROR_SIGMA_M, dem_heights, write_dem
+from fusion.simulate.write.osm_file import write_osm
+from fusion.simulate.write.truth_file import write_truth
 
 COLUMNS = {
     "time_s",
@@ -67,7 +71,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 @pytest.mark.parametrize("seed", (1, 2, 3))
 def test_the_map_reads_back_as_the_same_roads(tmp_path: Path, seed: int) -> None:
     town = make_town(seed)
-    town.write_osm(tmp_path / "town.osm")
+    write_osm(town, tmp_path / "town.osm")
     roads = read_roads(tmp_path / "town.osm")
     for column in roads.columns():
         np.testing.assert_array_equal(getattr(roads, column), getattr(town.roads, column), err_msg=column)
@@ -116,7 +120,7 @@ def test_posts_without_error_are_the_ground(
     tmp_path: Path, town: Town, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dem_file, "ERROR_SIGMA_M", 0.0)
-    town.write_dem(tmp_path / "dem.tif")
+    write_dem(town, tmp_path / "dem.tif")
     with rasterio.open(tmp_path / "dem.tif") as source:
         z = source.read(1, masked=True).astype(float).filled(np.nan)
         rows, columns = np.indices(z.shape)
@@ -144,8 +148,8 @@ def test_elevation_errors_are_correlated() -> None:
 
 
 def test_csv_has_columns_of_the_design_and_empty_cells_without_gnss(tmp_path: Path, town: Town) -> None:
-    drive = town.drive(5, 100.0, outages=[(30.0, 10.0)])
-    drive.write_csv(tmp_path / "drive.csv")
+    drive = simulate_drive(town, 5, 100.0, outages=[(30.0, 10.0)])
+    write_csv(drive, tmp_path / "drive.csv")
     rows = rows_of(tmp_path / "drive.csv")
     assert set(rows[0]) <= COLUMNS
     assert {"time_s", "lat_deg", "lon_deg", "alt_msl_m", "vel_d_mps", "acc_x_mps2", "pitch_deg"} <= set(
@@ -157,20 +161,20 @@ def test_csv_has_columns_of_the_design_and_empty_cells_without_gnss(tmp_path: Pa
         assert all(gnss) if has else not any(gnss)
         assert all(row[c] for c in ("time_s", "acc_x_mps2", "gyr_z_dps", "pitch_deg", "odo_speed_mps"))
     heights = [float(r["alt_msl_m"] or "nan") for r in rows]
-    np.testing.assert_allclose(heights, drive.columns()["alt_msl_m"], atol=1e-4)
+    np.testing.assert_allclose(heights, csv_columns(drive)["alt_msl_m"], atol=1e-4)
 
 
 def test_a_gzipped_csv_holds_the_same(tmp_path: Path, town: Town) -> None:
-    drive = town.drive(5, 30.0)
+    drive = simulate_drive(town, 5, 30.0)
     for name in ("a.csv", "b.csv.gz", "c.csv.gz"):
-        drive.write_csv(tmp_path / name)
+        write_csv(drive, tmp_path / name)
     packed = (tmp_path / "b.csv.gz").read_bytes()
     assert gzip.decompress(packed) == (tmp_path / "a.csv").read_bytes()
     assert packed == (tmp_path / "c.csv.gz").read_bytes()
 
 
 def test_truth_of_the_whole_town(tmp_path: Path, town: Town) -> None:
-    town.write_truth(tmp_path / "truth.csv")
+    write_truth(town, tmp_path / "truth.csv")
     rows = rows_of(tmp_path / "truth.csv")
     assert list(rows[0]) == [
         "osm_way_id",
@@ -220,7 +224,7 @@ def test_every_drive_of_a_bundle_is_read_back(bundle: Bundle) -> None:
         log = read_log(path)
         has = drive.has_gnss
         np.testing.assert_allclose(log.fix.time_s, drive.time_s[has], atol=1e-3)
-        np.testing.assert_allclose(log.fix.lat_deg, drive.columns()["lat_deg"][has], atol=1e-7)
+        np.testing.assert_allclose(log.fix.lat_deg, csv_columns(drive)["lat_deg"][has], atol=1e-7)
         np.testing.assert_allclose(log.fix.alt_msl_m, drive.gnss.alt_msl_m[has], atol=1e-3)
         assert len(log.force) >= len(drive.elapsed_s)
         assert np.median(log.force.acc_z_mps2) == pytest.approx(9.8, abs=0.7)
