@@ -28,6 +28,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from slope_accuracy import find_sequences, load_tool, make_log
@@ -44,10 +45,12 @@ from fusion.simulate.scene.town import make_town
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, no_progress
+from fusion.types import DriveLog, Floats, no_progress
 
 Key = tuple[int, int, int]
 Slopes = dict[Key, tuple[float, float]]
+Figures = dict[str, Any]
+"""One row of the table, by column: names as text, figures as numbers."""
 CLOUD = "sir"
 
 
@@ -92,7 +95,7 @@ def roads_of(args: argparse.Namespace, folder: Path) -> Iterator[tuple[str, list
     write_dem(town, folder / "dem.tif")
     dem = Dem.open([folder / "dem.tif"])
     truth = dict(zip(keys_of(town.roads), town.true_slope_percent.tolist(), strict=True))
-    outages = [tuple(map(float, cut.split(":"))) for cut in args.cut or []]
+    outages = [(float(begin), float(length)) for begin, length in (cut.split(":") for cut in args.cut or [])]
     drives = []
     for seed in range(args.seeds):
         path = folder / f"town_{seed}.csv"
@@ -119,24 +122,24 @@ def filter_seconds(drive: Drive, options: ParticleOptions) -> float:
     return (time.perf_counter() - begin) / len(run.epochs)
 
 
-def differences(one: Slopes, other: Slopes) -> np.ndarray:
+def differences(one: Slopes, other: Slopes) -> Floats:
     """One minus the other, on the segments of both."""
     return np.array([one[key][0] - other[key][0] for key in one if key in other])
 
 
-def errors(drive: Drive, slopes: Slopes) -> tuple[np.ndarray, np.ndarray]:
+def errors(drive: Drive, slopes: Slopes) -> tuple[Floats, Floats]:
     """Errors and sigmas on the segments whose truth is known."""
     known = [key for key in slopes if key in drive.truth]
     slope, sigma = np.array([slopes[key] for key in known]).T
     return slope - np.array([drive.truth[key] for key in known]), sigma
 
 
-def rms(values: np.ndarray) -> float:
+def rms(values: Floats) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def row_of(name: str, drives: list[Drive], found: list[list[Slopes]], clouds: list[list[Slopes]]) -> dict:
+def row_of(name: str, drives: list[Drive], found: list[list[Slopes]], clouds: list[list[Slopes]]) -> Figures:
     """Accuracy of one filter: ``found`` by drive and filter seed, beside the ``clouds``."""
     scores = np.array(
         [[rms(errors(d, s)[0]) for s in runs] for d, runs in zip(drives, found, strict=True)]
@@ -162,7 +165,7 @@ def row_of(name: str, drives: list[Drive], found: list[list[Slopes]], clouds: li
     }
 
 
-def run(args: argparse.Namespace) -> list[dict]:
+def run(args: argparse.Namespace) -> list[Figures]:
     """Every road, every filter."""
     names = [CLOUD, *args.filters.split(",")]
     options = {
@@ -197,7 +200,7 @@ def run(args: argparse.Namespace) -> list[dict]:
     return rows
 
 
-def show(rows: list[dict]) -> None:
+def show(rows: list[Figures]) -> None:
     """The table a person reads."""
     print(
         f"{'road':5} {'filter':6} {'RMSE %':>7} {'ratio':>6} {'spread':>7} {'ratio':>6} {'own seed':>8} {'from sir':>8}"

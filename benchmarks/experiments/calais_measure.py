@@ -28,7 +28,7 @@ from fusion.simulate.motion.vehicle import MotionState
 from fusion.simulate.receiver.profiles import RECEIVERS
 from fusion.simulate.write.csv_file import write_csv
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats, no_progress
+from fusion.types import DriveLog, Floats, Ints, no_progress
 
 RASTERS = ("aster", "world30")
 AXES = ("E", "N", "U")
@@ -192,7 +192,7 @@ def _spread_of(quantity: str, errors: Floats) -> Figures:
     return {f"{quantity}, std": float(np.std(errors)), f"{quantity}, mean": float(np.mean(errors))}
 
 
-def _matches(segment: Floats, truth: MotionState) -> Figures:
+def _matches(segment: Ints, truth: MotionState) -> Figures:
     matched = segment >= 0
     return {
         "map-match rate": 100 * float(np.mean(matched)),

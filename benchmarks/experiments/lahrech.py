@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 from scenes.lahrech import lahrech_drive
-from seeds_rows import Row
 
+from experiments.rows import Row
 from fusion.formats import read_log
 from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
@@ -30,7 +30,7 @@ from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats, Progress
+from fusion.types import DriveLog, Floats, Ints, Progress
 
 Figures = dict[str, float]
 
@@ -177,7 +177,7 @@ def against_truth(drive: SimulatedDrive, result: DriveResult) -> Figures:
     }
 
 
-def _odometer_alone_m(velocity_mps: Floats, row: Floats) -> float:
+def _odometer_alone_m(velocity_mps: Floats, row: Ints) -> float:
     """White errors of a tenth of each second's way, added up over an outage: the larger of the outages'."""
     way = np.hypot(velocity_mps[:, 0], velocity_mps[:, 1])
     outages = np.split(0.1 * way, np.flatnonzero(np.diff(row) > 1) + 1)
