@@ -16,7 +16,10 @@ from fusion.network.curve import grade_rows, knot_length, slope_row, smoothness
 from fusion.network.pass_factor import PassFactor
 from fusion.pipeline import run_drive
 from fusion.roads.table import RoadTable
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 
 RECEIVERS = ("m8", "f9p", "phone", "m8")
@@ -68,10 +71,12 @@ def town_drives(town: Town) -> list[list[PassFactor]]:
     drives, visits = [], np.zeros(len(town.roads), np.int64)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        town.write_dem(folder / "dem.tif")
+        write_dem(town, folder / "dem.tif")
         dem = Dem.open([folder / "dem.tif"])
         for seed, receiver in enumerate(RECEIVERS):
-            town.drive(seed, SIMULATED_S, receiver=receiver, visits=visits).write_csv(folder / "log.csv")
+            write_csv(
+                simulate_drive(town, seed, SIMULATED_S, receiver=receiver, visits=visits), folder / "log.csv"
+            )
             network, result = run_drive(read_log(folder / "log.csv"), town.roads, dem, method="profile")
             rows = [row_of[key] for key in _keys(network.table)]
             drives.append([replace(f, segments=tuple(rows[s] for s in f.segments)) for f in result.factors])

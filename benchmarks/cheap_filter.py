@@ -28,6 +28,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from slope_accuracy import find_sequences, load_tool, make_log
@@ -39,12 +40,17 @@ from fusion.methods.particle.options import ParticleOptions
 from fusion.pipeline import ROAD_MARGIN_M
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import make_town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, no_progress
+from fusion.types import DriveLog, Floats, no_progress
 
 Key = tuple[int, int, int]
 Slopes = dict[Key, tuple[float, float]]
+Figures = dict[str, Any]
+"""One row of the table, by column: names as text, figures as numbers."""
 CLOUD = "sir"
 
 
@@ -86,14 +92,14 @@ def roads_of(args: argparse.Namespace, folder: Path) -> Iterator[tuple[str, list
     if "town" not in args.roads.split(","):
         return
     town = make_town(seed=1)
-    town.write_dem(folder / "dem.tif")
+    write_dem(town, folder / "dem.tif")
     dem = Dem.open([folder / "dem.tif"])
     truth = dict(zip(keys_of(town.roads), town.true_slope_percent.tolist(), strict=True))
-    outages = [tuple(map(float, cut.split(":"))) for cut in args.cut or []]
+    outages = [(float(begin), float(length)) for begin, length in (cut.split(":") for cut in args.cut or [])]
     drives = []
     for seed in range(args.seeds):
         path = folder / f"town_{seed}.csv"
-        town.drive(seed, duration_s=400, receiver=args.profile, outages=outages).write_csv(path)
+        write_csv(simulate_drive(town, seed, duration_s=400, receiver=args.profile, outages=outages), path)
         drives.append(drive_of(path, town.roads, dem, truth))
     yield "town", drives
 
@@ -116,24 +122,24 @@ def filter_seconds(drive: Drive, options: ParticleOptions) -> float:
     return (time.perf_counter() - begin) / len(run.epochs)
 
 
-def differences(one: Slopes, other: Slopes) -> np.ndarray:
+def differences(one: Slopes, other: Slopes) -> Floats:
     """One minus the other, on the segments of both."""
     return np.array([one[key][0] - other[key][0] for key in one if key in other])
 
 
-def errors(drive: Drive, slopes: Slopes) -> tuple[np.ndarray, np.ndarray]:
+def errors(drive: Drive, slopes: Slopes) -> tuple[Floats, Floats]:
     """Errors and sigmas on the segments whose truth is known."""
     known = [key for key in slopes if key in drive.truth]
     slope, sigma = np.array([slopes[key] for key in known]).T
     return slope - np.array([drive.truth[key] for key in known]), sigma
 
 
-def rms(values: np.ndarray) -> float:
+def rms(values: Floats) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def row_of(name: str, drives: list[Drive], found: list[list[Slopes]], clouds: list[list[Slopes]]) -> dict:
+def row_of(name: str, drives: list[Drive], found: list[list[Slopes]], clouds: list[list[Slopes]]) -> Figures:
     """Accuracy of one filter: ``found`` by drive and filter seed, beside the ``clouds``."""
     scores = np.array(
         [[rms(errors(d, s)[0]) for s in runs] for d, runs in zip(drives, found, strict=True)]
@@ -159,7 +165,7 @@ def row_of(name: str, drives: list[Drive], found: list[list[Slopes]], clouds: li
     }
 
 
-def run(args: argparse.Namespace) -> list[dict]:
+def run(args: argparse.Namespace) -> list[Figures]:
     """Every road, every filter."""
     names = [CLOUD, *args.filters.split(",")]
     options = {
@@ -194,7 +200,7 @@ def run(args: argparse.Namespace) -> list[dict]:
     return rows
 
 
-def show(rows: list[dict]) -> None:
+def show(rows: list[Figures]) -> None:
     """The table a person reads."""
     print(
         f"{'road':5} {'filter':6} {'RMSE %':>7} {'ratio':>6} {'spread':>7} {'ratio':>6} {'own seed':>8} {'from sir':>8}"

@@ -34,25 +34,30 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matching_leuven
 import numpy as np
 from matching_tracks import Track, error, find_tracks, read_track
+from numpy.typing import NDArray
 
 from fusion.matching.candidates import thin
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.points import MATCHERS
 from fusion.matching.points.base import PointMatcher
 from fusion.matching.points.mahalanobis import PointMatches
+from fusion.types import Ints
 
 LAST_TUNED = 18
 SPACING_M = 14.0
 
-Result = tuple[np.ndarray, float, float]
+Figures = dict[str, Any]
+"""One row of a table, by column: names as text, figures as numbers."""
+Result = tuple[Ints, float, float]
 """Matched arc rows, seconds of preparation, seconds of matching."""
 
 
-def arc_rows(track: Track, segment: np.ndarray, forward: np.ndarray) -> np.ndarray:
+def arc_rows(track: Track, segment: Ints, forward: NDArray[np.bool_]) -> Ints:
     """The arcs of segments as they are driven, without those that no arc allows."""
     rows = track.arc_of[segment, np.where(forward, 0, 1)]
     return rows[rows >= 0]
@@ -78,7 +83,7 @@ def by_drive(track: Track) -> Result:
     return arc_rows(track, match.segment, match.forward), prepared, seconds
 
 
-def thinned(track: Track) -> np.ndarray:
+def thinned(track: Track) -> Ints:
     """Indices of points 14 m apart."""
     unknown = np.full(len(track.x_m), np.nan)
     return thin(track.time_s, track.x_m, track.y_m, unknown, SPACING_M, np.inf, 0.0, SPACING_M)
@@ -87,7 +92,7 @@ def thinned(track: Track) -> np.ndarray:
 def by_drive_points(track: Track) -> Result:
     """The path of the whole drive, of which only the segments of the thinned points are counted."""
 
-    def match_thinned() -> tuple[np.ndarray, np.ndarray]:
+    def match_thinned() -> tuple[Ints, NDArray[np.bool_]]:
         match = matcher.match(track.time_s, track.x_m, track.y_m)
         row = match.traversal[thinned(track)]
         return match.segment[row[row >= 0]], match.forward[row[row >= 0]]
@@ -152,7 +157,7 @@ def part_of(path: Path) -> str:
     return "0-18" if path.stem.isdigit() and int(path.stem) <= LAST_TUNED else "rest"
 
 
-def run(args: argparse.Namespace) -> list[dict[str, object]]:
+def run(args: argparse.Namespace) -> list[Figures]:
     """One row per track and method."""
     paths = find_tracks(args.data_dir)
     if not paths:
@@ -160,7 +165,7 @@ def run(args: argparse.Namespace) -> list[dict[str, object]]:
     methods = methods_of(args)
     if args.out:
         args.out.mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, object]] = []
+    rows: list[Figures] = []
     taken = {"0-18": 0, "rest": 0}
     for number, path in enumerate(paths):
         track, part = read_track(path), part_of(path)
@@ -187,9 +192,9 @@ def run(args: argparse.Namespace) -> list[dict[str, object]]:
     return rows
 
 
-def summarise(rows: list[dict[str, object]]) -> list[dict[str, object]]:
+def summarise(rows: list[Figures]) -> list[Figures]:
     """One row per part and method."""
-    out: list[dict[str, object]] = []
+    out: list[Figures] = []
     for part in ("0-18", "rest"):
         for method in METHODS:
             mine = [r for r in rows if r["part"] == part and r["method"] == method]
@@ -211,7 +216,7 @@ def summarise(rows: list[dict[str, object]]) -> list[dict[str, object]]:
     return out
 
 
-def show(summary: list[dict[str, object]]) -> None:
+def show(summary: list[Figures]) -> None:
     """The table a person reads."""
     print(
         f"{'tracks':7} {'method':17} {'n':>3} {'E median %':>11} {'E mean %':>9} {'points/s':>11} {'prepare s':>10}"

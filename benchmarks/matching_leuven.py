@@ -7,6 +7,8 @@ import time
 import numpy as np
 from matching_tracks import Track
 
+from fusion.types import Ints
+
 SPACING_M = 14.0
 SETTINGS = {"obs_noise": 15, "max_dist": 50, "max_lattice_width": 10, "non_emitting_states": True}
 
@@ -30,7 +32,7 @@ def thinned(track: Track) -> list[tuple[float, float]]:
     return out
 
 
-def match(track: Track) -> tuple[np.ndarray, float]:
+def match(track: Track) -> tuple[Ints, float]:
     """Matched arc rows, and the seconds of this thread it took without building the map.
 
     Where the matcher stops before the end it starts again behind that point.
@@ -42,7 +44,7 @@ def match(track: Track) -> tuple[np.ndarray, float]:
     network = InMemMap(track.name, use_latlon=False, use_rtree=True, index_edges=True)
     for node, place in enumerate(zip(y.tolist(), x.tolist(), strict=True)):
         network.add_node(node, place)
-    row_of = {}
+    row_of: dict[tuple[int, int], int] = {}
     for row, (a, b) in enumerate(track.arcs.tolist()):
         network.add_edge(a, b)
         row_of.setdefault((a, b), row)

@@ -10,6 +10,7 @@ import numpy as np
 from fusion.frames import LocalProjection
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
+from fusion.types import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,18 +22,18 @@ class Track:
     """
 
     name: str
-    time_s: np.ndarray
-    x_m: np.ndarray
-    y_m: np.ndarray
-    lat_deg: np.ndarray
-    lon_deg: np.ndarray
+    time_s: Floats
+    x_m: Floats
+    y_m: Floats
+    lat_deg: Floats
+    lon_deg: Floats
     network: RoadNetwork
-    arc_of: np.ndarray
-    same: np.ndarray
-    arc_length_m: np.ndarray
-    arcs: np.ndarray
-    nodes_deg: np.ndarray
-    route: np.ndarray
+    arc_of: Ints
+    same: Ints
+    arc_length_m: Floats
+    arcs: Ints
+    nodes_deg: Floats
+    route: Ints
 
 
 def find_tracks(folder: Path) -> list[Path]:
@@ -58,9 +59,7 @@ def read_track(path: Path) -> Track:
     )
 
 
-def build_network(
-    nodes: np.ndarray, arcs: np.ndarray, plane: LocalProjection
-) -> tuple[RoadNetwork, np.ndarray]:
+def build_network(nodes: Floats, arcs: Ints, plane: LocalProjection) -> tuple[RoadNetwork, Ints]:
     """A network whose segments are pairs of opposite arcs, or single arcs as one-way segments."""
     # Nodes at the same place are one node: the road does not end there.
     places, place = np.unique(nodes, axis=0, return_inverse=True)
@@ -92,12 +91,12 @@ def build_network(
     return RoadNetwork.project(table, plane), arc_of
 
 
-def collapse(arcs: np.ndarray) -> np.ndarray:
+def collapse(arcs: Ints) -> Ints:
     """Drop rows equal to the one before."""
     return arcs[np.concatenate([[True], arcs[1:] != arcs[:-1]])] if len(arcs) else arcs
 
 
-def longest_common(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> float:
+def longest_common(a: Ints, b: Ints, weight: Floats) -> float:
     """Greatest total weight of a common subsequence of a and b; ``weight`` by value."""
     best = np.zeros(len(b) + 1)
     for value in a:
@@ -107,7 +106,7 @@ def longest_common(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> float:
     return float(best[-1])
 
 
-def error(track: Track, matched: np.ndarray) -> float:
+def error(track: Track, matched: Ints) -> float:
     """E = (missed + added) / true length: Newson & Krumm 2009, aware of order, direction and repeats."""
     true, got = collapse(track.same[track.route]), collapse(track.same[matched])
     length = track.arc_length_m

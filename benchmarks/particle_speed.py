@@ -42,7 +42,10 @@ from fusion.methods.particle.filter import ParticleCloud
 from fusion.methods.particle.method import prepare, threads_for
 from fusion.methods.particle.options import ParticleOptions
 from fusion.roads.network import RoadNetwork
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import make_town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, no_progress
 
@@ -56,8 +59,8 @@ def make_scene(duration_s: float) -> Scene:
     """One drive through the simulated town with what lies around it."""
     town = make_town(seed=1)
     folder = Path(tempfile.mkdtemp(prefix="particle-speed-"))
-    town.write_dem(folder / "dem.tif")
-    town.drive(5, duration_s=duration_s).write_csv(folder / "drive.csv")
+    write_dem(town, folder / "dem.tif")
+    write_csv(simulate_drive(town, 5, duration_s=duration_s), folder / "drive.csv")
     log = read_log(folder / "drive.csv")
     network = RoadNetwork.project(town.roads)
     return log, network, Dem.open([folder / "dem.tif"])

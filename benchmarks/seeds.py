@@ -25,7 +25,7 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from seeds_rows import Row, by_experiment, markdown_table, text_table
+from experiments.rows import Row, by_experiment, markdown_table, text_table
 
 from fusion.errors import FusionError
 
@@ -43,7 +43,7 @@ def show_progress(stage: str, share: float) -> None:
 def run_part(part: str, args: argparse.Namespace) -> list[Row]:
     """The rows of one part; its module is loaded only now."""
     print(f"{part} ...", file=sys.stderr)
-    module = importlib.import_module(f"seeds_{part}")
+    module = importlib.import_module(f"experiments.{part}")
     if part == "methods":
         rows = module.run(args.seeds, show_progress, args.data_dir, args.roadtruth)
     else:
@@ -72,7 +72,7 @@ def write(part: str, rows: list[Row]) -> None:
     """Renew the page."""
     DOCUMENT.write_text(renewed(DOCUMENT.read_text(encoding="utf-8"), part, rows), encoding="utf-8")
     if part == "calais":
-        importlib.import_module("seeds_picture").draw(PICTURE)
+        importlib.import_module("experiments.calais_picture").draw(PICTURE)
 
 
 def chosen_parts(args: argparse.Namespace) -> list[str]:

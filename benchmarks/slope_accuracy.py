@@ -206,11 +206,17 @@ def run(args: argparse.Namespace) -> list[dict[str, object]]:
 
 def pooled(parts: list[Scores]) -> Scores:
     """Figures of a seed averaged over the sequences; errors within 1.96 sigma counted together."""
-    columns = [
-        [float(np.mean(values)) for values in zip(*(getattr(p, name) for p in parts), strict=False)]
-        for name in ("rmse", "p90", "coverage", "wrong_sign")
-    ]
-    return Scores(*columns, inside=[inside for p in parts for inside in p.inside])
+
+    def by_seed(name: str) -> list[float]:
+        return [float(np.mean(values)) for values in zip(*(getattr(p, name) for p in parts), strict=False)]
+
+    return Scores(
+        rmse=by_seed("rmse"),
+        p90=by_seed("p90"),
+        coverage=by_seed("coverage"),
+        wrong_sign=by_seed("wrong_sign"),
+        inside=[inside for p in parts for inside in p.inside],
+    )
 
 
 def summarise(name: str, scores: dict[str, Scores]) -> list[dict[str, object]]:

@@ -16,7 +16,7 @@ from fusion.formats import FORMATS
 from fusion.gnss import POSITIONINGS
 from fusion.methods import DEFAULT_METHOD, METHODS
 from fusion.methods.base import Method, option_facts
-from fusion.simulate.receiver.receiver import RECEIVERS
+from fusion.simulate.receiver.profiles import RECEIVERS
 from fusion.terrain.windows import WINDOWS
 
 app = typer.Typer(add_completion=False)

@@ -13,7 +13,9 @@ from fusion.errors import UnknownNameError
 from fusion.simulate.bundle import write_all
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.motion.routes import structures
-from fusion.simulate.receiver.receiver import RECEIVERS
+from fusion.simulate.receiver.profiles import RECEIVERS
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.truth_file import write_truth
 
 app = typer.Typer(add_completion=False)
 
@@ -55,9 +57,9 @@ def simulate(
                     first=structures(bundle.town),
                 )
                 paths.append(out / f"drive_{k + 1:02d}.csv")
-                drive.write_csv(paths[-1])
+                write_csv(drive, paths[-1])
                 simulated.append(drive)
-            bundle.town.write_truth(bundle.truth, simulated or None)
+            write_truth(bundle.town, bundle.truth, simulated or None)
     for path in (bundle.osm, bundle.dem, *paths, bundle.truth):
         typer.echo(str(path))
     write_json(

@@ -18,8 +18,7 @@ from app.core.text import COORDINATE_DIGITS, rounded
 from app.drives.outputs.track import time_text
 from fusion.errors import FusionError, UnknownNameError
 from fusion.formats import read_log
-from fusion.gnss import DEFAULT_POSITIONING, POSITIONINGS
-from fusion.gnss.base import Positioning
+from fusion.gnss import DEFAULT_POSITIONING, POSITIONINGS, Positioning
 from fusion.types import Floats, GnssFix, Progress
 
 app = typer.Typer(add_completion=False)

@@ -25,10 +25,10 @@ from app.roads import imports as road_imports
 from app.terrain import store as dem_store
 from fusion.errors import FusionError
 from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.write.truth_file import LEAST_DRIVEN_M
 
 DRIVES, SEED, DURATION_S = 6, 1, 600.0
 DRIVE_TIMEOUT_S = 600.0
-LEAST_DRIVEN_M = 10.0
 
 
 class DemoError(FusionError):

@@ -1,9 +1,11 @@
-"""A scene and a drive of the shape of Al Assaad's experiment (thesis of 2020, sections 2.4.1 and 3.5)."""
+"""A scene and a drive of the shape of Al Assaad's experiment (thesis of 2020, sections 2.4.1 and 3.5).
+
+The scene is a town of ``fusion.simulate``, so that drives through it and files of it are made as for any other.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -11,8 +13,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from fusion.frames import LocalProjection
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
-from fusion.simulate.motion.motion import Driver
 from fusion.simulate.motion.routes import Arcs, Route
+from fusion.simulate.motion.vehicle import Driver
 from fusion.simulate.scene.plan import Plan
 from fusion.simulate.scene.terrain import Terrain
 from fusion.simulate.scene.town import Town, tabulated
@@ -20,7 +22,6 @@ from fusion.types import Ints
 from scenes.board import Board
 from scenes.interchange import Layout, draw_motorways
 from scenes.interchange_roads import draw_roads
-from scenes.satellite_dem import DEM_MODELS, write_quality, write_raster
 
 CENTRE_LON_DEG, CENTRE_LAT_DEG = 1.88, 50.94
 """Outside Calais, so that the UTM zone and the DEM's posting are those of the thesis; the roads are fictional."""
@@ -44,14 +45,6 @@ class Interchange(Town):
     """
 
     circuit: Route
-
-    def write_dem(self, path: Path, model: str = "aster") -> None:
-        """Write an elevation raster of ``DEM_MODELS``: "aster" (UTM, 14,560 posts) or "world30"."""
-        write_raster(self, Path(path), DEM_MODELS[model])
-
-    def write_quality(self, path: Path) -> None:
-        """Write the number of scenes behind each post of the "aster" raster, as ASTER's NUM files do."""
-        write_quality(self, Path(path), DEM_MODELS["aster"])
 
 
 def make_interchange(seed: int = 1) -> Interchange:

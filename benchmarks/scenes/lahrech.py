@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
-from fusion.simulate.motion.motion import Driver
 from fusion.simulate.motion.routes import plan_route
+from fusion.simulate.motion.vehicle import Driver
 from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
 from fusion.simulate.scene.town import make_town
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rasterio
@@ -22,11 +21,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial import cKDTree
 
 from fusion.registry import Registry
+from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import correlated_field
 from fusion.types import Floats, Ints
-
-if TYPE_CHECKING:
-    from fusion.simulate.scene.town import Town
 
 _FINE_M = 5.0
 """Grid on which the surface is drawn before the satellite averages it."""
@@ -74,16 +71,21 @@ DEM_MODELS.add(
 )
 
 
-def write_raster(town: Town, path: Path, model: DemModel) -> None:
-    """Write heights above EGM96 as a GeoTIFF."""
-    x, y, transform = _posts(town, model)
-    heights = _surface(town, x, y, model.blur_m) + raster_error(town, model)
-    _write(path, np.round(heights) if model.dtype == "int16" else heights, model, transform, "m")
+def write_raster(town: Town, path: Path, model: str = "aster") -> None:
+    """Write heights above EGM96 as a GeoTIFF of one of ``DEM_MODELS``: "aster" (UTM, 14,560 posts) or "world30".
+
+    Raises ``UnknownNameError`` for another name.
+    """
+    wanted = DEM_MODELS[model]
+    x, y, transform = _posts(town, wanted)
+    heights = _surface(town, x, y, wanted.blur_m) + raster_error(town, wanted)
+    _write(path, np.round(heights) if wanted.dtype == "int16" else heights, wanted, transform, "m")
 
 
-def write_quality(town: Town, path: Path, model: DemModel) -> None:
-    """Write the number of scenes behind each post, as ASTER's NUM files do, on the same grid."""
-    _write(path, scene_numbers(town, model), model, _posts(town, model)[2], "")
+def write_quality(town: Town, path: Path, model: str = "aster") -> None:
+    """Write the number of scenes behind each post, as ASTER's NUM files do, on the same grid as the raster."""
+    wanted = DEM_MODELS[model]
+    _write(path, scene_numbers(town, wanted), wanted, _posts(town, wanted)[2], "")
 
 
 def scene_numbers(town: Town, model: DemModel) -> Ints:

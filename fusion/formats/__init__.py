@@ -12,12 +12,11 @@ from typing import BinaryIO
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import LogFormat, Notes
-from fusion.formats.container import load
+from fusion.formats.container import load, refuse
 from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat
-from fusion.formats.unknown import refuse
 from fusion.formats.versant_csv import VersantCsvFormat
 from fusion.registry import Registry
 from fusion.types import DriveLog, Progress, no_progress

@@ -1,4 +1,7 @@
-"""What every log format shares: the protocol, notes for the driver's report, and the test of plausibility."""
+"""What every log format shares: the protocol, notes for the drive's report, plausible positions, times, the log itself.
+
+Knows no format.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +36,6 @@ UNDATED = (
     "The log names no date: its times are placed in the first week of January 1980. Order and intervals are "
     "right, the calendar is not."
 )
-
-
 OUT_OF_ORDER = "GnssFix: out of order"
 """What ``GnssFix.assemble`` counts; read here to say it in words."""
 
@@ -172,6 +173,19 @@ def _calendar(time_s: float) -> str:
     return f"{time_s:.14g} s{about}"
 
 
+def unix_seconds(texts: Sequence[str | None]) -> Floats:
+    """Unix seconds (n,) of RFC 3339 / ISO 8601 times; without offset taken as UTC; NaN where unreadable."""
+    if not len(texts):
+        return np.empty(0)
+    parsed = pd.to_datetime(
+        pd.Series(list(texts), dtype="object"), utc=True, format="ISO8601", errors="coerce"
+    )
+    micros = parsed.dt.tz_localize(None).to_numpy().astype("datetime64[us]")
+    out = micros.astype(np.int64) / 1e6
+    out[np.isnat(micros)] = np.nan
+    return out
+
+
 def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Floats]:
     """Velocity north and east from ground speed and course (clockwise from north).
 
@@ -219,16 +233,3 @@ def build_log(
         warnings=tuple(notes.warnings),
         **tables,  # type: ignore[arg-type]
     )
-
-
-def unix_seconds(texts: Sequence[str | None]) -> Floats:
-    """Unix seconds (n,) of RFC 3339 / ISO 8601 times; without offset taken as UTC; NaN where unreadable."""
-    if not len(texts):
-        return np.empty(0)
-    parsed = pd.to_datetime(
-        pd.Series(list(texts), dtype="object"), utc=True, format="ISO8601", errors="coerce"
-    )
-    micros = parsed.dt.tz_localize(None).to_numpy().astype("datetime64[us]")
-    out = micros.astype(np.int64) / 1e6
-    out[np.isnat(micros)] = np.nan
-    return out

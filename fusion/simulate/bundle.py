@@ -12,6 +12,11 @@ import numpy as np
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import structures
 from fusion.simulate.scene.town import Town, make_town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
+from fusion.simulate.write.osm_file import write_osm
+from fusion.simulate.write.truth_file import write_truth
+from fusion.simulate.write.ubx_file import write_ubx
 from fusion.types import Progress, no_progress
 
 _MIX = (
@@ -35,9 +40,9 @@ class NamedDrive(NamedTuple):
         """Write the file in the format of its suffix and return its path."""
         path = Path(folder) / self.filename
         if path.suffix == ".ubx":
-            self.drive.write_ubx(path)
+            write_ubx(self.drive, path)
         else:
-            self.drive.write_csv(path)
+            write_csv(self.drive, path)
         return path
 
 
@@ -97,8 +102,8 @@ def write_all(
     folder.mkdir(parents=True, exist_ok=True)
     progress("town", 0.0)
     town = make_town(seed)
-    town.write_osm(folder / "town.osm")
-    town.write_dem(folder / "dem.tif")
+    write_osm(town, folder / "town.osm")
+    write_dem(town, folder / "dem.tif")
     paths: list[Path] = []
     simulated: list[SimulatedDrive] = []
     for named in demo_drives(town, drives, seed, duration_s=duration_s, rate_hz=rate_hz):
@@ -106,7 +111,7 @@ def write_all(
         paths.append(named.write(folder))
         simulated.append(named.drive)
     progress("truth", 1.0)
-    town.write_truth(folder / "truth.csv", simulated or None)
+    write_truth(town, folder / "truth.csv", simulated or None)
     return Bundle(
         folder / "town.osm", folder / "dem.tif", folder / "truth.csv", tuple(paths), town, tuple(simulated)
     )

@@ -1,43 +1,29 @@
-"""One simulated drive: the truth, what the receiver logged of it, and the files it becomes."""
+"""One simulated drive: the truth, and what the receiver read of it.
+
+Knows no file: a drive becomes one in ``write``.
+"""
 
 from __future__ import annotations
 
-import csv
-import gzip
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.simulate.motion.motion import Driver, Motion, MotionState, move
 from fusion.simulate.motion.routes import Route, plan_route
-from fusion.simulate.receiver.receiver import (
-    RECEIVERS,
-    GnssReadings,
-    InertialReadings,
-    Mounting,
-    ReceiverProfile,
-    observe_gnss,
-    observe_inertial,
-)
+from fusion.simulate.motion.vehicle import Driver, Motion, MotionState, move
+from fusion.simulate.receiver.profiles import RECEIVERS, Mounting, ReceiverProfile
+from fusion.simulate.receiver.readings import GnssReadings, InertialReadings, observe_gnss, observe_inertial
 from fusion.simulate.receiver.wheels import WheelReadings, WheelSet, observe_wheels
-from fusion.simulate.write.ubx_file import ubx_bytes
+from fusion.simulate.scene.town import Town
 from fusion.types import Floats, Ints
-
-if TYPE_CHECKING:
-    from fusion.simulate.scene.town import Town
 
 FIRST_START_S = 1_717_394_400.0
 """2024-06-03T06:00:00Z, when the drive of seed 0 begins."""
 _BETWEEN_DRIVES_S = 5400.0
-_POSITION_COLUMNS = ("lat_deg", "lon_deg", "alt_msl_m", "h_acc_m", "v_acc_m")
-_VELOCITY_COLUMNS = ("vel_n_mps", "vel_e_mps", "vel_d_mps", "s_acc_mps")
-_DIGITS = {"time_s": 3, "lat_deg": 8, "lon_deg": 8}
 
 
 class Pass(NamedTuple):
@@ -112,61 +98,6 @@ class SimulatedDrive:
     def passes(self) -> tuple[Pass, ...]:
         """Every passage over a segment, in order."""
         return self._passes
-
-    def columns(self) -> dict[str, Floats]:
-        """The columns of the Versant CSV, NaN where nothing was measured."""
-        lon, lat = self.lonlat()
-        n, p, imu = len(lon), self.profile, self.inertial
-        ned = self.gnss.velocity_ned_mps
-        gyro = np.degrees(imu.rate_radps)
-        table = {
-            "time_s": self.time_s,
-            "lat_deg": lat,
-            "lon_deg": lon,
-            "alt_msl_m": self.gnss.alt_msl_m,
-            "h_acc_m": np.full(n, p.h_acc_m),
-            "v_acc_m": np.full(n, p.v_acc_m),
-            "vel_n_mps": ned[:, 0],
-            "vel_e_mps": ned[:, 1],
-            "vel_d_mps": ned[:, 2],
-            "s_acc_mps": np.full(n, p.s_acc_mps),
-            "acc_x_mps2": imu.force_mps2[:, 0],
-            "acc_y_mps2": imu.force_mps2[:, 1],
-            "acc_z_mps2": imu.force_mps2[:, 2],
-            "gyr_x_dps": gyro[:, 0],
-            "gyr_y_dps": gyro[:, 1],
-            "gyr_z_dps": gyro[:, 2],
-            "roll_deg": np.degrees(imu.roll_rad),
-            "pitch_deg": np.degrees(imu.pitch_rad),
-            "yaw_deg": np.degrees(imu.yaw_rad) % 360.0,
-            "pitch_acc_deg": np.full(n, p.pitch_acc_deg),
-            "odo_speed_mps": imu.odo_speed_mps,
-        }
-        if self.wheels is not None:
-            table["wheel_left_rad"] = self.wheels.left_rad
-            table["wheel_right_rad"] = self.wheels.right_rad
-        for name in _POSITION_COLUMNS + _VELOCITY_COLUMNS:
-            table[name] = np.where(self.has_gnss, table[name], np.nan)
-        return table
-
-    def write_csv(self, path: Path) -> None:
-        """Write a Versant CSV, gzipped if the name ends in ``.gz``."""
-        table = self.columns()
-        cells = [[_cell(v, _DIGITS.get(name, 4)) for v in values] for name, values in table.items()]
-        text = io.StringIO(newline="")
-        out = csv.writer(text)
-        out.writerow(table)
-        out.writerows(zip(*cells, strict=True))
-        data = text.getvalue().encode("ascii")
-        Path(path).write_bytes(gzip.compress(data, mtime=0) if str(path).endswith(".gz") else data)
-
-    def write_ubx(self, path: Path) -> None:
-        """Write u-blox binary messages (see ``fusion.simulate.write.ubx_file``); they carry no wheels."""
-        Path(path).write_bytes(ubx_bytes(self))
-
-
-def _cell(value: float, digits: int) -> str:
-    return "" if np.isnan(value) else f"{value:.{digits}f}"
 
 
 def simulate_drive(

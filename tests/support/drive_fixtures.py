@@ -15,7 +15,11 @@ from app.drives.process import Workbench
 from app.drives.store import DriveRow
 from app.roads import imports as road_imports
 from app.terrain import store as dem_store
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
+from fusion.simulate.write.osm_file import write_osm
 
 Send = Callable[..., DriveRow]
 
@@ -24,10 +28,10 @@ Send = Callable[..., DriveRow]
 def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the town's roads, its elevation and three logs, the first and last along one route."""
     folder = tmp_path_factory.mktemp("town")
-    town.write_osm(folder / "town.osm")
-    town.write_dem(folder / "town.tif")
+    write_osm(town, folder / "town.osm")
+    write_dem(town, folder / "town.tif")
     for number, (seed, receiver) in enumerate([(0, "m8"), (1, "m8"), (0, "f9p")]):
-        town.drive(seed, duration_s=150, receiver=receiver).write_csv(folder / f"{number}.csv")
+        write_csv(simulate_drive(town, seed, duration_s=150, receiver=receiver), folder / f"{number}.csv")
     return folder
 
 

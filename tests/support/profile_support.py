@@ -25,9 +25,11 @@ from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.pipeline import run_drive
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
-from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import structures
 from fusion.simulate.scene.town import Town, make_town
+from fusion.simulate.write.csv_file import csv_columns
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Ints, Pressure, SpecificForce
 
@@ -127,7 +129,7 @@ class World:
         """Its elevation model, errors and voids included."""
         if seed not in self._dems:
             path = self._folder / f"{seed}.tif"
-            self.town(seed).write_dem(path)
+            write_dem(self.town(seed), path)
             self._dems[seed] = Dem.open([path])
         return self._dems[seed]
 
@@ -137,7 +139,7 @@ class World:
         if key not in self._drives:
             town = self.town(seed)
             wanted: dict[str, Any] = {"duration_s": 600.0, "first": structures(town)} | options
-            self._drives[key] = town.drive(1000 * seed + number, **wanted)
+            self._drives[key] = simulate_drive(town, 1000 * seed + number, **wanted)
         return self._drives[key]
 
     def outcome(
@@ -150,7 +152,7 @@ class World:
         method: str = "profile",
     ) -> Outcome:
         """Estimate the slopes of a drive whose log was changed."""
-        table = drive.columns()
+        table = csv_columns(drive)
         change(table)
         dem = self.dem(drive.town.seed)
         if any(move_dem):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, Place, build_log
-from fusion.formats.receiver import nmea_epochs as nmea_tables
-from fusion.formats.receiver import ubx_navigation as ubx_tables
+from fusion.formats.receiver import nmea_epochs, ubx_navigation
 from fusion.formats.receiver.nmea_sentences import WRONG_CHECKSUM
 from fusion.formats.receiver.ubx_frames import SYNC, Frames, find_frames, without_frames
 from fusion.types import DriveLog, Progress, SensorTable
@@ -34,10 +33,10 @@ def read_stream(
     where = place or _default_place(data, frames)
     _count_broken(frames, notes, where)
     _warn_of_cut(data, frames, notes, where)
-    content = nmea_tables.NmeaContent.none()
+    content = nmea_epochs.NmeaContent.none()
     text = without_frames(data, frames)
     if b"$" in text:
-        content = nmea_tables.read_sentences(
+        content = nmea_epochs.read_sentences(
             text, notes, where, lambda share: progress("read sentences", share)
         )
     del text
@@ -95,16 +94,16 @@ def _warn_of_cut(data: Data, frames: Frames, notes: Notes, where: Place) -> None
 
 
 def _merge(
-    data: Data, frames: Frames, content: nmea_tables.NmeaContent, notes: Notes, where: Place
+    data: Data, frames: Frames, content: nmea_epochs.NmeaContent, notes: Notes, where: Place
 ) -> tuple[dict[str, SensorTable], str]:
     if not len(frames):
-        return dict(content.tables), nmea_tables.GEOID
-    stream = ubx_tables.Stream.decode(data, frames, notes)
+        return dict(content.tables), nmea_epochs.GEOID
+    stream = ubx_navigation.Stream.decode(data, frames, notes)
     if not stream.messages and not content.tables:
         notes.first_offender = notes.first_offender or f"the file holds only {stream.inventory()}"
     notes.dated_after_all()  # undated sentences do not matter beside dated messages
-    tables = ubx_tables.ubx_tables(stream, content.marks, content.dated, notes, where)
-    geoid = ubx_tables.GEOID if "fix" in tables else nmea_tables.GEOID
+    tables = ubx_navigation.ubx_tables(stream, content.marks, content.dated, notes, where)
+    geoid = ubx_navigation.GEOID if "fix" in tables else nmea_epochs.GEOID
     if "fix" not in tables and len(content.tables) and not content.dated:
         notes.undated()
     both = [name for name in content.tables if name in tables]

@@ -1,4 +1,4 @@
-"""From UBX messages to tables: navigation and high-rate messages here, sensor messages through ``esf``."""
+"""From UBX messages to tables: navigation and high-rate messages here, sensor messages through ``ubx_sensors``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fusion.formats.receiver.ubx_clock import (
     utc_seconds,
 )
 from fusion.formats.receiver.ubx_frames import Frames
-from fusion.formats.receiver.ubx_messages import TYPES, Records, decode, kind_name
+from fusion.formats.receiver.ubx_messages import DEG, TYPES, Records, decode, kind_name
 from fusion.formats.receiver.ubx_sensors import sensor_tables
 from fusion.frames import GRAVITY_MPS2
 from fusion.types import (
@@ -33,7 +33,6 @@ from fusion.types import (
 )
 
 GEOID = "the receiver's own (u-blox: coarse EGM96 grid)"
-DEG = np.pi / 180
 UNKNOWN_U4 = 0xFFFFFFFF
 DEAD_RECKONING, FIX_2D, FIX_3D, FIX_COMBINED = 1, 2, 3, 4
 

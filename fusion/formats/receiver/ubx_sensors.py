@@ -1,7 +1,8 @@
-"""Sensor measurements of UBX receivers: ESF-MEAS and ESF-RAW to specific force, angular rate and speed.
+"""Sensor messages of UBX receivers: ESF-MEAS and ESF-RAW to specific force, angular rate and speed; ESF-STATUS.
 
-Axes are the receiver's as printed on it: x forward, y left, z up on the thesis's car (annex B.4), which is
-the body frame of ``fusion.types``; a receiver mounted otherwise is levelled by the methods, not here.
+Axes are the receiver's as printed on it: x forward, y left, z up on the thesis's car (annex B.4), which is the body
+frame of ``fusion.types``; a receiver mounted otherwise is levelled by the methods, not here. ESF-STATUS says which
+sensors were at fault: their readings are left out up to that message. Knows no calendar: times come as marks.
 """
 
 from __future__ import annotations
@@ -27,8 +28,13 @@ from fusion.types import AngularRate, Floats, Ints, Odometry, SensorTable, Speci
 
 FORCE = ("acc_x_mps2", "acc_y_mps2", "acc_z_mps2")
 RATE = ("gyr_x_radps", "gyr_y_radps", "gyr_z_radps")
-CALIBRATED = 0x8
+_RECEIVER_TAG = 0x8
 """ESF-MEAS flag: a receiver time tag follows the data words."""
+_HEAD_BYTES = 16
+_BAD_MEASUREMENTS, _BAD_TIME_TAGS, _NOISY = 0x1, 0x2, 0x8
+_FAULTS = _BAD_MEASUREMENTS | _BAD_TIME_TAGS | _NOISY
+_CALIBRATED = 2
+"""Least calibration status of a calibrated sensor: 0 not yet, 1 in progress, 2 and 3 done."""
 
 
 @dataclass(frozen=True)
@@ -41,53 +47,38 @@ class Samples:
     offset: Ints
 
 
-def measurements(data: Data, frames: Frames) -> list[Samples]:
-    """The words of all ESF-MEAS messages, one ``Samples`` per sensor id: each has its own counter."""
-    parts, ids = [], []
-    mine = frames.kind == ESF_MEAS
-    for length in np.unique(frames.length[mine & (frames.length >= 12)]):
-        start = frames.start[mine & (frames.length == length)]
-        words = (int(length) - 8) // 4
-        dtype = np.dtype([("tag", "<u4"), ("flags", "<u2"), ("id", "<u2"), ("word", "<u4", (words,))])
-        records = gather(data, start + 6, dtype)
-        keep = np.arange(words) < (words - ((records["flags"] & CALIBRATED) != 0))[:, None]
-        flat = keep.ravel()
-        word = records["word"].astype(np.int64)[keep]
-        tick = np.repeat(records["tag"].astype(np.int64), words)[flat]
-        parts.append(Samples(tick, word & 0xFFFFFF, word >> 24 & 0x3F, np.repeat(start, words)[flat]))
-        ids.append(np.repeat(records["id"].astype(np.int64), words)[flat])
-    if not parts:
-        return []
-    whole, sensor = _concatenate(parts), np.concatenate(ids)
-    order = np.lexsort((whole.offset, sensor))
-    edges = np.flatnonzero(np.diff(sensor[order])) + 1
-    return [_take(whole, piece) for piece in np.split(order, edges) if len(piece)]
+@dataclass(frozen=True)
+class SensorStatus:
+    """One row per sensor and message in stream order; all (n,). ``offset`` is the message's first byte."""
 
+    offset: Ints
+    data_type: Ints
+    calibration: Ints
+    faulty: Bools
 
-def raw(data: Data, frames: Frames) -> Samples:
-    """The words of all ESF-RAW messages."""
-    parts = []
-    mine = frames.kind == ESF_RAW
-    for length in np.unique(frames.length[mine & (frames.length >= 12)]):
-        start = frames.start[mine & (frames.length == length)]
-        words = (int(length) - 4) // 8
-        dtype = np.dtype([("reserved", "V4"), ("block", [("word", "<u4"), ("tag", "<u4")], (words,))])
-        block = gather(data, start + 6, dtype)["block"].ravel()
-        word = block["word"].astype(np.int64)
-        parts.append(
-            Samples(block["tag"].astype(np.int64), word & 0xFFFFFF, word >> 24, np.repeat(start, words))
-        )
-    whole = _concatenate(parts)
-    return _take(whole, np.argsort(whole.offset, kind="stable"))
+    def spoils(self, data_type: Ints, offset: Ints) -> Bools:
+        """Which readings, by their types and byte offsets, the next status of their sensor calls faulty."""
+        spoilt = np.zeros(len(offset), np.bool_)
+        for number in np.unique(self.data_type[self.faulty]):
+            mine, asked = np.flatnonzero(self.data_type == number), np.flatnonzero(data_type == number)
+            following = np.searchsorted(self.offset[mine], offset[asked])
+            told = following < len(mine)
+            spoilt[asked[told]] = self.faulty[mine[following[told]]]
+        return spoilt
 
-
-def _take(samples: Samples, index: Ints) -> Samples:
-    return Samples(samples.tick[index], samples.word[index], samples.data_type[index], samples.offset[index])
-
-
-def _concatenate(parts: list[Samples]) -> Samples:
-    names = ("tick", "word", "data_type", "offset")
-    return Samples(*(np.concatenate([np.empty(0, np.int64), *(getattr(p, n) for p in parts)]) for n in names))
+    def tell(self, data_types: tuple[int, ...], sensor: str, notes: Notes) -> None:
+        """Say how long a sensor was not calibrated, if it was not throughout."""
+        mine = np.isin(self.data_type, data_types)
+        messages, first = np.unique(self.offset[mine], return_index=True)
+        if not len(messages):
+            return
+        worst = np.minimum.reduceat(self.calibration[mine], first)
+        count = int(np.count_nonzero(worst < _CALIBRATED))
+        if count:
+            notes.warn(
+                f"The receiver had not calibrated its {sensor} in {count} of {len(messages)} status messages "
+                "(ESF-STATUS): its readings are used, being raw either way, but its attitude may be off there."
+            )
 
 
 Timed = tuple[Samples, Floats]
@@ -107,7 +98,7 @@ def sensor_tables(
     status.tell((16, 17, 18), "accelerometer", notes)
     status.tell((14, 13, 5), "gyroscope", notes)
     measured = [_sound(samples, status, notes) for samples in measurements(data, frames)]
-    rough = _sound(raw(data, frames), status, notes)
+    rough = _sound(raw_samples(data, frames), status, notes)
     means = [(s, align(s.tick, s.offset, marks, MEAS_HZ, notes.skipped)) for s in measured]
     raws = [(rough, align(rough.tick, rough.offset, marks, RAW_HZ, notes.skipped))]
     ticks = sum(int(np.isin(s.data_type, WHEEL_TICKS).sum()) for s, _ in means)
@@ -155,45 +146,53 @@ def _tabulate(table: type[Table], names: tuple[str, ...], sources: list[Timed]) 
     return table.assemble(instants, None, **columns)
 
 
-_HEAD_BYTES = 16
-_BAD_MEASUREMENTS, _BAD_TIME_TAGS, _NOISY = 0x1, 0x2, 0x8
-_FAULTS = _BAD_MEASUREMENTS | _BAD_TIME_TAGS | _NOISY
-_CALIBRATED = 2
-"""Least calibration status of a calibrated sensor: 0 not yet, 1 in progress, 2 and 3 done."""
+def measurements(data: Data, frames: Frames) -> list[Samples]:
+    """The words of all ESF-MEAS messages, one ``Samples`` per sensor id: each has its own counter."""
+    parts, ids = [], []
+    mine = frames.kind == ESF_MEAS
+    for length in np.unique(frames.length[mine & (frames.length >= 12)]):
+        start = frames.start[mine & (frames.length == length)]
+        words = (int(length) - 8) // 4
+        dtype = np.dtype([("tag", "<u4"), ("flags", "<u2"), ("id", "<u2"), ("word", "<u4", (words,))])
+        records = gather(data, start + 6, dtype)
+        keep = np.arange(words) < (words - ((records["flags"] & _RECEIVER_TAG) != 0))[:, None]
+        flat = keep.ravel()
+        word = records["word"].astype(np.int64)[keep]
+        tick = np.repeat(records["tag"].astype(np.int64), words)[flat]
+        parts.append(Samples(tick, word & 0xFFFFFF, word >> 24 & 0x3F, np.repeat(start, words)[flat]))
+        ids.append(np.repeat(records["id"].astype(np.int64), words)[flat])
+    if not parts:
+        return []
+    whole, sensor = _concatenate(parts), np.concatenate(ids)
+    order = np.lexsort((whole.offset, sensor))
+    edges = np.flatnonzero(np.diff(sensor[order])) + 1
+    return [_take(whole, piece) for piece in np.split(order, edges) if len(piece)]
 
 
-@dataclass(frozen=True)
-class SensorStatus:
-    """One row per sensor and message in stream order; all (n,). ``offset`` is the message's first byte."""
+def raw_samples(data: Data, frames: Frames) -> Samples:
+    """The words of all ESF-RAW messages."""
+    parts = []
+    mine = frames.kind == ESF_RAW
+    for length in np.unique(frames.length[mine & (frames.length >= 12)]):
+        start = frames.start[mine & (frames.length == length)]
+        words = (int(length) - 4) // 8
+        dtype = np.dtype([("reserved", "V4"), ("block", [("word", "<u4"), ("tag", "<u4")], (words,))])
+        block = gather(data, start + 6, dtype)["block"].ravel()
+        word = block["word"].astype(np.int64)
+        parts.append(
+            Samples(block["tag"].astype(np.int64), word & 0xFFFFFF, word >> 24, np.repeat(start, words))
+        )
+    whole = _concatenate(parts)
+    return _take(whole, np.argsort(whole.offset, kind="stable"))
 
-    offset: Ints
-    data_type: Ints
-    calibration: Ints
-    faulty: Bools
 
-    def spoils(self, data_type: Ints, offset: Ints) -> Bools:
-        """Which readings, by their types and byte offsets, the next status of their sensor calls faulty."""
-        spoilt = np.zeros(len(offset), np.bool_)
-        for number in np.unique(self.data_type[self.faulty]):
-            mine, asked = np.flatnonzero(self.data_type == number), np.flatnonzero(data_type == number)
-            following = np.searchsorted(self.offset[mine], offset[asked])
-            told = following < len(mine)
-            spoilt[asked[told]] = self.faulty[mine[following[told]]]
-        return spoilt
+def _take(samples: Samples, index: Ints) -> Samples:
+    return Samples(samples.tick[index], samples.word[index], samples.data_type[index], samples.offset[index])
 
-    def tell(self, data_types: tuple[int, ...], sensor: str, notes: Notes) -> None:
-        """Say how long a sensor was not calibrated, if it was not throughout."""
-        mine = np.isin(self.data_type, data_types)
-        messages, first = np.unique(self.offset[mine], return_index=True)
-        if not len(messages):
-            return
-        worst = np.minimum.reduceat(self.calibration[mine], first)
-        count = int(np.count_nonzero(worst < _CALIBRATED))
-        if count:
-            notes.warn(
-                f"The receiver had not calibrated its {sensor} in {count} of {len(messages)} status messages "
-                "(ESF-STATUS): its readings are used, being raw either way, but its attitude may be off there."
-            )
+
+def _concatenate(parts: list[Samples]) -> Samples:
+    names = ("tick", "word", "data_type", "offset")
+    return Samples(*(np.concatenate([np.empty(0, np.int64), *(getattr(p, n) for p in parts)]) for n in names))
 
 
 def read_status(data: Data, frames: Frames) -> SensorStatus:

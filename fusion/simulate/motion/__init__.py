@@ -1,1 +1,1 @@
-"""How a simulated vehicle moves: its route, its path, its speed."""
+"""How a simulated vehicle moves: its route, its path, its speed and attitude. Truth without any error."""

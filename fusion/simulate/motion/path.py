@@ -1,9 +1,12 @@
-"""The line on which a vehicle drives a route: right of the centre line, through corners in smooth curves."""
+"""The line on which a vehicle drives a route: right of the centre line, through corners in smooth curves.
+
+Streets run straight from node to node, or bend smoothly through their nodes (``Town.curved``). Knows no time: how fast
+the line is driven stands in ``vehicle``.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,23 +14,28 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from fusion.simulate.motion.routes import Route
+from fusion.simulate.scene.town import Town
 from fusion.types import Floats, Ints
 
-if TYPE_CHECKING:
-    from fusion.simulate.scene.town import Town
-
-
 STEP_M = 1.0
+"""Distance between two points of a line, metres, about."""
 _CORNER_M = 4.5
 """Width of the Gaussian that rounds corners, profiles included; a right angle gets a radius of about 7 m."""
 _TURNING_CIRCLE_M = 5.5
 _TURN_FROM_M = 9.0
 """Where the lane is left for the turning circle, metres before the end."""
 _WANDER_LENGTH_M = 40.0
+"""Width of the Gaussian that blurs how far the driver strays from the lane."""
+_SHARPEST_RAD = np.radians(50.0)
+"""What turns by more between two segments is a corner, not a bend; a roundabout's nodes turn by 45 degrees."""
+_MOTORWAY_LANE_M = 1.75
+"""The right lane's distance from the middle of a carriageway of two lanes, which is what a map draws."""
+_CHANGE_LANE_M = 25.0
+"""Width of the Gaussian over which the vehicle passes from one lane's offset to the next."""
 
 
 @dataclass(frozen=True)
-class Path:
+class DrivenPath:
     """A curve over its horizontal length ``s_m``: ``curve(s)`` gives (x, y, road height), shape (..., 3)."""
 
     s_m: Floats
@@ -47,9 +55,11 @@ class Path:
         return np.asarray(np.abs(cross) / np.hypot(d1[:, 0], d1[:, 1]) ** 3)
 
 
-def draw_path(town: Town, route: Route, lane_m: float, wander_m: float, rng: np.random.Generator) -> Path:
+def draw_path(
+    town: Town, route: Route, lane_m: float, wander_m: float, rng: np.random.Generator
+) -> DrivenPath:
     """Draw the driven line, ``lane_m`` right of the centre of two-way roads, ``wander_m`` its one sigma."""
-    points, arc = (curved_points if town.curved else _raw_points)(town, route, lane_m)
+    points, arc = (_curved_points if town.curved else _straight_points)(town, route, lane_m)
     s = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points[:, :2], axis=0).T))]
     keep = np.r_[True, np.diff(s) > 1e-6]
     s, points, arc = s[keep], points[keep], arc[keep]
@@ -59,7 +69,7 @@ def draw_path(town: Town, route: Route, lane_m: float, wander_m: float, rng: np.
     smooth[:, :2] += _wander(smooth[:, :2], wander_m, rng)
     s2 = np.r_[0.0, np.cumsum(np.hypot(*np.diff(smooth[:, :2], axis=0).T))]
     nearest = np.minimum(np.searchsorted(s, even), len(s) - 1)
-    return Path(s2, CubicSpline(s2, smooth), arc[nearest])
+    return DrivenPath(s2, CubicSpline(s2, smooth), arc[nearest])
 
 
 def _wander(xy: Floats, wander_m: float, rng: np.random.Generator) -> Floats:
@@ -76,8 +86,8 @@ def slow_noise(count: int, width: float, rng: np.random.Generator) -> Floats:
     return np.asarray(noise * np.sqrt(2 * width * np.sqrt(np.pi)))
 
 
-def _raw_points(town: Town, route: Route, lane_m: float) -> tuple[Floats, Ints]:
-    """Points about every metre, shape (n, 3), with corners still sharp, and the route position of each."""
+def _straight_points(town: Town, route: Route, lane_m: float) -> tuple[Floats, Ints]:
+    """Points of straight segments about every metre, shape (n, 3), corners still sharp, and each one's arc."""
     seg = route.segment
     a = np.where(route.forward, town.start[seg], town.end[seg])
     b = np.where(route.forward, town.end[seg], town.start[seg])
@@ -124,16 +134,8 @@ def _turn(centre: Floats, along: Floats, right: Floats) -> Floats:
     return np.asarray(centre + _TURNING_CIRCLE_M * (np.cos(angle) * along - np.sin(angle) * right))
 
 
-_STEP_M = 1.0
-_SHARPEST_RAD = np.radians(50.0)
-"""What turns by more between two segments is a corner, not a bend; a roundabout's nodes turn by 45 degrees."""
-_MOTORWAY_LANE_M = 1.75
-"""The right lane's distance from the middle of a carriageway of two lanes, which is what a map draws."""
-_CHANGE_LANE_M = 25.0
-
-
-def curved_points(town: Town, route: Route, lane_m: float) -> tuple[Floats, Ints]:
-    """Points about every metre, shape (n, 3), with corners still sharp, and the route position of each.
+def _curved_points(town: Town, route: Route, lane_m: float) -> tuple[Floats, Ints]:
+    """Points of bends about every metre, shape (n, 3), corners still sharp, and each one's arc.
 
     A spline runs through the nodes between two corners. The vehicle keeps ``lane_m`` to the right of it on two-way
     roads, in the right lane on motorways, on it elsewhere, and changes gradually from one to the other. Routes that
@@ -168,7 +170,7 @@ def _through(xy: Floats) -> tuple[Floats, Ints]:
     """Points of a spline through nodes, the last node left out, and the segment each belongs to."""
     chord = np.hypot(*np.diff(xy, axis=0).T)
     knot = np.concatenate([[0.0], np.cumsum(chord)])
-    count = np.maximum(2, np.ceil(chord / _STEP_M).astype(np.int64))
+    count = np.maximum(2, np.ceil(chord / STEP_M).astype(np.int64))
     owner = np.repeat(np.arange(len(chord)), count)
     within = np.concatenate([np.arange(c) / c for c in count])
     at = knot[owner] + within * chord[owner]
@@ -188,7 +190,7 @@ def _aside(town: Town, segment: Ints, line: Floats, lane_m: float) -> Floats:
     """Displacement from the road's line to the lane driven, shape (n, 2)."""
     motorway = town.roads.highway[segment] == "motorway"
     lane = np.where(town.roads.oneway[segment] == 0, lane_m, np.where(motorway, _MOTORWAY_LANE_M, 0.0))
-    lane = gaussian_filter1d(lane, _CHANGE_LANE_M / _STEP_M, mode="nearest")
-    along = np.column_stack([gaussian_filter1d(np.gradient(line[:, k]), 3.0 / _STEP_M) for k in range(2)])
+    lane = gaussian_filter1d(lane, _CHANGE_LANE_M / STEP_M, mode="nearest")
+    along = np.column_stack([gaussian_filter1d(np.gradient(line[:, k]), 3.0 / STEP_M) for k in range(2)])
     along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
     return np.asarray(lane[:, None] * np.column_stack([along[:, 1], -along[:, 0]]))

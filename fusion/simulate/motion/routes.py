@@ -1,20 +1,20 @@
-"""Routes through the town: legal, turning round only at dead ends, preferring what is undriven."""
+"""Routes through the town: legal, turning round only at dead ends, preferring what is undriven.
+
+Knows roads and driving times by class of road; how a vehicle really moves along a route stands in ``vehicle``.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from fusion.simulate.scene.town import Town
 from fusion.types import Floats, Ints
-
-if TYPE_CHECKING:
-    from fusion.simulate.scene.town import Town
 
 CRUISE_MPS = {
     "motorway": 30.0,

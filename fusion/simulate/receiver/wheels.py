@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fusion.simulate.motion.vehicle import Motion
 from fusion.types import Floats
-
-if TYPE_CHECKING:
-    from fusion.simulate.motion.motion import Motion
 
 _STEP_S = 0.02
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.simulate.scene.layout import ROWS_M, Grid
+from fusion.simulate.scene.grid import ROWS_M, Grid
 from fusion.simulate.scene.plan import BRIDGE, GROUND, Kind, Plan, bezier, ring
 from fusion.types import Floats
 

@@ -1,27 +1,21 @@
-"""A synthetic town whose every road height and slope is known."""
+"""A synthetic town whose every road height and slope is known: data, from which drives and files are made elsewhere."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fusion.frames import LocalProjection
 from fusion.roads.table import RoadTable
-from fusion.simulate.drive import SimulatedDrive, simulate_drive
+from fusion.simulate.scene.grid import draw_grid
 from fusion.simulate.scene.heights import hermite, node_heights, regression_slope
-from fusion.simulate.scene.layout import draw_grid
 from fusion.simulate.scene.outskirts import draw_outskirts
 from fusion.simulate.scene.plan import Plan
 from fusion.simulate.scene.segments import Way, cut_into_ways, node_ids, tabulate
 from fusion.simulate.scene.terrain import Terrain
-from fusion.simulate.write.dem_file import write_dem
-from fusion.simulate.write.osm_file import write_osm
-from fusion.simulate.write.truth_file import write_truth
 from fusion.types import Floats, Ints
 
 CENTRE_LON_DEG, CENTRE_LAT_DEG = 7.85, 47.99
@@ -83,21 +77,6 @@ class Town:
     def junction_degree(self) -> Ints:
         """[m] number of segment ends at each node."""
         return np.bincount(np.r_[self.start, self.end], minlength=len(self.node_id)).astype(np.int64)
-
-    def write_osm(self, path: Path) -> None:
-        """Write the map as OpenStreetMap XML."""
-        write_osm(self, path)
-
-    def write_dem(self, path: Path) -> None:
-        """Write the elevation raster, with its errors and voids, as a GeoTIFF."""
-        write_dem(self, path)
-
-    def write_truth(self, path: Path, drives: Sequence[SimulatedDrive] | None = None) -> None:
-        """Write the true slopes as CSV, of the whole town or of what ``drives`` cover."""
-        write_truth(self, path, drives)
-
-    drive = simulate_drive
-    """``town.drive(seed, duration_s, ...)``: see ``fusion.simulate.drive.simulate_drive``."""
 
 
 def make_town(seed: int = 1) -> Town:

@@ -1,1 +1,1 @@
-"""The files that a simulation leaves: map, elevation, logs, truth."""
+"""The files that a simulation leaves: map, elevation, logs, truth. One file per format; nothing here is moved."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rasterio
@@ -12,10 +11,8 @@ from rasterio import Affine
 from scipy.ndimage import gaussian_filter
 
 from fusion.simulate.scene.terrain import HALF_SIZE_M
+from fusion.simulate.scene.town import Town
 from fusion.types import Floats
-
-if TYPE_CHECKING:
-    from fusion.simulate.scene.town import Town
 
 POSTING_DEG = 1.0 / 3600.0
 NODATA = -32768

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from fusion.simulate.scene.plan import BRIDGE, TUNNEL
 from fusion.simulate.scene.segments import FIRST_WAY_ID, Way, layer_of
-
-if TYPE_CHECKING:
-    from fusion.simulate.scene.town import Town
+from fusion.simulate.scene.town import Town
 
 _STAMP = 'version="1" timestamp="2024-05-01T00:00:00Z"'
 _FIRST_OTHER_WAY = FIRST_WAY_ID + 5_000_000

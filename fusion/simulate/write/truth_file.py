@@ -5,16 +5,15 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from fusion.simulate.drive import SimulatedDrive
-    from fusion.simulate.scene.town import Town
+from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.scene.town import Town
 
 COLUMNS = ("osm_way_id", "from_node", "to_node", "slope_percent", "driven_m", "length_m", "passes")
-_LEAST_DRIVEN_M = 10.0
+LEAST_DRIVEN_M = 10.0
+"""A shorter passage over a segment, at the end of a drive, measures nothing of it."""
 
 
 def write_truth(town: Town, path: Path, drives: Sequence[SimulatedDrive] | None = None) -> None:
@@ -29,7 +28,7 @@ def write_truth(town: Town, path: Path, drives: Sequence[SimulatedDrive] | None 
         driven = np.zeros(len(town.roads))
         for drive in drives:
             for p in drive.passes():
-                if p.driven_m >= _LEAST_DRIVEN_M:
+                if p.driven_m >= LEAST_DRIVEN_M:
                     passes[p.segment] += 1
                     driven[p.segment] = max(driven[p.segment], p.driven_m)
     roads = town.roads

@@ -8,16 +8,15 @@ counter, whose offset is arbitrary and whose rate is off by some parts in 100,00
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.scene.terrain import GEOID_UNDULATION_M
 from fusion.types import Floats
-
-if TYPE_CHECKING:
-    from fusion.simulate.drive import SimulatedDrive
 
 GPS_EPOCH_S = 315_964_800.0
 LEAP_SECONDS = 18
@@ -47,6 +46,11 @@ EOE = np.dtype("<u4")
 ESF = np.dtype([("timeTag", "<u4"), ("flags", "<u2"), ("id", "<u2"), ("data", "<u4", 6)])
 _SENSOR_TYPES = (16, 17, 18, 14, 13, 5)
 """Data types of ESF-MEAS: accelerometer x, y, z, gyroscope x, y, z."""
+
+
+def write_ubx(drive: SimulatedDrive, path: Path) -> None:
+    """Write the messages of a drive; they carry no wheels."""
+    Path(path).write_bytes(ubx_bytes(drive))
 
 
 def ubx_bytes(drive: SimulatedDrive) -> bytes:

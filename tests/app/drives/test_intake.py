@@ -26,6 +26,8 @@ from app.terrain import store as dem
 from app.terrain import store as dem_store
 from fusion.errors import BadOptionsError, RoadsError, TerrainError, UnknownNameError
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.dem_file import write_dem
+from fusion.simulate.write.osm_file import write_osm
 
 Upload = Callable[..., tuple[DriveRow, bool]]
 
@@ -183,8 +185,8 @@ def test_blobs_of_another_database_are_left_alone(
 
 
 def test_roads_and_elevation_in_either_order(sessions: Sessions, town: Town, tmp_path: Path) -> None:
-    town.write_osm(tmp_path / "town.osm")
-    town.write_dem(tmp_path / "town.tif")
+    write_osm(town, tmp_path / "town.osm")
+    write_dem(town, tmp_path / "town.tif")
 
     def import_roads() -> None:
         road_imports.import_roads(sessions, tmp_path / "town.osm", tmp_path / "dem")
@@ -209,7 +211,7 @@ def test_roads_and_elevation_in_either_order(sessions: Sessions, town: Town, tmp
 
 
 def test_a_map_without_roads_is_refused(sessions: Sessions, tmp_path: Path, town: Town) -> None:
-    town.write_osm(tmp_path / "town.osm")
+    write_osm(town, tmp_path / "town.osm")
     road_imports.import_roads(sessions, tmp_path / "town.osm", tmp_path / "dem")
     (tmp_path / "empty.osm").write_text('<osm version="0.6"></osm>')
     with pytest.raises(RoadsError):

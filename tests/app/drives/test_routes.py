@@ -19,6 +19,10 @@ from app.drives import store, tracks
 from app.drives.examples import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.process import Outcome, process_drive
 from app.map.segment import PROPERTIES
+from fusion.simulate.drive import simulate_drive
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
+from fusion.simulate.write.osm_file import write_osm
 from fusion.types import Measurements, Track
 
 MakeDrive = Callable[..., uuid.UUID]
@@ -287,11 +291,11 @@ def test_an_uploaded_drive_through_the_town_ends_as_slopes_on_the_map(
     from app.roads.imports import import_roads  # noqa: PLC0415 - beside their only use
     from app.terrain.store import import_dem  # noqa: PLC0415 - beside their only use
 
-    town.write_osm(tmp_path / "town.osm")
-    town.write_dem(tmp_path / "town.tif")
+    write_osm(town, tmp_path / "town.osm")
+    write_dem(town, tmp_path / "town.tif")
     import_roads(web.sessions, tmp_path / "town.osm", web.settings.dem_dir)
     import_dem(web.sessions, [tmp_path / "town.tif"], web.settings.dem_dir)
-    town.drive(seed=1, duration_s=240).write_csv(tmp_path / "drive.csv")
+    write_csv(simulate_drive(town, seed=1, duration_s=240), tmp_path / "drive.csv")
     with (tmp_path / "drive.csv").open("rb") as file:
         location = web.client.post("/v1/drives?method=raw", files={"file": file}).headers["location"]
     drive = uuid.UUID(location.rsplit("/", 1)[-1])

@@ -26,7 +26,10 @@ from app.drives import store as drives
 from app.drives.store import DriveRow
 from app.drives.worker import MAX_ATTEMPTS, run_worker
 from app.roads import imports as road_imports
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.osm_file import write_osm
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
@@ -54,9 +57,9 @@ def sessions(database_url: str) -> Iterator[Sessions]:
 @pytest.fixture(scope="module")
 def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("town")
-    town.write_osm(folder / "town.osm")
+    write_osm(town, folder / "town.osm")
     for seed, duration_s in enumerate((120, 120, 400)):
-        town.drive(seed, duration_s=duration_s).write_csv(folder / f"{seed}.csv")
+        write_csv(simulate_drive(town, seed, duration_s=duration_s), folder / f"{seed}.csv")
     return folder
 
 

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 import rasterio
 from scenes.calais import Interchange, make_interchange
-from scenes.satellite_dem import DEM_MODELS, earthworks, raster_error, scene_numbers
+from scenes.satellite_dem import (
+    DEM_MODELS,
+    earthworks,
+    raster_error,
+    scene_numbers,
+    write_quality,
+    write_raster,
+)
 
 from fusion.errors import UnknownNameError
 from fusion.terrain.dem import Dem
@@ -55,8 +62,8 @@ def test_few_scenes_mean_large_errors(scenes: list[Interchange]) -> None:
 
 
 def test_aster_is_the_thesis_grid_in_utm(scene: Interchange, tmp_path: Path) -> None:
-    scene.write_dem(tmp_path / "aster.tif")
-    scene.write_quality(tmp_path / "num.tif")
+    write_raster(scene, tmp_path / "aster.tif")
+    write_quality(scene, tmp_path / "num.tif")
     with rasterio.open(tmp_path / "aster.tif") as file, rasterio.open(tmp_path / "num.tif") as number:
         assert file.width * file.height == 14_560
         assert file.res == pytest.approx((19.51, 30.89))
@@ -69,7 +76,7 @@ def test_aster_is_the_thesis_grid_in_utm(scene: Interchange, tmp_path: Path) -> 
 def test_the_raster_covers_every_road_and_errs_by_its_error(
     scene: Interchange, tmp_path: Path, model: str
 ) -> None:
-    scene.write_dem(tmp_path / "dem.tif", model)
+    write_raster(scene, tmp_path / "dem.tif", model)
     with Dem.open([tmp_path / "dem.tif"]) as dem:
         assert dem.datum == "EGM96"
         seen = dem.heights(scene.node_lon_deg, scene.node_lat_deg)
@@ -83,7 +90,7 @@ def test_a_raster_without_error_is_the_surface_averaged(
     scene: Interchange, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("scenes.satellite_dem.raster_error", lambda town, model: 0.0)
-    scene.write_dem(tmp_path / "dem.tif", "world30")
+    write_raster(scene, tmp_path / "dem.tif", "world30")
     with Dem.open([tmp_path / "dem.tif"]) as dem:
         seen = dem.heights(scene.node_lon_deg, scene.node_lat_deg)
     ground = scene.height(scene.node_x_m, scene.node_y_m)
@@ -123,4 +130,4 @@ def test_banks_fall_off_beside_the_road_and_leave_bridges_out(scene: Interchange
 
 def test_unknown_rasters_are_refused(scene: Interchange, tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="There is no elevation raster called 'lidar'"):
-        scene.write_dem(tmp_path / "dem.tif", "lidar")
+        write_raster(scene, tmp_path / "dem.tif", "lidar")

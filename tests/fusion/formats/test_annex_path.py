@@ -21,9 +21,10 @@ from fusion.frames import GRAVITY_MPS2
 from fusion.methods.base import DriveResult
 from fusion.methods.epochs.table import Epochs, build_epochs
 from fusion.pipeline import run_drive
-from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import Town
-from fusion.simulate.write.ubx_file import LEAP_SECONDS
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.ubx_file import LEAP_SECONDS, write_ubx
 from fusion.types import DriveLog
 
 G = GRAVITY_MPS2
@@ -152,10 +153,10 @@ class Files(NamedTuple):
 
 @pytest.fixture(scope="module", params=["m8", "perfect"])
 def files(town: Town, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Files:
-    drive = town.drive(11, 240.0, receiver=request.param)
+    drive = simulate_drive(town, 11, 240.0, receiver=request.param)
     folder: Path = tmp_path_factory.mktemp("annex")
-    drive.write_ubx(folder / "drive.ubx")
-    drive.write_csv(folder / "drive.csv")
+    write_ubx(drive, folder / "drive.ubx")
+    write_csv(drive, folder / "drive.csv")
     listing = ucenter_listing((folder / "drive.ubx").read_bytes(), float(drive.time_s[0]), LEAP_SECONDS)
     (folder / "drive.txt").write_bytes(listing.encode("ascii"))
     return Files(drive, *(read_log(folder / f"drive.{suffix}") for suffix in ("ubx", "txt", "csv")))

@@ -14,6 +14,7 @@ from fusion.matching.path import PathMatch
 from fusion.roads.network import RoadNetwork
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
 
 
@@ -96,7 +97,7 @@ def test_a_real_receiver_follows_its_road(shared_data: Path) -> None:
 def test_drives_through_the_town_are_found_whole(town: Town, receiver: str) -> None:
     """Under and over bridges and through the tunnel: every passage is there, in order, and no other road."""
     network = RoadNetwork.project(town.roads, town.projection)
-    drive = town.drive(seed=5, duration_s=500, receiver=receiver)
+    drive = simulate_drive(town, seed=5, duration_s=500, receiver=receiver)
     x, y = (np.where(drive.has_gnss, v, np.nan) for v in (drive.gnss.x_m, drive.gnss.y_m))
     match = DriveMatcher(network).match(drive.time_s, x, y)
     assert connected(network, match)

@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 
 from fusion.formats import read_log
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog
 
@@ -25,7 +28,7 @@ def make_log(town: Town, tmp_path_factory: pytest.TempPathFactory) -> MakeLog:
         key = repr((seed, sorted(options.items())))
         if key not in made:
             path = folder / f"drive_{len(made)}.csv"
-            town.drive(seed, **options).write_csv(path)  # type: ignore[arg-type]
+            write_csv(simulate_drive(town, seed, **options), path)  # type: ignore[arg-type]
             made[key] = read_log(path)
         return made[key]
 
@@ -36,5 +39,5 @@ def make_log(town: Town, tmp_path_factory: pytest.TempPathFactory) -> MakeLog:
 def town_dem(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Dem:
     """The town's DEM, errors and voids included."""
     path: Path = tmp_path_factory.mktemp("dem") / "dem.tif"
-    town.write_dem(path)
+    write_dem(town, path)
     return Dem.open([path])

@@ -19,7 +19,10 @@ from fusion.network.pass_factor import PassFactor
 from fusion.network.window import PUBLISH_RADIUS_M, WINDOW_RADIUS_M, gap_rows, neighbourhood
 from fusion.pipeline import run_drive
 from fusion.roads.table import RoadTable
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
 
@@ -62,7 +65,7 @@ class Driven:
 def driven(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Driven:
     """Seven drives by mixed receivers; the first ones pass most of the town."""
     folder: Path = tmp_path_factory.mktemp("driven")
-    town.write_dem(folder / "dem.tif")
+    write_dem(town, folder / "dem.tif")
     dem, visits = Dem.open([folder / "dem.tif"]), np.zeros(len(town.roads), np.int64)
     columns = ("osm_way_id", "from_node", "to_node")
     row_of = {
@@ -71,8 +74,10 @@ def driven(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Driven:
     }
     drives = []
     for seed, receiver in enumerate(("m8", "f9p", "phone", "m8", "f9p", "m8", "f9p")):
-        simulated = town.drive(100 + seed, 500.0, receiver=receiver, visits=visits if seed < 4 else None)
-        simulated.write_csv(folder / "log.csv")
+        simulated = simulate_drive(
+            town, 100 + seed, 500.0, receiver=receiver, visits=visits if seed < 4 else None
+        )
+        write_csv(simulated, folder / "log.csv")
         network, result = run_drive(read_log(folder / "log.csv"), town.roads, dem, method="profile")
         rows = [
             row_of[key] for key in zip(*(getattr(network.table, c).tolist() for c in columns), strict=True)

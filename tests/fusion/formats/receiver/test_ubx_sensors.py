@@ -1,4 +1,4 @@
-"""What a receiver says of its sensors, written by pyubx2 and minded here."""
+"""Sensor messages (ESF): means and raw samples, counters, and what a receiver says of its sensors."""
 
 from __future__ import annotations
 
@@ -110,3 +110,60 @@ def test_a_status_that_promises_more_sensors_than_it_holds_is_read_as_far_as_it_
     sample = make.esf_meas(500, [(16, 1024), (17, 1024)]) + make.pvt() + frame(0x10, 0x10, bytes(whole))
     log = read_log(sample + frame(0x10, 0x10, bytes(7)))
     assert log.skipped[FAULTY] == 1
+
+
+def test_raw_messages_of_many_samples_with_a_wrapping_counter(make: SimpleNamespace) -> None:
+    out = b""
+    for k in range(40):
+        out += make.pvt(make.start + timedelta(seconds=k))
+        for j in range(10):
+            tags = [(2**24 - 200_000 + round((k + j / 10 + i / 100) * 25600)) % 2**24 for i in range(1, 11)]
+            out += make.esf_raw(
+                [w for i, t in enumerate(tags) for w in ((16, i, t), (17, 0, t), (18, 10042, t))]
+            )
+    log = read_log(out)
+    assert len(log.force) == 4000
+    expected = make.start_s + 0.01 + np.arange(4000) / 100
+    assert np.abs(log.force.time_s - expected).max() < 0.06
+    assert log.force.acc_x_mps2[:10] == pytest.approx(np.arange(10) / 1024)
+
+
+def test_means_are_preferred_to_the_raw_samples_they_are_made_of(make: SimpleNamespace) -> None:
+    out = b""
+    for k in range(30):
+        out += make.pvt(make.start + timedelta(seconds=k))
+        for j in range(10):
+            ms = 1000 * k + 100 * j + 50
+            out += make.esf_raw([(16, 2048, round(ms * 25.6)), (17, 0, round(ms * 25.6))])
+            out += make.esf_meas(ms, [(16, 1024), (17, 0), (18, 10042)])
+    log = read_log(out)
+    assert len(log.force) == 300
+    assert (log.force.acc_x_mps2 == 1).all()
+
+
+def test_speed_and_wheel_ticks(make: SimpleNamespace) -> None:
+    out = b"".join(
+        make.pvt(make.start + timedelta(seconds=k)) + make.esf_meas(1000 * k + 500, [(11, 7123), (8, 55)])
+        for k in range(5)
+    )
+    log = read_log(out)
+    assert log.odometry.speed_mps == pytest.approx(np.full(5, 7.123))
+    assert sum(n for reason, n in log.skipped.items() if "wheel ticks" in reason) == 5
+
+
+def test_each_sensor_id_has_its_own_counter(make: SimpleNamespace) -> None:
+    """An external speed sensor (id 3, its own clock) beside the receiver's accelerometer."""
+    out = b""
+    for k in range(20):
+        out += make.pvt(make.start + timedelta(seconds=k))
+        out += make.esf_meas(1000 * k + 500, [(16, 1024), (17, 0), (18, 10042)])
+        out += make.esf_meas(900_000_000 + 1000 * k + 500, [(11, 7000)], sensor=3)
+    log = read_log(out)
+    expected = make.start_s + 0.5 + np.arange(20)
+    assert log.force.time_s == pytest.approx(expected, abs=0.01)
+    assert log.odometry.time_s == pytest.approx(expected, abs=0.01)
+
+
+def test_an_uncalibrated_measurement_has_one_word_more(make: SimpleNamespace) -> None:
+    log = read_log(make.pvt() + make.esf_meas(5, [(16, 1024), (17, 0), (18, 10042)], calibrated=False))
+    assert log.force.acc_z_mps2 == pytest.approx([10042 / 1024])

@@ -26,6 +26,7 @@ from fusion.methods.gps_ins.height import (
 from fusion.methods.gps_ins.options import KalmanOptions
 from fusion.pipeline import run_drive
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import Attitude, DriveLog, GnssFix, GnssVelocity
 
@@ -182,7 +183,7 @@ def test_the_threshold_of_the_terrains_quality_is_kept(
 ) -> None:
     """Posts that no scene saw are no heights, if so wished."""
     elevations, quality = (tmp_path / f"ASTGTM2_N47E007_{kind}.tif" for kind in ("dem", "num"))
-    town.write_dem(elevations)
+    write_dem(town, elevations)
     with rasterio.open(elevations) as raster:
         profile = {**raster.profile, "dtype": "int16", "nodata": None, "driver": "GTiff"}
         with rasterio.open(quality, "w", **profile) as layer:

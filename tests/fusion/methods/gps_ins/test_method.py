@@ -18,6 +18,7 @@ from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, run_drive
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.types import Attitude, DriveLog, GnssVelocity, Odometry
@@ -50,7 +51,7 @@ def run(log: DriveLog, town: Town, method: str, **options: object) -> DriveResul
 
 def off_track(result: DriveResult, town: Town, log: DriveLog, seed: int, **drive: object) -> np.ndarray:
     """Distance of the track from where the vehicle really was, m."""
-    simulated = town.drive(seed, **drive)  # type: ignore[arg-type]
+    simulated = simulate_drive(town, seed, **drive)  # type: ignore[arg-type]
     lon, lat = town.projection.to_lonlat(simulated.truth.x_m, simulated.truth.y_m)
     track = result.track
     lon, lat = (np.interp(track.time_s, simulated.time_s, value) for value in (lon, lat))

@@ -21,6 +21,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.dem import Dem
 from fusion.types import AngularRate, Attitude, DriveLog, GnssVelocity, Odometry, no_progress
 
@@ -32,7 +33,7 @@ SEEDS = (1, 2, 3, 4, 5, 6)
 @cache
 def paper_drive(seed: int, wheels: WheelSet = TEN_PERCENT_WHEELS) -> tuple[SimulatedDrive, DriveLog]:
     drive = lahrech_drive(seed, wheels=wheels)
-    return drive, log_of(drive.columns())
+    return drive, log_of(csv_columns(drive))
 
 
 def fuse(drive: SimulatedDrive, log: DriveLog, **options: object) -> DriveResult:

@@ -17,6 +17,7 @@ from fusion.methods.base import DriveResult, option_facts
 from fusion.methods.particle.options import ParticleOptions
 from fusion.pipeline import parse_options, run_drive
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import WINDOWS
 from fusion.types import DriveLog
@@ -102,7 +103,7 @@ def test_posts_of_poor_quality_are_left_out_and_a_missing_layer_is_said(
     make_log: MakeLog, town: Town, town_dem: Dem, tmp_path: Path
 ) -> None:
     log, dem_file = make_log(1, duration_s=120), tmp_path / "X_dem.tif"
-    town.write_dem(dem_file)
+    write_dem(town, dem_file)
     scenes = np.random.default_rng(4).integers(1, 9, size=rasterio.open(dem_file).read(1).shape)
     with rasterio.open(dem_file, "r+") as raster:
         heights = raster.read(1)

@@ -20,6 +20,7 @@ from fusion.methods.profile.measurements import (
     TERRAIN,
     binned,
 )
+from fusion.simulate.write.csv_file import csv_columns
 
 TABLE = street(*[60.0] * 20)
 TIME_S = 1.7e9 + np.arange(110.0)
@@ -84,7 +85,7 @@ def test_heights_come_from_one_datum(level_share: float) -> None:
 def test_the_dem_is_left_out_around_bridges_and_tunnels(tmp_path_factory: pytest.TempPathFactory) -> None:
     world = World(tmp_path_factory.mktemp("profile"))
     drive = world.drive(1, duration_s=300.0)
-    one = smoothed(log_of(drive.columns()), drive.town.roads, world.dem(1))
+    one = smoothed(log_of(csv_columns(drive)), drive.town.roads, world.dem(1))
     match = one.path.match
     terrain = one.rows.along_m[one.rows.sensor == TERRAIN]
     assert len(terrain) > 30

@@ -14,8 +14,10 @@ from fusion.network.evidence import SegmentEvidence
 from fusion.network.pass_factor import PassFactor
 from fusion.pipeline import run_drive
 from fusion.roads.network import RoadNetwork
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.motion.routes import structures
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.windows import dem_slopes
 
 pytestmark = pytest.mark.slow
@@ -57,14 +59,15 @@ def drive_town(world: World, seed: int) -> Together:
     everything: list[PassFactor] = []
     alone, sums, known = [], np.zeros((2, len(town.roads))), set()
     for number in range(DRIVES):
-        drive = town.drive(
+        drive = simulate_drive(
+            town,
             1000 * seed + number,
             400.0,
             receiver=RECEIVERS[number % len(RECEIVERS)],
             visits=visits if number < DRIVES // 2 else None,
             first=structures(town),
         )
-        network, result = run_drive(log_of(drive.columns()), town.roads, world.dem(seed))
+        network, result = run_drive(log_of(csv_columns(drive)), town.roads, world.dem(seed))
         rows = np.array([row_of[key] for key in identities(network.table)])
         everything += [in_town(f, rows) for f in result.factors]
         wanted = set(whole(town, drive))
@@ -122,7 +125,7 @@ def test_together_is_better_than_alone_and_than_the_average(towns: list[Together
 def test_a_drive_s_own_slopes_are_its_factors_solved_alone(tmp_path_factory: pytest.TempPathFactory) -> None:
     world = World(tmp_path_factory.mktemp("profile"))
     drive = world.drive(1, duration_s=200.0)
-    network, result = run_drive(log_of(drive.columns()), drive.town.roads, world.dem(1))
+    network, result = run_drive(log_of(csv_columns(drive)), drive.town.roads, world.dem(1))
     assert isinstance(network, RoadNetwork)
     assert adjusted_slopes(network, result.factors, world.dem(1)) == result.slopes
     assert adjusted_slopes(network, (), None) == ()

@@ -13,6 +13,7 @@ from factor_support import street
 from profile_support import Levels, World, hills, log_of, street_log
 
 from fusion.pipeline import run_drive
+from fusion.simulate.write.csv_file import csv_columns
 from fusion.types import DriveLog
 
 TABLE = street(*[60.0] * 30)
@@ -71,7 +72,7 @@ def test_clean_town_drives_are_warned_of_nothing(tmp_path_factory: pytest.TempPa
     for number in range(10):
         seed, receiver = 1 + number % 3, ("m8", "phone", "f9p")[number % 3]
         drive = world.drive(seed, number, receiver=receiver, duration_s=300.0)
-        found = run_drive(log_of(drive.columns()), drive.town.roads, None)[1].report
+        found = run_drive(log_of(csv_columns(drive)), drive.town.roads, None)[1].report
         alarms += found["height_jumps_s"] + found["mount"]["moves"]
         assert not [w for w in found["warnings"] if "tilt" not in w], (number, found["warnings"])
     assert alarms == []

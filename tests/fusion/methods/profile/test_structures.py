@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from profile_support import Outcome, World, coverage, inside
 
-from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import structures
 from fusion.terrain.dem import Dem
 
@@ -33,8 +33,13 @@ def drives(world: World) -> list[SimulatedDrive]:
         visits = np.zeros(len(town.roads), np.int64)
         for number, receiver in enumerate(("m8", "f9p", "m8")):
             found.append(
-                town.drive(
-                    1000 * seed + number, 500.0, receiver=receiver, visits=visits, first=structures(town)
+                simulate_drive(
+                    town,
+                    1000 * seed + number,
+                    500.0,
+                    receiver=receiver,
+                    visits=visits,
+                    first=structures(town),
                 )
             )
     return found

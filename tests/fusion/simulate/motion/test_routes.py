@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
+from fusion.simulate.drive import simulate_drive
 from fusion.simulate.motion.routes import Arcs, Route, plan_route, structures
 from fusion.simulate.scene.town import Town, make_town
 
@@ -82,7 +83,7 @@ def test_closed_segments_are_not_driven(seed: int) -> None:
 
 def test_a_given_route_is_driven(town: Town) -> None:
     route = plan_route(town, 400.0, np.random.default_rng(8))
-    drive = town.drive(1, 200.0, route=route)
+    drive = simulate_drive(town, 1, 200.0, route=route)
     passed = [p.segment for p in drive.passes()]
     assert passed == list(route.segment[: len(passed)])
     assert len(passed) > 5

@@ -9,9 +9,10 @@ import pytest
 from scenes.lahrech import lahrech_drive
 
 from fusion.formats import read_log
-from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.receiver.wheels import PERFECT_WHEELS, TEN_PERCENT_WHEELS, WheelReadings, WheelSet
 from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import csv_columns, write_csv
 
 
 def rolling(drive: SimulatedDrive) -> WheelReadings:
@@ -20,7 +21,7 @@ def rolling(drive: SimulatedDrive) -> WheelReadings:
 
 
 def test_perfect_wheels_give_way_and_turn_back(town: Town) -> None:
-    drive = town.drive(3, 240.0, receiver="perfect", rate_hz=10.0, wheels=PERFECT_WHEELS)
+    drive = simulate_drive(town, 3, 240.0, receiver="perfect", rate_hz=10.0, wheels=PERFECT_WHEELS)
     wheels = rolling(drive)
     left, right = 0.3 * wheels.left_rad, 0.3 * wheels.right_rad
     speed, t = drive.truth.speed_mps, drive.elapsed_s
@@ -33,7 +34,7 @@ def test_perfect_wheels_give_way_and_turn_back(town: Town) -> None:
 
 
 def test_the_outer_wheel_of_a_bend_runs_farther(town: Town) -> None:
-    drive = town.drive(3, 240.0, rate_hz=10.0, wheels=PERFECT_WHEELS)
+    drive = simulate_drive(town, 3, 240.0, rate_hz=10.0, wheels=PERFECT_WHEELS)
     wheels = rolling(drive)
     to_the_right = np.diff(drive.truth.yaw_rad)
     sharp = np.abs(to_the_right) > 0.01
@@ -43,7 +44,7 @@ def test_the_outer_wheel_of_a_bend_runs_farther(town: Town) -> None:
 
 
 def test_wheels_roll_along_the_slope_not_along_the_map(town: Town) -> None:
-    drive = town.drive(3, 240.0, rate_hz=10.0, wheels=PERFECT_WHEELS)
+    drive = simulate_drive(town, 3, 240.0, rate_hz=10.0, wheels=PERFECT_WHEELS)
     wheels, truth = rolling(drive), drive.truth
     flat = np.sum(np.hypot(np.diff(truth.x_m), np.diff(truth.y_m)))
     rolled = 0.15 * (np.ptp(wheels.left_rad) + np.ptp(wheels.right_rad))
@@ -54,8 +55,8 @@ def test_wheels_roll_along_the_slope_not_along_the_map(town: Town) -> None:
 
 def test_ticks_are_whole_and_fall_behind_by_less_than_one(town: Town) -> None:
     coarse = WheelSet(radius_error=0.0, slip=0.0, slip_each=0.0, ticks_per_turn=48)
-    counted = rolling(town.drive(4, 90.0, wheels=coarse))
-    exact = rolling(town.drive(4, 90.0, wheels=PERFECT_WHEELS))
+    counted = rolling(simulate_drive(town, 4, 90.0, wheels=coarse))
+    exact = rolling(simulate_drive(town, 4, 90.0, wheels=PERFECT_WHEELS))
     tick = 2 * np.pi / 48
     for ticks, angle in ((counted.left_rad, exact.left_rad), (counted.right_rad, exact.right_rad)):
         np.testing.assert_allclose(ticks / tick, np.round(ticks / tick), atol=1e-9)
@@ -65,7 +66,7 @@ def test_ticks_are_whole_and_fall_behind_by_less_than_one(town: Town) -> None:
 
 
 def test_standing_wheels_stand(town: Town) -> None:
-    drive = town.drive(4, 300.0, wheels=WheelSet(slip=0.1, slip_each=0.1))
+    drive = simulate_drive(town, 4, 300.0, wheels=WheelSet(slip=0.1, slip_each=0.1))
     wheels = rolling(drive)
     still = (drive.truth.speed_mps[1:] < 1e-3) & (drive.truth.speed_mps[:-1] < 1e-3)
     assert still.sum() >= 3
@@ -76,8 +77,8 @@ def test_errors_have_the_size_that_was_asked_for(town: Town) -> None:
     asked = WheelSet(radius_error=0.01, slip=0.05, slip_each=0.02, ticks_per_turn=0)
     radii, common, own = [], [], []
     for seed in range(40):
-        drive = town.drive(seed, 60.0, wheels=asked)
-        plain = rolling(town.drive(seed, 60.0, wheels=PERFECT_WHEELS))
+        drive = simulate_drive(town, seed, 60.0, wheels=asked)
+        plain = rolling(simulate_drive(town, seed, 60.0, wheels=PERFECT_WHEELS))
         wheels = rolling(drive)
         radii += [wheels.left_radius_m / 0.3 - 1, wheels.right_radius_m / 0.3 - 1]
         moving = drive.truth.speed_mps[1:] > 3
@@ -96,22 +97,25 @@ def test_errors_have_the_size_that_was_asked_for(town: Town) -> None:
 
 
 def test_the_rest_of_a_drive_does_not_notice_wheels(town: Town) -> None:
-    without, with_wheels = town.drive(11, 60.0), town.drive(11, 60.0, wheels=TEN_PERCENT_WHEELS)
-    before, after = without.columns(), with_wheels.columns()
+    without, with_wheels = (
+        simulate_drive(town, 11, 60.0),
+        simulate_drive(town, 11, 60.0, wheels=TEN_PERCENT_WHEELS),
+    )
+    before, after = csv_columns(without), csv_columns(with_wheels)
     assert set(after) - set(before) == {"wheel_left_rad", "wheel_right_rad"}
     for name, column in before.items():
         np.testing.assert_array_equal(column, after[name])
 
 
 def test_a_seed_turns_the_wheels_one_way(town: Town) -> None:
-    a, b, c = (rolling(town.drive(s, 60.0, wheels=TEN_PERCENT_WHEELS)) for s in (11, 11, 12))
+    a, b, c = (rolling(simulate_drive(town, s, 60.0, wheels=TEN_PERCENT_WHEELS)) for s in (11, 11, 12))
     np.testing.assert_array_equal(a.left_rad, b.left_rad)
     assert a.left_radius_m != c.left_radius_m
 
 
 def test_the_csv_carries_the_wheels_to_the_log(town: Town, tmp_path: Path) -> None:
-    drive = town.drive(5, 60.0, wheels=WheelSet(), outages=[(10.0, 20.0)])
-    drive.write_csv(tmp_path / "drive.csv")
+    drive = simulate_drive(town, 5, 60.0, wheels=WheelSet(), outages=[(10.0, 20.0)])
+    write_csv(drive, tmp_path / "drive.csv")
     log = read_log(tmp_path / "drive.csv")
     wheels = rolling(drive)
     np.testing.assert_allclose(log.odometry.wheel_left_rad, wheels.left_rad, atol=1e-4)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from seeds_calais_measure import (
+from experiments.calais_measure import (
     Figures,
     Scene,
     against_truth,
@@ -27,7 +27,7 @@ from seeds_calais_measure import (
     estimate,
     gnss_alone,
 )
-from seeds_calais_published import (
+from experiments.calais_published import (
     CASE_2,
     CASE_3,
     CASE_3_DOPPLER,
@@ -37,8 +37,7 @@ from seeds_calais_published import (
     NOTES,
     UNSCENTED,
 )
-from seeds_rows import Row
-
+from experiments.rows import Row
 from fusion.types import Progress
 
 PARTICLES = 100_000

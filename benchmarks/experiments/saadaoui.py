@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from seeds_rows import Row
 
+from experiments.rows import Row
 from fusion.filters.unscented import Unscented
 from fusion.methods.gps_ins.filter import Drive, Filtered, Settings
 from fusion.methods.gps_ins.filter import run as run_filter

@@ -1,9 +1,12 @@
-"""How a vehicle moves along a path: speeds, stops, springs; its true state at any instant."""
+"""How a vehicle moves along a path: speeds, stops, springs; its true state at any instant.
+
+Knows no sensor: what a receiver reads of the state stands in ``receiver``.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,24 +14,32 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from fusion.simulate.motion.path import STEP_M, Path, draw_path, slow_noise
+from fusion.simulate.motion.path import STEP_M, DrivenPath, draw_path, slow_noise
 from fusion.simulate.motion.routes import CRUISE_MPS, Route
+from fusion.simulate.scene.town import Town
 from fusion.types import Floats, Ints
 
-if TYPE_CHECKING:
-    from fusion.simulate.scene.town import Town
-
 _GRID_S = 0.05
+"""Knots of the splines over time."""
 _SIDEWAYS_MPS2 = 2.2
+"""Acceleration towards the inside of a bend that the driver accepts: it sets the speed there."""
 _SPEED_UP_MPS2 = 1.4
 _SLOW_DOWN_MPS2 = 1.9
 _CRAWL_MPS = 0.6
+"""Speed before a halt and after it; the blur over time makes a standstill of it."""
 _SMOOTH_S = 0.6
+"""Width of the Gaussian that rounds the distance over time, so that acceleration does not jump."""
 _STOP_S = (3.0, 18.0)
+"""Shortest and longest halt."""
 _FIRST_STAND_S = 4.0
+"""How long a drive stands before it begins."""
+_BEFORE_JUNCTION_M = 8.0
+"""Where a vehicle halts, metres before the node."""
 _SQUAT_RAD_PER_MPS2 = np.radians(0.2)
+"""Pitch of the body under acceleration; ``_LEAN`` is its roll in a bend."""
 _LEAN_RAD_PER_MPS2 = np.radians(0.4)
 _PITCH_SPRINGS_RAD = 0.009
+"""One sigma of the body's pitch on its springs while it moves, as of its roll below, correlated over ``_SPRINGS_S``."""
 _ROLL_SPRINGS_RAD = 0.006
 _SPRINGS_S = 0.45
 
@@ -85,7 +96,7 @@ class Motion:
 
     town: Town
     route: Route
-    path: Path
+    path: DrivenPath
     travelled: CubicSpline
     attitude: CubicSpline
     """(yaw, pitch, roll) over time"""
@@ -156,7 +167,7 @@ def move(
 
 
 def _timetable(
-    town: Town, route: Route, path: Path, driver: Driver, rng: np.random.Generator
+    town: Town, route: Route, path: DrivenPath, driver: Driver, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Time and distance travelled at the path's knots, standing included."""
     speed = np.minimum(_speed_limits(town, route, path, rng), driver.top_speed_mps)
@@ -176,7 +187,7 @@ def _timetable(
     return time, np.repeat(s, 2)
 
 
-def _speed_limits(town: Town, route: Route, path: Path, rng: np.random.Generator) -> Floats:
+def _speed_limits(town: Town, route: Route, path: DrivenPath, rng: np.random.Generator) -> Floats:
     """The speed a driver would have at each knot but for inertia: by road class, mood and curvature."""
     by_class = np.array([CRUISE_MPS[h] for h in town.roads.highway[route.segment]])[path.arc]
     mood = slow_noise(len(path.s_m), 60.0 / STEP_M, rng)
@@ -185,7 +196,7 @@ def _speed_limits(town: Town, route: Route, path: Path, rng: np.random.Generator
     return np.minimum(free, np.maximum(curve, 1.5))
 
 
-def _stops(town: Town, route: Route, path: Path, chance: float, rng: np.random.Generator) -> Ints:
+def _stops(town: Town, route: Route, path: DrivenPath, chance: float, rng: np.random.Generator) -> Ints:
     """Knots at which the driver halts: at some junctions of ordinary streets, some metres before the node."""
     last = np.flatnonzero(np.diff(path.arc) > 0)
     arc = path.arc[last]
@@ -194,11 +205,11 @@ def _stops(town: Town, route: Route, path: Path, chance: float, rng: np.random.G
     through = np.isin(here, ["motorway", "motorway_link"]) | np.isin(then, ["motorway", "motorway_link"])
     junction = (town.junction_degree[node] > 2) & ~through
     halt = junction & (rng.random(len(last)) < chance)
-    return np.maximum(last[halt] - round(8.0 / STEP_M), 1)
+    return np.maximum(last[halt] - round(_BEFORE_JUNCTION_M / STEP_M), 1)
 
 
 def _attitude(
-    path: Path, travelled: CubicSpline, grid_s: Floats, springs: float, rng: np.random.Generator
+    path: DrivenPath, travelled: CubicSpline, grid_s: Floats, springs: float, rng: np.random.Generator
 ) -> Floats:
     """Yaw (continuous), pitch and roll of the body over the grid, shape (n, 3)."""
     s = np.clip(travelled(grid_s), 0.0, path.length_m)

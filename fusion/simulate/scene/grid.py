@@ -1,4 +1,4 @@
-"""The plan of the town: a bent grid of streets around a roundabout, with a tunnel road and a bridge road."""
+"""The town's middle: a bent grid of streets around a roundabout, with a tunnel road and a bridge road."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import slope_accuracy as accuracy
-from seeds_rows import Row
 
+from experiments.rows import Row
 from fusion.methods import METHODS
 from fusion.types import Progress
 

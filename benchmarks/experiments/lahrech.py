@@ -20,15 +20,17 @@ from typing import Any
 
 import numpy as np
 from scenes.lahrech import lahrech_drive
-from seeds_rows import Row
 
+from experiments.rows import Row
 from fusion.formats import read_log
 from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
 from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats, Progress
+from fusion.types import DriveLog, Floats, Ints, Progress
 
 Figures = dict[str, float]
 
@@ -130,9 +132,9 @@ class Scene:
     def make(cls, drive: SimulatedDrive, folder: Path) -> Scene:
         """Write the files of a drive into ``folder``, and read them back."""
         log, raster = folder / "drive.csv", folder / f"dem_{drive.town.seed}.tif"
-        drive.write_csv(log)
+        write_csv(drive, log)
         if not raster.exists():
-            drive.town.write_dem(raster)
+            write_dem(drive.town, raster)
         return cls(drive, read_log(log), Dem.open([raster]))
 
 
@@ -175,7 +177,7 @@ def against_truth(drive: SimulatedDrive, result: DriveResult) -> Figures:
     }
 
 
-def _odometer_alone_m(velocity_mps: Floats, row: Floats) -> float:
+def _odometer_alone_m(velocity_mps: Floats, row: Ints) -> float:
     """White errors of a tenth of each second's way, added up over an outage: the larger of the outages'."""
     way = np.hypot(velocity_mps[:, 0], velocity_mps[:, 1])
     outages = np.split(0.1 * way, np.flatnonzero(np.diff(row) > 1) + 1)

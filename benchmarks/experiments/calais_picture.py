@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from seeds_calais import CASES, RECEIVER
-from seeds_calais_measure import Estimated, Scene, estimate
+
+from experiments.calais import CASES, RECEIVER
+from experiments.calais_measure import Estimated, Scene, estimate
 
 SEED = 1
 _COLOURS = {

@@ -12,6 +12,7 @@ from unittest import mock
 
 import numpy as np
 from scenes.calais import Interchange, calais_drive, make_interchange
+from scenes.satellite_dem import write_raster
 
 from fusion.formats import read_log
 from fusion.frames import wrap_angle
@@ -22,10 +23,11 @@ from fusion.methods.particle import method as particle
 from fusion.pipeline import parse_options
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.drive import SimulatedDrive
-from fusion.simulate.motion.motion import MotionState
-from fusion.simulate.receiver.receiver import RECEIVERS
+from fusion.simulate.motion.vehicle import MotionState
+from fusion.simulate.receiver.profiles import RECEIVERS
+from fusion.simulate.write.csv_file import write_csv
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats, no_progress
+from fusion.types import DriveLog, Floats, Ints, no_progress
 
 RASTERS = ("aster", "world30")
 AXES = ("E", "N", "U")
@@ -54,10 +56,10 @@ class Scene:
         """Simulate a seed and write and read its files, as anybody's would be."""
         town = make_interchange(seed)
         drive = calais_drive(town, seed, receiver=receiver)
-        drive.write_csv(folder / "drive.csv")
+        write_csv(drive, folder / "drive.csv")
         dems = {}
         for model in RASTERS:
-            town.write_dem(folder / f"{model}_{seed}.tif", model)
+            write_raster(town, folder / f"{model}_{seed}.tif", model)
             dems[model] = Dem.open([folder / f"{model}_{seed}.tif"])
         log = read_log(folder / "drive.csv")
         return cls(town, drive, log, RoadNetwork.project(town.roads, town.projection), dems)
@@ -189,7 +191,7 @@ def _spread_of(quantity: str, errors: Floats) -> Figures:
     return {f"{quantity}, std": float(np.std(errors)), f"{quantity}, mean": float(np.mean(errors))}
 
 
-def _matches(segment: Floats, truth: MotionState) -> Figures:
+def _matches(segment: Ints, truth: MotionState) -> Figures:
     matched = segment >= 0
     return {
         "map-match rate": 100 * float(np.mean(matched)),

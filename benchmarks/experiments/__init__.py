@@ -1,0 +1,1 @@
+"""The experiments of the source documents, one file each, and their tables; ``seeds.py`` runs them."""

@@ -1,0 +1,72 @@
+"""A drive as the Versant CSV that a recording app would write: one row per GNSS epoch, all sensors beside it."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+from pathlib import Path
+
+import numpy as np
+
+from fusion.simulate.drive import SimulatedDrive
+from fusion.types import Floats
+
+_POSITION_COLUMNS = ("lat_deg", "lon_deg", "alt_msl_m", "h_acc_m", "v_acc_m")
+_VELOCITY_COLUMNS = ("vel_n_mps", "vel_e_mps", "vel_d_mps", "s_acc_mps")
+_DIGITS = {"time_s": 3, "lat_deg": 8, "lon_deg": 8}
+_OTHER_DIGITS = 4
+"""Digits after the decimal point; 1e-8 degree is about a millimetre."""
+
+
+def write_csv(drive: SimulatedDrive, path: Path) -> None:
+    """Write a Versant CSV, gzipped if the name ends in ``.gz``."""
+    table = csv_columns(drive)
+    cells = [[_cell(v, _DIGITS.get(name, _OTHER_DIGITS)) for v in values] for name, values in table.items()]
+    text = io.StringIO(newline="")
+    out = csv.writer(text)
+    out.writerow(table)
+    out.writerows(zip(*cells, strict=True))
+    data = text.getvalue().encode("ascii")
+    Path(path).write_bytes(gzip.compress(data, mtime=0) if str(path).endswith(".gz") else data)
+
+
+def _cell(value: float, digits: int) -> str:
+    return "" if np.isnan(value) else f"{value:.{digits}f}"
+
+
+def csv_columns(drive: SimulatedDrive) -> dict[str, Floats]:
+    """The columns of the Versant CSV, NaN where nothing was measured."""
+    lon, lat = drive.lonlat()
+    n, p, imu = len(lon), drive.profile, drive.inertial
+    ned = drive.gnss.velocity_ned_mps
+    gyro = np.degrees(imu.rate_radps)
+    table = {
+        "time_s": drive.time_s,
+        "lat_deg": lat,
+        "lon_deg": lon,
+        "alt_msl_m": drive.gnss.alt_msl_m,
+        "h_acc_m": np.full(n, p.h_acc_m),
+        "v_acc_m": np.full(n, p.v_acc_m),
+        "vel_n_mps": ned[:, 0],
+        "vel_e_mps": ned[:, 1],
+        "vel_d_mps": ned[:, 2],
+        "s_acc_mps": np.full(n, p.s_acc_mps),
+        "acc_x_mps2": imu.force_mps2[:, 0],
+        "acc_y_mps2": imu.force_mps2[:, 1],
+        "acc_z_mps2": imu.force_mps2[:, 2],
+        "gyr_x_dps": gyro[:, 0],
+        "gyr_y_dps": gyro[:, 1],
+        "gyr_z_dps": gyro[:, 2],
+        "roll_deg": np.degrees(imu.roll_rad),
+        "pitch_deg": np.degrees(imu.pitch_rad),
+        "yaw_deg": np.degrees(imu.yaw_rad) % 360.0,
+        "pitch_acc_deg": np.full(n, p.pitch_acc_deg),
+        "odo_speed_mps": imu.odo_speed_mps,
+    }
+    if drive.wheels is not None:
+        table["wheel_left_rad"] = drive.wheels.left_rad
+        table["wheel_right_rad"] = drive.wheels.right_rad
+    for name in _POSITION_COLUMNS + _VELOCITY_COLUMNS:
+        table[name] = np.where(drive.has_gnss, table[name], np.nan)
+    return table
