@@ -42,8 +42,7 @@ from matching_tracks import Track, error, find_tracks, read_track
 from fusion.matching.candidates import thin
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.points import MATCHERS
-from fusion.matching.points.base import PointMatcher
-from fusion.matching.points.mahalanobis import PointMatches
+from fusion.matching.points.base import PointMatcher, PointMatches
 
 LAST_TUNED = 18
 SPACING_M = 14.0

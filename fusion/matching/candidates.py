@@ -9,7 +9,7 @@ import numpy as np
 from fusion.compiled import compiled
 from fusion.matching.chains import ChainGraph
 from fusion.matching.lattice import Candidates, inlined
-from fusion.roads.kernels import SegmentGrid
+from fusion.roads.grid import SegmentGrid
 from fusion.types import Floats, Ints
 
 

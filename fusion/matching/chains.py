@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.compiled import compiled
-from fusion.roads.kernels import SegmentGrid
-from fusion.roads.network import RoadNetwork, build_grid
+from fusion.roads.grid import SegmentGrid, build_grid
+from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
 Bools = NDArray[np.bool_]

@@ -9,9 +9,8 @@ import numpy as np
 from fusion.matching.candidates import find_candidates
 from fusion.matching.chains import ChainGraph, build_chains
 from fusion.matching.lattice import Candidates
-from fusion.matching.points.base import Samples, placed, unmatched
-from fusion.matching.points.mahalanobis import PointMatches
-from fusion.roads.kernels import SegmentGrid
+from fusion.matching.points.base import PointMatches, Samples, placed, unmatched
+from fusion.roads.grid import SegmentGrid
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 

@@ -12,9 +12,8 @@ import numpy as np
 from fusion.compiled import compiled
 from fusion.matching.chains import ChainGraph
 from fusion.matching.lattice import Candidates
-from fusion.matching.points.base import PointMatcher, Samples
+from fusion.matching.points.base import PointMatcher, PointMatches, Samples
 from fusion.matching.points.chains import Roads
-from fusion.matching.points.mahalanobis import PointMatches
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from fusion.matching.points.mahalanobis import PointMatch
+from fusion.matching.points.base import PointMatch
 from fusion.methods.epochs.levelling import MountPitch
 from fusion.methods.epochs.options import EpochOptions
 from fusion.methods.epochs.table import Epochs

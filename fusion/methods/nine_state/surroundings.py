@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from fusion.matching.points.mahalanobis import PointMatch, nearest_mahalanobis
+from fusion.matching.points.base import PointMatch
+from fusion.matching.points.mahalanobis import nearest_mahalanobis
 from fusion.methods.epochs.options import EpochOptions, TerrainOptions
 from fusion.methods.epochs.table import Epochs
 from fusion.methods.nine_state.filter import PredictedMap

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fusion.matching.points.mahalanobis import PointMatch
+from fusion.matching.points.base import PointMatch
 from fusion.methods.nine_state.filter import PredictedMap
 from fusion.methods.nine_state.surroundings import Roads
 from fusion.methods.odometer_map.options import OdometerMapOptions

@@ -12,9 +12,10 @@ from hypothesis.extra import numpy as hnp
 from matcher_support import PLANE, connected, matched
 
 from fusion.matching.points import MATCHERS
+from fusion.matching.points.base import PointMatches
 from fusion.matching.points.curve import CurveToCurve
-from fusion.matching.points.geometric import Mahalanobis, PointToPoint, PointToSegment, SegmentDirection
-from fusion.matching.points.mahalanobis import PointMatches, match_points
+from fusion.matching.points.geometric import PointToPoint, PointToSegment, SegmentDirection
+from fusion.matching.points.mahalanobis import Mahalanobis, match_points
 from fusion.matching.points.topological import Topological
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
