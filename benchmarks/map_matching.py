@@ -39,10 +39,10 @@ import matching_leuven
 import numpy as np
 from matching_tracks import Track, error, find_tracks, read_track
 
-from fusion.matching.candidates import thin
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.points import MATCHERS
 from fusion.matching.points.base import PointMatcher, PointMatches
+from fusion.matching.samples import thin
 
 LAST_TUNED = 18
 SPACING_M = 14.0

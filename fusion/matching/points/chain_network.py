@@ -15,7 +15,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
 
-class Roads(NamedTuple):
+class ChainNetwork(NamedTuple):
     """A network and its chains, with their index."""
 
     network: RoadNetwork
@@ -23,7 +23,7 @@ class Roads(NamedTuple):
     grid: SegmentGrid
 
     @classmethod
-    def of(cls, network: RoadNetwork) -> Roads:
+    def of(cls, network: RoadNetwork) -> ChainNetwork:
         """Contract a network that has segments."""
         return cls(network, *build_chains(network))
 
