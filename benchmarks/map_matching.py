@@ -41,11 +41,10 @@ import numpy as np
 from matching_tracks import Track, error, find_tracks, read_track
 from numpy.typing import NDArray
 
-from fusion.matching.candidates import thin
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.points import MATCHERS
-from fusion.matching.points.base import PointMatcher
-from fusion.matching.points.mahalanobis import PointMatches
+from fusion.matching.points.base import PointMatcher, PointMatches
+from fusion.matching.samples import thin
 from fusion.types import Ints
 
 LAST_TUNED = 18

@@ -1,4 +1,7 @@
-"""Which samples of a drive are kept, and where on which chains each of them may be; compiled."""
+"""Where on which chains each sample may be, and what that costs; compiled.
+
+Knows each sample by itself, nothing of those before and after.
+"""
 
 from __future__ import annotations
 
@@ -9,88 +12,8 @@ import numpy as np
 from fusion.compiled import compiled
 from fusion.matching.chains import ChainGraph
 from fusion.matching.lattice import Candidates, inlined
-from fusion.roads.kernels import SegmentGrid
+from fusion.roads.grid import SegmentGrid, clamp_cell
 from fusion.types import Floats, Ints
-
-
-@compiled
-def thin(
-    time: Floats,
-    x: Floats,
-    y: Floats,
-    speed: Floats,
-    spacing: float,
-    dwell_s: float,
-    dwell_mps: float,
-    widest: float,
-) -> Ints:
-    """Indices of the samples to keep: each ``spacing`` metres from the one before.
-
-    After ``dwell_s`` without a kept sample the spacing grows by ``dwell_mps`` up to ``widest``, and samples
-    known to stand still (speed below 0.3 m/s) are kept only beyond ``widest``: positions wander while the
-    vehicle stands. The last sample is kept if it lies a quarter of the spacing from the last kept one.
-    """
-    n = len(x)
-    kept = np.empty(n, np.int64)
-    count, last = 0, -1
-    final = -1
-    for i in range(n):
-        if not (math.isfinite(x[i]) and math.isfinite(y[i]) and math.isfinite(time[i])):
-            continue
-        final = i
-        if last >= 0:
-            idle = time[i] - time[last] - dwell_s
-            need = spacing if idle <= 0 else min(spacing + dwell_mps * idle, widest)
-            if speed[i] < 0.3:
-                need = widest
-            if (x[i] - x[last]) ** 2 + (y[i] - y[last]) ** 2 < need * need:
-                continue
-        kept[count] = i
-        count += 1
-        last = i
-    if final >= 0 and final != last:
-        moved = math.hypot(x[final] - x[last], y[final] - y[last])
-        if moved >= 0.25 * spacing and not speed[final] < 0.3 and time[final] - time[last] <= dwell_s:
-            kept[count] = final
-            count += 1
-    return kept[:count]
-
-
-@inlined
-def _cell(offset: float, cell: float, count: int) -> int:
-    return int(min(max(math.floor(offset / cell), 0.0), count - 1.0))
-
-
-@inlined
-def _share(shape: Floats, r: int, x: float, y: float) -> float:
-    """Where along segment r the point projects, 0..1 inside."""
-    return float(((x - shape[r, 0]) * shape[r, 2] + (y - shape[r, 1]) * shape[r, 3]) * shape[r, 4])
-
-
-@inlined
-def _local_minimum(graph: ChainGraph, r: int, share: float, x: float, y: float) -> bool:
-    """Whether the distance to the chain has a minimum on segment r; one at a vertex belongs to its first."""
-    if share >= 1.0:
-        following = r + 1
-        if following < graph.first[graph.chain[r] + 1]:
-            return _share(graph.shape, following, x, y) <= 0.0
-        return True
-    return share > 0.0 or r == graph.first[graph.chain[r]]
-
-
-@inlined
-def _heading_cost(graph: ChainGraph, r: int, cosine: float, sine: float, weight: float, cap: float) -> float:
-    """Cost of driving along segment r with a course: bounded, as courses may be wild."""
-    along = (graph.shape[r, 2] * cosine + graph.shape[r, 3] * sine) * math.sqrt(graph.shape[r, 4])
-    return cap * (1.0 - math.exp(-weight * (1.0 - along) / cap))
-
-
-@compiled
-def _grown(edge: Ints, at: Floats, cost: Floats, count: int, size: int) -> tuple[Ints, Floats, Floats]:
-    """The first ``count`` rows in longer arrays."""
-    more_edge, more_at, more_cost = np.empty(size, np.int64), np.empty(size), np.empty(size)
-    more_edge[:count], more_at[:count], more_cost[:count] = edge[:count], at[:count], cost[:count]
-    return more_edge, more_at, more_cost
 
 
 @compiled
@@ -126,10 +49,10 @@ def find_candidates(
         cosine, sine = np.nan, np.nan
         if not math.isnan(heading[k]):
             cosine, sine = math.cos(heading[k]), math.sin(heading[k])
-        low = _cell(px - reach - grid.west, grid.cell_m, grid.columns)
-        high = _cell(px + reach - grid.west, grid.cell_m, grid.columns)
-        bottom = _cell(py - reach - grid.south, grid.cell_m, grid.rows)
-        top = _cell(py + reach - grid.south, grid.cell_m, grid.rows)
+        low = clamp_cell(px - reach - grid.west, grid.cell_m, grid.columns)
+        high = clamp_cell(px + reach - grid.west, grid.cell_m, grid.columns)
+        bottom = clamp_cell(py - reach - grid.south, grid.cell_m, grid.rows)
+        top = clamp_cell(py + reach - grid.south, grid.cell_m, grid.rows)
         for row in range(bottom, top + 1):
             begin = grid.start[row * grid.columns + low]
             end = grid.start[row * grid.columns + high + 1]
@@ -191,3 +114,35 @@ def _add(
             cost[count] += _heading_cost(graph, r, sign * cosine, sign * sine, weight, cap)
         count += 1
     return count
+
+
+@inlined
+def _share(shape: Floats, r: int, x: float, y: float) -> float:
+    """Where along segment r the point projects, 0..1 inside."""
+    return float(((x - shape[r, 0]) * shape[r, 2] + (y - shape[r, 1]) * shape[r, 3]) * shape[r, 4])
+
+
+@inlined
+def _local_minimum(graph: ChainGraph, r: int, share: float, x: float, y: float) -> bool:
+    """Whether the distance to the chain has a minimum on segment r; one at a vertex belongs to its first."""
+    if share >= 1.0:
+        following = r + 1
+        if following < graph.first[graph.chain[r] + 1]:
+            return _share(graph.shape, following, x, y) <= 0.0
+        return True
+    return share > 0.0 or r == graph.first[graph.chain[r]]
+
+
+@inlined
+def _heading_cost(graph: ChainGraph, r: int, cosine: float, sine: float, weight: float, cap: float) -> float:
+    """Cost of driving along segment r with a course: bounded, as courses may be wild."""
+    along = (graph.shape[r, 2] * cosine + graph.shape[r, 3] * sine) * math.sqrt(graph.shape[r, 4])
+    return cap * (1.0 - math.exp(-weight * (1.0 - along) / cap))
+
+
+@compiled
+def _grown(edge: Ints, at: Floats, cost: Floats, count: int, size: int) -> tuple[Ints, Floats, Floats]:
+    """The first ``count`` rows in longer arrays."""
+    more_edge, more_at, more_cost = np.empty(size, np.int64), np.empty(size), np.empty(size)
+    more_edge[:count], more_at[:count], more_cost[:count] = edge[:count], at[:count], cost[:count]
+    return more_edge, more_at, more_cost

@@ -1,4 +1,7 @@
-"""A network as chains: roads between junctions, each a run of segments that can only be driven through."""
+"""A network as chains: roads between junctions, each a run of segments that can only be driven through.
+
+Knows no drive.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.compiled import compiled
-from fusion.roads.kernels import SegmentGrid
-from fusion.roads.network import RoadNetwork, build_grid
+from fusion.roads.grid import SegmentGrid, build_grid
+from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
 Bools = NDArray[np.bool_]
@@ -92,6 +95,43 @@ def build_chains(network: RoadNetwork) -> tuple[ChainGraph, SegmentGrid]:
         arrivals=np.bincount(head[edges], minlength=nodes).astype(np.int64),
     )
     return graph, grid
+
+
+@compiled
+def position_of(graph: ChainGraph, edge: int, at_m: float) -> tuple[float, float]:
+    """Coordinates of the place at a distance from the tail of a directed chain."""
+    chain = edge >> 1
+    along = at_m if edge % 2 == 0 else graph.length_m[chain] - at_m
+    r = rank_at(graph, chain, along)
+    share = share_at(graph, r, along)
+    return graph.shape[r, 0] + share * graph.shape[r, 2], graph.shape[r, 1] + share * graph.shape[r, 3]
+
+
+@compiled
+def rank_at(graph: ChainGraph, chain: int, at: float) -> int:
+    """The last segment of a chain that begins before ``at`` (m from the chain's first node)."""
+    low, high = int(graph.first[chain]), int(graph.first[chain + 1])
+    while high - low > 1:
+        middle = (low + high) >> 1
+        if graph.cum_m[middle] <= at:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def share_at(graph: ChainGraph, r: int, along_m: float) -> float:
+    """The share of segment r at a distance from the beginning of its chain, 0..1."""
+    span = end_of(graph, r) - graph.cum_m[r]
+    return float(min(max((along_m - graph.cum_m[r]) / span, 0.0), 1.0)) if span > 0.0 else 0.0
+
+
+@compiled
+def end_of(graph: ChainGraph, r: int) -> float:
+    """Distance along its chain where segment r ends."""
+    chain = graph.chain[r]
+    return float(graph.cum_m[r + 1] if r + 1 < graph.first[chain + 1] else graph.length_m[chain])
 
 
 def _ends(network: RoadNetwork) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:

@@ -1,4 +1,7 @@
-"""Map matching of a whole drive: a hidden Markov model over the road network (Newson & Krumm 2009)."""
+"""Map matching of a whole drive: a hidden Markov model over the road network (Newson & Krumm 2009).
+
+The settings, and the order of the parts: each stands in a file of its own beside this one.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fusion.matching.candidates import find_candidates, thin
-from fusion.matching.chains import ChainGraph, build_chains
-from fusion.matching.lattice import OFF, START, Candidates, Costs, Lattice, Posterior, Problem, Reach, Steps
-from fusion.matching.path import GAP, NO_CONNECTION, NO_ROAD, Break, PathMatch, empty_match
-from fusion.matching.places import Stays, lay_pieces, lay_stays, place_samples, trace
-from fusion.matching.posterior import posterior
-from fusion.matching.routes import bridge, routes
-from fusion.matching.viterbi import LONG_STEP_S, viterbi
+from fusion.matching.candidates import find_candidates
+from fusion.matching.chains import build_chains
+from fusion.matching.lattice import LONG_STEP_S, Candidates, Costs, Intervals
+from fusion.matching.path import NO_ROAD, Break, PathMatch, empty_match
+from fusion.matching.places import place_samples, stay_times
+from fusion.matching.posterior import doubt_unseen_ways, posterior
+from fusion.matching.routes import breaks_of, bridge, routes, trace
+from fusion.matching.samples import DriveSamples, driven_m, thin
+from fusion.matching.shortest_paths import Reach
+from fusion.matching.stays import Stays, lay_chain_stays, lay_stays
+from fusion.matching.viterbi import Model, viterbi
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
-_MAP_SIGMA_M = 4.0
-_SPEED_STEP_S = 3.0
+_MAP_SIGMA_M = 4.0  # the map's own error across the road, beside the accuracy that the receiver states
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,33 +88,6 @@ class MatchOptions:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Drive:
-    """The samples, checked: shape (n,) each, NaN where unknown."""
-
-    time_s: Floats
-    x_m: Floats
-    y_m: Floats
-    heading_rad: Floats
-    speed_mps: Floats
-    sigma_m: Floats
-
-    @classmethod
-    def of(cls, time_s: ArrayLike, *columns: ArrayLike | None) -> _Drive:
-        """Raises ``ValueError`` for columns of different lengths and for times that are unknown or fall."""
-        time = np.ascontiguousarray(time_s, np.float64)
-        filled = [
-            np.full(time.shape, np.nan) if c is None else np.ascontiguousarray(c, np.float64) for c in columns
-        ]
-        if time.ndim != 1 or any(c.shape != time.shape for c in filled):
-            raise ValueError(
-                f"the columns of a drive must be vectors of one length, not {[c.shape for c in filled]}"
-            )
-        if not np.isfinite(time).all() or np.any(np.diff(time) < 0):
-            raise ValueError("the times of a drive must be known and must not fall")
-        return cls(time, *filled)
-
-
 class DriveMatcher:
     """Matches drives to one network, which is prepared once.
 
@@ -145,9 +123,31 @@ class DriveMatcher:
         accuracy of the position, each NaN where unknown.
         Raises ``ValueError`` for columns of different lengths and for times that are unknown or fall.
         """
+        drive = DriveSamples.of(time_s, x_m, y_m, heading_rad, speed_mps, sigma_m)
+        kept = self._thinned(drive)
+        if not len(kept) or not len(self.network):
+            nowhere = (Break(float(drive.time_s[kept[0]]), NO_ROAD),) if len(kept) else ()
+            return empty_match(len(drive.time_s), nowhere)
+        cand = self._candidates(drive, kept)
+        intervals = self._intervals(drive, kept, cand)
+        model = Model(self._graph, cand, intervals, Reach.of(self._graph), self.options.costs())
+        lattice, transitions, final = viterbi(model)
+        state = trace(lattice, final)
+        chance = posterior(cand, intervals, transitions, state, model.costs)
+        joined = bridge(model, lattice, state, drive.x_m[kept], drive.y_m[kept])
+        chance = doubt_unseen_ways(chance, intervals, model.costs, lattice, state, joined)
+        route_start, route = routes(model, lattice, state, joined)
+        on_chains, along, run = lay_chain_stays(
+            self._graph, cand, lattice, state, joined, route_start, route, chance
+        )
+        stays = lay_stays(self._graph, on_chains)
+        breaks = breaks_of(drive.time_s[kept], cand, intervals, state, joined)
+        return self._result(drive, kept, stays, along, run, breaks)
+
+    def _thinned(self, drive: DriveSamples) -> Ints:
+        """Indices of the samples that are matched; the others are placed on the path afterwards."""
         o = self.options
-        drive = _Drive.of(time_s, x_m, y_m, heading_rad, speed_mps, sigma_m)
-        kept = thin(
+        return thin(
             drive.time_s,
             drive.x_m,
             drive.y_m,
@@ -157,66 +157,68 @@ class DriveMatcher:
             o.dwell_mps,
             o.widest_m,
         )
-        if not len(kept) or not len(self.network):
-            nowhere = (Break(float(drive.time_s[kept[0]]), NO_ROAD),) if len(kept) else ()
-            return empty_match(len(drive.time_s), nowhere)
-        x, y = drive.x_m[kept], drive.y_m[kept]
-        sigma = self._sigma(drive.sigma_m[kept])
-        radius = np.clip(3.0 * sigma, o.radius_m, 3.0 * o.radius_m)
+
+    def _candidates(self, drive: DriveSamples, kept: Ints) -> Candidates:
+        """Where each kept sample may be; at walking pace its course says nothing."""
+        o = self.options
         slow = drive.speed_mps[kept] < o.heading_mps
-        heading = np.where(slow, np.nan, drive.heading_rad[kept])
-        cand = find_candidates(
+        return find_candidates(
             self._graph,
             self._grid,
-            x,
-            y,
-            heading,
-            sigma,
-            radius,
+            drive.x_m[kept],
+            drive.y_m[kept],
+            np.where(slow, np.nan, drive.heading_rad[kept]),
+            self._sigma(drive.sigma_m[kept]),
+            self._reach(drive.sigma_m[kept]),
             o.heading_weight,
             o.heading_cap,
             o.off_point,
             o.off_far,
         )
-        steps = self._steps(drive, kept, cand)
-        problem = Problem(self._graph, cand, steps, _working_memory(self._graph), o.costs())
-        lattice, links, final = viterbi(problem)
-        state = trace(lattice, final)
-        chance = posterior(cand, steps, links, state, problem.costs)
-        joined = bridge(problem, lattice, state, x, y)
-        chance = chance._replace(between=_between(problem, lattice, state, joined, chance))
-        route_start, route = routes(problem, lattice, state, joined)
-        pieces, along, run = lay_pieces(self._graph, cand, lattice, state, joined, route_start, route, chance)
-        stays = lay_stays(self._graph, pieces)
-        breaks = _breaks(drive.time_s[kept], cand, steps, state, joined)
-        return self._result(drive, kept, stays, along, run, breaks)
 
     def _sigma(self, given: Floats) -> Floats:
         """Noise across the road: the receiver's and the map's."""
         return np.where(np.isfinite(given), np.hypot(given, _MAP_SIGMA_M), self.options.sigma_m)
 
-    def _steps(self, drive: _Drive, kept: Ints, cand: Candidates) -> Steps:
+    def _reach(self, given: Floats) -> Floats:
+        """How far from a road a sample may be: three times its noise, within bounds."""
+        return np.clip(3.0 * self._sigma(given), self.options.radius_m, 3.0 * self.options.radius_m)
+
+    def _intervals(self, drive: DriveSamples, kept: Ints, cand: Candidates) -> Intervals:
         """Straight and driven distances from each kept sample to the next."""
         o = self.options
         chord, driven, lapse = (np.zeros(len(kept)) for _ in range(3))
         chord[1:] = np.hypot(np.diff(drive.x_m[kept]), np.diff(drive.y_m[kept]))
         lapse[1:] = np.diff(drive.time_s[kept])
         driven[0] = np.nan
-        driven[1:] = _driven(drive, kept)
+        driven[1:] = driven_m(drive, kept)
         driven[lapse <= LONG_STEP_S] = np.nan
         gap = (lapse > o.gap_s) | (chord > o.gap_m)
         gap &= ~(chord <= 2 * o.widest_m)
         switch = np.where(cand.off > o.off_far, o.off_switch, o.off_switch_far)
-        return Steps(chord, driven, lapse, gap, switch)
+        return Intervals(chord, driven, lapse, gap, switch)
 
     def _result(
-        self, drive: _Drive, kept: Ints, stays: Stays, along: Floats, run: Ints, breaks: tuple[Break, ...]
+        self,
+        drive: DriveSamples,
+        kept: Ints,
+        stays: Stays,
+        along: Floats,
+        run: Ints,
+        breaks: tuple[Break, ...],
     ) -> PathMatch:
-        reach = np.clip(3.0 * self._sigma(drive.sigma_m), self.options.radius_m, 3.0 * self.options.radius_m)
         row, distance, offset = place_samples(
-            self._graph, stays, drive.x_m, drive.y_m, kept, along, run, reach, 0.5 * self.options.spacing_m
+            self._graph,
+            stays,
+            drive.x_m,
+            drive.y_m,
+            kept,
+            along,
+            run,
+            self._reach(drive.sigma_m),
+            0.5 * self.options.spacing_m,
         )
-        enter_time, leave_time = _times(drive.time_s, stays, kept, along, run, row, distance)
+        enter_time, leave_time = stay_times(drive.time_s, stays, kept, along, run, row, distance)
         return PathMatch(
             segment=self._graph.segment[stays.rank],
             forward=stays.forward,
@@ -249,92 +251,3 @@ def match_drive(
     return DriveMatcher(network, options).match(
         time_s, x_m, y_m, heading_rad=heading_rad, speed_mps=speed_mps, sigma_m=sigma_m
     )
-
-
-def _working_memory(graph: ChainGraph) -> Reach:
-    """Memory for searches in a graph."""
-    nodes, most = len(graph.arrivals), len(graph.out_edge) + 2
-    return Reach(
-        np.empty(nodes),
-        np.empty(nodes, np.int64),
-        np.full(nodes, -1),
-        np.empty(most),
-        np.empty(most, np.int64),
-    )
-
-
-def _between(p: Problem, lattice: Lattice, state: Ints, joined: Ints, chance: Posterior) -> Floats:
-    """Probability of the way between kept samples, with doubt where no sample saw it, shape (m,).
-
-    Only the shortest way between two places is ever looked at. Over seconds without a position another one may
-    have been driven: the more the length differs from the straight line, or from the distance driven by the
-    speeds, the nearer the probability comes to a half of what it is.
-    """
-    before = np.concatenate([[START], state[:-1]])
-    length = lattice.length_m[np.maximum(state, 0)] if len(lattice.length_m) else np.zeros(len(state))
-    expected = np.fmax(p.steps.chord_m, p.steps.driven_m)
-    cost = np.abs(length - expected) / (
-        p.costs.beta_m + p.costs.beta_share * np.maximum(expected - 50.0, 0.0)
-    )
-    doubt = np.where(p.steps.lapse_s > LONG_STEP_S, 0.5 + 0.5 * np.exp(-0.25 * cost), 1.0)
-    return np.where((joined >= 0) & (joined != before), 0.5, chance.between * doubt)
-
-
-def _driven(drive: _Drive, kept: Ints) -> Floats:
-    """Distance driven from each kept sample to the next by the speeds, NaN where they have holes; (m - 1,)."""
-    known = np.flatnonzero(np.isfinite(drive.speed_mps))
-    if len(known) < 2:
-        return np.full(max(len(kept) - 1, 0), np.nan)
-    time, speed = drive.time_s[known], drive.speed_mps[known]
-    lapse = np.diff(time)
-    way = np.concatenate([[0.0], np.cumsum(lapse * (speed[1:] + speed[:-1]) / 2)])
-    holes = np.concatenate([[0], np.cumsum(lapse > _SPEED_STEP_S)])
-    at = drive.time_s[kept]
-    before = np.clip(np.searchsorted(time, at), 0, len(time) - 1)
-    outside = (at < time[0] - 1.0) | (at > time[-1] + 1.0)
-    broken = (np.diff(holes[before]) > 0) | outside[1:] | outside[:-1]
-    return np.where(broken, np.nan, np.diff(np.interp(at, time, way)))
-
-
-def _breaks(time: Floats, cand: Candidates, steps: Steps, state: Ints, joined: Ints) -> tuple[Break, ...]:
-    """Why and when the path is interrupted, from the last sample before to the first after."""
-    on = np.flatnonzero(state != OFF)
-    empty = np.concatenate([[0], np.cumsum(np.diff(cand.start) == 0)])
-    gaps = np.concatenate([[0], np.cumsum(steps.gap)])
-    ends = np.flatnonzero(joined[on] == START)
-    pairs = [(int(on[i - 1]) if i else -1, int(on[i])) for i in ends]
-    if not len(on) or on[-1] < len(state) - 1:
-        pairs.append((int(on[-1]) if len(on) else -1, len(state)))
-    out = []
-    for before, after in pairs:
-        if after == 0:
-            continue
-        if before >= 0 and gaps[min(after, len(state) - 1) + 1] > gaps[before + 1]:
-            reason = GAP
-        else:
-            reason = NO_ROAD if empty[after] > empty[before + 1] else NO_CONNECTION
-        out.append(Break(float(time[max(before, 0)]), reason))
-    return tuple(out)
-
-
-def _times(
-    time: Floats, stays: Stays, kept: Ints, along: Floats, run: Ints, row: Ints, distance: Floats
-) -> tuple[Floats, Floats]:
-    """Times of entry and exit of each stay, by distance along the path between the samples of its run."""
-    span = np.abs(stays.leave_m - stays.enter_m)
-    enter, leave = np.empty(len(span)), np.empty(len(span))
-    known, of = distance.copy(), np.where(row >= 0, stays.run[row] if len(span) else -1, -1)
-    on = run >= 0
-    known[kept[on]], of[kept[on]] = along[on], run[on]
-    samples = np.flatnonzero(of >= 0)
-    borders = np.searchsorted(of[samples], np.arange(int(stays.run[-1]) + 2 if len(span) else 1))
-    rows = np.searchsorted(stays.run, np.arange(len(borders)))
-    for r in range(len(borders) - 1):
-        mine = samples[borders[r] : borders[r + 1]]
-        way = np.maximum.accumulate(known[mine])
-        here = slice(rows[r], rows[r + 1])
-        ends = np.append(stays.start_m[here], stays.start_m[rows[r + 1] - 1] + span[rows[r + 1] - 1])
-        # Where the vehicle stands a distance has many times, and rounding must not turn their order round.
-        at = np.maximum.accumulate(np.interp(ends, way, time[mine]))
-        enter[here], leave[here] = at[:-1], at[1:]
-    return enter, leave

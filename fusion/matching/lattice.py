@@ -1,4 +1,7 @@
-"""What passes between the compiled loops of the matcher, as plain arrays."""
+"""The hidden Markov model of a drive as plain arrays, for compiled loops: its states, its steps and their costs.
+
+Says what they are and computes nothing: ``candidates`` finds the states, ``viterbi`` the steps and the best path.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +12,21 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fusion.compiled import F
-from fusion.matching.chains import ChainGraph
 from fusion.types import Floats, Ints
-
-
-def inlined(function: F) -> F:
-    """As ``compiled``, pasted into its callers: handing over dozens of arrays costs more than most bodies."""
-    return cast(F, njit(inline="always")(function))
-
 
 SAME, TURN, ROUTE = 0, 1, 2
 """How a step goes: on along the chain, back along it, over at least one node."""
 
 START, OFF = -1, -2
 """Instead of a predecessor: the drive begins here; the vehicle was off the road."""
+
+LONG_STEP_S = 5.0
+"""In a step of more seconds another way than the straight one may have been driven: it may be twice as long."""
+
+
+def inlined(function: F) -> F:
+    """As ``compiled``, pasted into its callers: handing over dozens of arrays costs more than most bodies."""
+    return cast(F, njit(inline="always")(function))
 
 
 class Candidates(NamedTuple):
@@ -53,8 +57,8 @@ class Costs(NamedTuple):
     temperature: float
 
 
-class Steps(NamedTuple):
-    """The way from kept sample k - 1 to k: straight ``chord_m``, ``driven_m`` by the speeds (NaN: unknown), time
+class Intervals(NamedTuple):
+    """What lies between kept sample k - 1 and k: straight ``chord_m``, ``driven_m`` by the speeds (NaN: unknown), time
     ``lapse_s``; ``gap``: not to be followed; ``switch``: cost of being the first or last sample off the road.
     """
 
@@ -78,54 +82,10 @@ class Lattice(NamedTuple):
     off_back: Ints
 
 
-class Links(NamedTuple):
+class Transitions(NamedTuple):
     """All steps between candidates that were possible; those to sample k are ``start[k]`` to ``start[k + 1]``."""
 
     start: Ints
     source: Ints
     target: Ints
     cost: Floats
-
-
-class Posterior(NamedTuple):
-    """How probable the best path is, per kept sample k: that the sample lies on the chain of its state
-    (``at``); of the step from k - 1, that it touches the chain it leaves (``out``), the chain it reaches
-    (``into``), and that it goes from one to the other (``between``).
-    """
-
-    at: Floats
-    out: Floats
-    into: Floats
-    between: Floats
-
-
-class Pieces(NamedTuple):
-    """The path as stays on directed chains, p rows: from ``enter_m`` to ``leave_m`` from the chain's tail, on
-    connected stretch ``run``, with probability ``confidence``.
-    """
-
-    edge: Ints
-    enter_m: Floats
-    leave_m: Floats
-    run: Ints
-    confidence: Floats
-
-
-class Reach(NamedTuple):
-    """Working memory of the shortest-path search, per node, and its heap."""
-
-    dist: Floats
-    via: Ints
-    stamp: Ints
-    key: Floats
-    node: Ints
-
-
-class Problem(NamedTuple):
-    """What is searched: the network, the candidates, the steps between the samples, and memory to work in."""
-
-    graph: ChainGraph
-    cand: Candidates
-    steps: Steps
-    reach: Reach
-    costs: Costs

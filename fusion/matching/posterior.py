@@ -1,35 +1,79 @@
-"""Forward-backward over the possible steps of a drive: how probable the best path is; compiled."""
+"""How probable the best path is: forward-backward over the possible steps of a drive, compiled, and later doubts."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.matching.lattice import OFF, Candidates, Costs, Links, Posterior, Steps, inlined
+from fusion.matching.lattice import (
+    LONG_STEP_S,
+    OFF,
+    START,
+    Candidates,
+    Costs,
+    Intervals,
+    Lattice,
+    Transitions,
+    inlined,
+)
 from fusion.types import Floats, Ints
 
 
+class Posterior(NamedTuple):
+    """How probable the best path is, per kept sample k: that the sample lies on the chain of its state
+    (``at``); of the step from k - 1, that it touches the chain it leaves (``out``), the chain it reaches
+    (``into``), and that it goes from one to the other (``between``).
+    """
+
+    at: Floats
+    out: Floats
+    into: Floats
+    between: Floats
+
+
 @compiled
-def posterior(cand: Candidates, steps: Steps, links: Links, state: Ints, costs: Costs) -> Posterior:
+def posterior(
+    cand: Candidates, intervals: Intervals, transitions: Transitions, state: Ints, costs: Costs
+) -> Posterior:
     """Probabilities of the states and steps of the path, under the costs divided by ``temperature``.
 
     Rabiner 1989, III A and B, with each column of alpha and beta scaled to sum 1.
     """
     cool = 1.0 / costs.temperature
-    weight = np.exp(-cool * links.cost[: links.start[-1]])
+    weight = np.exp(-cool * transitions.cost[: transitions.start[-1]])
     likelihood = np.exp(-cool * cand.cost)
     off = np.exp(-cool * cand.off)
-    switch = np.exp(-cool * steps.switch)
-    alpha, alpha_off = _forward(cand, steps, links, weight, likelihood, off, switch)
-    beta, beta_off = _backward(cand, steps, links, weight, likelihood, off, switch)
-    return _of_path(cand, steps, links, state, weight, likelihood, alpha, alpha_off, beta, beta_off)
+    switch = np.exp(-cool * intervals.switch)
+    alpha, alpha_off = _forward(cand, intervals, transitions, weight, likelihood, off, switch)
+    beta, beta_off = _backward(cand, intervals, transitions, weight, likelihood, off, switch)
+    return _of_path(cand, intervals, transitions, state, weight, likelihood, alpha, alpha_off, beta, beta_off)
+
+
+def doubt_unseen_ways(
+    chance: Posterior, intervals: Intervals, costs: Costs, lattice: Lattice, state: Ints, joined: Ints
+) -> Posterior:
+    """The same with doubt in ``between`` where no sample saw the way.
+
+    Only the shortest way between two places is ever looked at. Over seconds without a position another one may
+    have been driven: the more the length differs from the straight line, or from the distance driven by the
+    speeds, the nearer the probability comes to a half of what it is.
+    """
+    before = np.concatenate([[START], state[:-1]])
+    length = lattice.length_m[np.maximum(state, 0)] if len(lattice.length_m) else np.zeros(len(state))
+    expected = np.fmax(intervals.chord_m, intervals.driven_m)
+    cost = np.abs(length - expected) / (costs.beta_m + costs.beta_share * np.maximum(expected - 50.0, 0.0))
+    doubt = np.where(intervals.lapse_s > LONG_STEP_S, 0.5 + 0.5 * np.exp(-0.25 * cost), 1.0)
+    between = np.where((joined >= 0) & (joined != before), 0.5, chance.between * doubt)
+    return chance._replace(between=between)
 
 
 @compiled
 def _forward(
     cand: Candidates,
-    steps: Steps,
-    links: Links,
+    intervals: Intervals,
+    transitions: Transitions,
     weight: Floats,
     likelihood: Floats,
     off: Floats,
@@ -40,12 +84,12 @@ def _forward(
     alpha, alpha_off = np.zeros(len(cand.edge)), np.zeros(m)
     for k in range(m):
         a0, b0, b1 = cand.start[max(k - 1, 0)], cand.start[k], cand.start[k + 1]
-        if k == 0 or steps.gap[k]:
+        if k == 0 or intervals.gap[k]:
             alpha[b0:b1] = likelihood[b0:b1]
             alpha_off[k] = off[k]
         else:
-            for i in range(links.start[k], links.start[k + 1]):
-                alpha[links.target[i]] += alpha[links.source[i]] * weight[i]
+            for i in range(transitions.start[k], transitions.start[k + 1]):
+                alpha[transitions.target[i]] += alpha[transitions.source[i]] * weight[i]
             total = 0.0
             for a in range(a0, b0):
                 total += alpha[a]
@@ -59,8 +103,8 @@ def _forward(
 @compiled
 def _backward(
     cand: Candidates,
-    steps: Steps,
-    links: Links,
+    intervals: Intervals,
+    transitions: Transitions,
     weight: Floats,
     likelihood: Floats,
     off: Floats,
@@ -71,12 +115,12 @@ def _backward(
     beta, beta_off = np.zeros(len(cand.edge)), np.ones(m)
     for k in range(m - 1, -1, -1):
         b0, b1 = cand.start[k], cand.start[k + 1]
-        if k == m - 1 or steps.gap[k + 1]:
+        if k == m - 1 or intervals.gap[k + 1]:
             beta[b0:b1] = 1.0
         else:
-            for i in range(links.start[k + 1], links.start[k + 2]):
-                b = links.target[i]
-                beta[links.source[i]] += weight[i] * likelihood[b] * beta[b]
+            for i in range(transitions.start[k + 1], transitions.start[k + 2]):
+                b = transitions.target[i]
+                beta[transitions.source[i]] += weight[i] * likelihood[b] * beta[b]
             beta_off[k] = off[k + 1] * beta_off[k + 1]
             for b in range(b1, cand.start[k + 2]):
                 beta_off[k] += switch[k] * likelihood[b] * beta[b]
@@ -111,8 +155,8 @@ def _on_chain(cand: Candidates, k: int, edge: int, gamma: Floats) -> float:
 @compiled
 def _of_path(
     cand: Candidates,
-    steps: Steps,
-    links: Links,
+    intervals: Intervals,
+    transitions: Transitions,
     state: Ints,
     weight: Floats,
     likelihood: Floats,
@@ -135,12 +179,12 @@ def _of_path(
             continue
         edge = cand.edge[state[k]]
         at[k] = min(_on_chain(cand, k, edge, gamma), 1.0)
-        if k == 0 or steps.gap[k] or state[k - 1] == OFF or cand.edge[state[k - 1]] == edge:
+        if k == 0 or intervals.gap[k] or state[k - 1] == OFF or cand.edge[state[k - 1]] == edge:
             continue
         left = cand.edge[state[k - 1]]
         whole, from_left, in_left, in_edge = 0.0, 0.0, 0.0, 0.0
-        for i in range(links.start[k], links.start[k + 1]):
-            a, b = links.source[i], links.target[i]
+        for i in range(transitions.start[k], transitions.start[k + 1]):
+            a, b = transitions.source[i], transitions.target[i]
             p = alpha[a] * weight[i] * likelihood[b] * beta[b]
             whole += p
             if cand.edge[a] == left and cand.edge[b] == edge:

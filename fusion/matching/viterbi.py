@@ -1,18 +1,20 @@
 """Viterbi over the candidates of a drive, with bounded shortest paths between them; compiled.
 
-One file, because numba's cache on disk watches only the file of the function itself. The helpers are handed whole
-groups of arrays, which costs nothing as they are pasted into the loop.
+The helpers are handed whole groups of arrays, which costs nothing as they are pasted into the loop. Finds the best
+path; how probable that is, is for ``posterior`` to say.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from fusion.compiled import compiled
 from fusion.matching.chains import ChainGraph
 from fusion.matching.lattice import (
+    LONG_STEP_S,
     OFF,
     ROUTE,
     SAME,
@@ -20,71 +22,24 @@ from fusion.matching.lattice import (
     TURN,
     Candidates,
     Costs,
+    Intervals,
     Lattice,
-    Links,
-    Problem,
-    Reach,
-    Steps,
+    Transitions,
     inlined,
 )
-from fusion.types import Floats, Ints
+from fusion.matching.shortest_paths import Reach, search_from
 
-LONG_STEP_S = 5.0
-"""A step of more seconds may be that much longer than the straight line."""
-
-_DRIVEN_FACTOR = 1.15
+_DRIVEN_FACTOR = 1.15  # how much longer than the distance driven by the speeds a step may be
 
 
-@inlined
-def _push(key: Floats, node: Ints, size: int, d: float, v: int) -> int:
-    i = size
-    while i > 0:
-        up = (i - 1) >> 1
-        if key[up] <= d:
-            break
-        key[i], node[i] = key[up], node[up]
-        i = up
-    key[i], node[i] = d, v
-    return size + 1
+class Model(NamedTuple):
+    """The hidden Markov model of one drive, and memory to search the network in."""
 
-
-@inlined
-def _pop(key: Floats, node: Ints, size: int) -> int:
-    """Take the first off the heap; the caller has read it."""
-    size -= 1
-    d, v = key[size], node[size]
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= size:
-            break
-        if child + 1 < size and key[child + 1] < key[child]:
-            child += 1
-        if key[child] >= d:
-            break
-        key[i], node[i] = key[child], node[child]
-        i = child
-    key[i], node[i] = d, v
-    return size
-
-
-@compiled
-def search_from(graph: ChainGraph, reach: Reach, source: int, budget: float, stamp: int) -> None:
-    """Dijkstra from a node to all within ``budget`` metres; what was reached bears the stamp."""
-    reach.dist[source], reach.via[source], reach.stamp[source] = 0.0, -1, stamp
-    size = _push(reach.key, reach.node, 0, 0.0, source)
-    while size > 0:
-        d, v = reach.key[0], reach.node[0]
-        size = _pop(reach.key, reach.node, size)
-        if d > reach.dist[v]:
-            continue
-        for i in range(graph.out_start[v], graph.out_start[v + 1]):
-            e = graph.out_edge[i]
-            far = d + graph.length_m[e >> 1]
-            u = graph.head[e]
-            if far <= budget and (reach.stamp[u] != stamp or far < reach.dist[u]):
-                reach.dist[u], reach.via[u], reach.stamp[u] = far, e, stamp
-                size = _push(reach.key, reach.node, size, far, u)
+    graph: ChainGraph
+    cand: Candidates
+    intervals: Intervals
+    reach: Reach
+    costs: Costs
 
 
 @inlined
@@ -120,10 +75,17 @@ def over_nodes(
 
 @inlined
 def _relax(
-    lattice: Lattice, links: Links, count: int, a: int, b: int, cost: float, kind: int, length: float
+    lattice: Lattice,
+    transitions: Transitions,
+    count: int,
+    a: int,
+    b: int,
+    cost: float,
+    kind: int,
+    length: float,
 ) -> int:
     """Note a possible step and keep it where it is the best yet; the new count."""
-    links.source[count], links.target[count], links.cost[count] = a, b, cost
+    transitions.source[count], transitions.target[count], transitions.cost[count] = a, b, cost
     total = lattice.cost[a] + cost
     if total < lattice.cost[b]:
         lattice.cost[b], lattice.back[b] = total, a
@@ -135,23 +97,23 @@ def _relax(
 def _link_within(
     graph: ChainGraph,
     cand: Candidates,
-    steps: Steps,
+    intervals: Intervals,
     costs: Costs,
     lattice: Lattice,
-    links: Links,
+    transitions: Transitions,
     k: int,
     a: int,
     bound: float,
     count: int,
 ) -> int:
     """The steps from candidate a along its chain; the new count."""
-    chord, driven, edge, at = steps.chord_m[k], steps.driven_m[k], cand.edge, cand.at_m
+    chord, driven, edge, at = intervals.chord_m[k], intervals.driven_m[k], cand.edge, cand.at_m
     ea, pa, whole = edge[a], at[a], graph.length_m[edge[a] >> 1]
     for b in range(cand.start[k], cand.start[k + 1]):
         kind, length = within_chain(ea, pa, whole, edge[b], at[b], costs.back_m)
         if kind >= 0 and length <= bound:
             cost = _step_cost(length, chord, driven, costs) + (costs.u_turn if kind == TURN else 0.0)
-            count = _relax(lattice, links, count, a, b, cost, kind, length)
+            count = _relax(lattice, transitions, count, a, b, cost, kind, length)
     return count
 
 
@@ -159,11 +121,11 @@ def _link_within(
 def _link_over(
     graph: ChainGraph,
     cand: Candidates,
-    steps: Steps,
+    intervals: Intervals,
     reach: Reach,
     costs: Costs,
     lattice: Lattice,
-    links: Links,
+    transitions: Transitions,
     k: int,
     a: int,
     bound: float,
@@ -171,7 +133,7 @@ def _link_over(
     stamp: int,
 ) -> int:
     """The steps from candidate a over the node at the end of its chain, searched from; the new count."""
-    chord, driven, edge, at = steps.chord_m[k], steps.driven_m[k], cand.edge, cand.at_m
+    chord, driven, edge, at = intervals.chord_m[k], intervals.driven_m[k], cand.edge, cand.at_m
     tail, reached, dist, via = graph.tail, reach.stamp, reach.dist, reach.via
     ea, pa, whole = edge[a], at[a], graph.length_m[edge[a] >> 1]
     for b in range(cand.start[k], cand.start[k + 1]):
@@ -181,7 +143,7 @@ def _link_over(
         length, turns = over_nodes(ea, pa, whole, edge[b], at[b], costs.back_m, via[v], dist[v])
         if length <= bound:
             cost = _step_cost(length, chord, driven, costs) + (costs.u_turn if turns else 0.0)
-            count = _relax(lattice, links, count, a, b, cost, ROUTE, length)
+            count = _relax(lattice, transitions, count, a, b, cost, ROUTE, length)
     return count
 
 
@@ -206,11 +168,11 @@ def _nearest_to(graph: ChainGraph, cand: Candidates, lattice: Lattice, k: int, a
 def _link(
     graph: ChainGraph,
     cand: Candidates,
-    steps: Steps,
+    intervals: Intervals,
     reach: Reach,
     costs: Costs,
     lattice: Lattice,
-    links: Links,
+    transitions: Transitions,
     k: int,
     bound: float,
     count: int,
@@ -221,7 +183,7 @@ def _link(
     for a in range(cand.start[k - 1], cand.start[k]):
         if lattice.cost[a] == np.inf:
             continue
-        count = _link_within(graph, cand, steps, costs, lattice, links, k, a, bound, count)
+        count = _link_within(graph, cand, intervals, costs, lattice, transitions, k, a, bound, count)
         if graph.length_m[edge[a] >> 1] - cand.at_m[a] > bound:
             continue
         shortest = _nearest_to(graph, cand, lattice, k - 1, a, bound)
@@ -232,7 +194,7 @@ def _link(
         for other in range(a, cand.start[k]):
             if head[edge[other]] == head[edge[a]] and lattice.cost[other] < np.inf:
                 count = _link_over(
-                    graph, cand, steps, reach, costs, lattice, links, k, other, bound, count, stamp
+                    graph, cand, intervals, reach, costs, lattice, transitions, k, other, bound, count, stamp
                 )
     return count, stamp
 
@@ -263,15 +225,15 @@ def _begin(cand: Candidates, lattice: Lattice, k: int) -> None:
 
 
 @inlined
-def _finish(cand: Candidates, steps: Steps, costs: Costs, lattice: Lattice, k: int) -> None:
-    """Steps between road and off-road, the likelihood of sample k everywhere; the far worse candidates go."""
+def _finish(cand: Candidates, intervals: Intervals, costs: Costs, lattice: Lattice, k: int) -> None:
+    """Intervals between road and off-road, the likelihood of sample k everywhere; the far worse candidates go."""
     point = cand.off[k]
     lattice.off_cost[k], lattice.off_back[k] = lattice.off_cost[k - 1] + point, OFF
     for a in range(cand.start[k - 1], cand.start[k]):
-        total = lattice.cost[a] + steps.switch[k] + point
+        total = lattice.cost[a] + intervals.switch[k] + point
         if total < lattice.off_cost[k]:
             lattice.off_cost[k], lattice.off_back[k] = total, a
-    back_on, least = lattice.off_cost[k - 1] + steps.switch[k - 1], np.inf
+    back_on, least = lattice.off_cost[k - 1] + intervals.switch[k - 1], np.inf
     for b in range(cand.start[k], cand.start[k + 1]):
         if back_on < lattice.cost[b]:
             lattice.cost[b], lattice.back[b] = back_on, OFF
@@ -283,14 +245,14 @@ def _finish(cand: Candidates, steps: Steps, costs: Costs, lattice: Lattice, k: i
 
 
 @compiled
-def viterbi(p: Problem) -> tuple[Lattice, Links, int]:
+def viterbi(model: Model) -> tuple[Lattice, Transitions, int]:
     """The best path through all samples, every step that was possible, and the state of the last.
 
     The states are candidates or OFF. A step is no longer than the straight distance (or the distance driven)
     and a slack; where nothing is reached so, and where seconds pass, twice that distance and the slack.
     """
-    graph, cand, steps, reach, costs = p.graph, p.cand, p.steps, p.reach, p.costs
-    m, total = len(steps.gap), len(cand.edge)
+    graph, cand, intervals, reach, costs = model
+    m, total = len(intervals.gap), len(cand.edge)
     lattice = Lattice(
         np.full(total, np.inf),
         np.full(total, START, np.int64),
@@ -299,34 +261,38 @@ def viterbi(p: Problem) -> tuple[Lattice, Links, int]:
         np.full(m, np.inf),
         np.full(m, START, np.int64),
     )
-    links = Links(np.zeros(m + 1, np.int64), np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
+    transitions = Transitions(
+        np.zeros(m + 1, np.int64), np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+    )
     count, stamp = 0, 0
     for k in range(m):
-        links.start[k] = count
-        if k == 0 or steps.gap[k]:
+        transitions.start[k] = count
+        if k == 0 or intervals.gap[k]:
             _begin(cand, lattice, k)
             continue
         pairs = (cand.start[k] - cand.start[k - 1]) * (cand.start[k + 1] - cand.start[k])
-        if count + 2 * pairs > len(links.source):
-            links = _room(links, count, 2 * pairs)
-        chord, driven, lapse = steps.chord_m[k], steps.driven_m[k], steps.lapse_s[k]
+        if count + 2 * pairs > len(transitions.source):
+            transitions = _room(transitions, count, 2 * pairs)
+        chord, driven, lapse = intervals.chord_m[k], intervals.driven_m[k], intervals.lapse_s[k]
         expected = chord if math.isnan(driven) else max(chord, _DRIVEN_FACTOR * driven)
         for factor in (1.0 if lapse <= LONG_STEP_S else 2.0, 2.0):
             bound = min(factor * expected, costs.fastest_mps * lapse) + costs.slack_m
-            now, stamp = _link(graph, cand, steps, reach, costs, lattice, links, k, bound, count, stamp)
+            now, stamp = _link(
+                graph, cand, intervals, reach, costs, lattice, transitions, k, bound, count, stamp
+            )
             if now > count:
                 break
         count = now
-        _finish(cand, steps, costs, lattice, k)
-    links.start[m] = count
-    return lattice, links, _best(cand, lattice, m - 1)[0]
+        _finish(cand, intervals, costs, lattice, k)
+    transitions.start[m] = count
+    return lattice, transitions, _best(cand, lattice, m - 1)[0]
 
 
 @compiled
-def _room(links: Links, count: int, more: int) -> Links:
+def _room(transitions: Transitions, count: int, more: int) -> Transitions:
     """The same steps with room for more."""
     size = 2 * (count + more) + 1024
     source, target, cost = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size)
-    source[:count], target[:count] = links.source[:count], links.target[:count]
-    cost[:count] = links.cost[:count]
-    return Links(links.start, source, target, cost)
+    source[:count], target[:count] = transitions.source[:count], transitions.target[:count]
+    cost[:count] = transitions.cost[:count]
+    return Transitions(transitions.start, source, target, cost)

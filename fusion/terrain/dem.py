@@ -1,4 +1,7 @@
-"""A digital elevation model: many rasters as one surface."""
+"""A digital elevation model: many rasters as one surface.
+
+Stacks the mosaics of one grid each, finest first, and answers by place. Knows no roads.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fusion.errors import TerrainError
-from fusion.terrain.layer import Layer
-from fusion.terrain.patch import DemPatch
+from fusion.terrain.cache import DemCache
+from fusion.terrain.mosaic import DemPatch, Mosaic
 from fusion.terrain.quality import pair, with_quality
-from fusion.terrain.raster import Raster, open_raster
-from fusion.terrain.store import Store
+from fusion.terrain.raster import read_header
 from fusion.types import Floats
 
-_MAX_PATCH_POSTS = 4_000_000
-_CHUNK = 1_000_000
+_MAX_PATCH_POSTS = 4_000_000  # 32 MB of heights; beyond, posts are left out
+_PLACES_AT_ONCE = 1_000_000  # bounds the memory of coordinates in between
 
 
 class Dem:
-    """A lazy mosaic of elevation rasters of any CRS and posting; safe to use from several threads.
+    """Elevation rasters of any CRS and posting, read as they are asked for; safe to use from several threads.
 
     The finest rasters that cover a point count; their voids are filled from coarser ones. ``datum`` says
     what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
@@ -31,16 +33,16 @@ class Dem:
     ``without_quality`` are those of them without a quality layer, which ``filtered`` leaves as they are.
     """
 
-    def __init__(self, layers: Sequence[Layer], store: Store) -> None:
-        """Use ``Dem.open``. ``layers`` come finest first and read through ``store``."""
-        self._layers = tuple(layers)
-        self._store = store
-        rasters = [raster for layer in layers for raster in layer.rasters]
+    def __init__(self, mosaics: Sequence[Mosaic], cache: DemCache) -> None:
+        """Use ``Dem.open``. ``mosaics`` come finest first and read through ``cache``."""
+        self._mosaics = tuple(mosaics)
+        self._cache = cache
+        rasters = [raster for mosaic in mosaics for raster in mosaic.rasters]
         self.names = tuple(raster.path.name for raster in rasters)
         self.without_quality = tuple(raster.path.name for raster in rasters if raster.quality is None)
         datums = sorted({raster.datum for raster in rasters})
         self.datum = datums[0] if len(datums) == 1 else f"mixed ({', '.join(datums)})"
-        postings = ", ".join(sorted({f"{max(layer.posting_m):.3g} m" for layer in layers}))
+        postings = ", ".join(sorted({f"{max(mosaic.posting_m):.3g} m" for mosaic in mosaics}))
         self.description = f"{len(rasters)} rasters, posting {postings}, datum {self.datum}"
         if len(self.without_quality) < len(rasters):
             known = len(rasters) - len(self.without_quality)
@@ -56,16 +58,16 @@ class Dem:
         """
         if not paths:
             raise TerrainError("No elevation raster was given. Give at least one.")
-        store = Store()
-        layers: list[Layer] = []
+        cache = DemCache()
+        mosaics: list[Mosaic] = []
         for path, quality in pair(paths):
-            raster = with_quality(_header(path), quality)
-            home = next((layer for layer in layers if layer.takes(raster)), None)
+            raster = with_quality(read_header(path), quality)
+            home = next((mosaic for mosaic in mosaics if mosaic.takes(raster)), None)
             if home is None:
-                layers.append(Layer(raster, store))
+                mosaics.append(Mosaic(raster, cache))
             else:
                 home.add(raster)
-        return cls(sorted(layers, key=lambda layer: layer.posting_m[0] * layer.posting_m[1]), store)
+        return cls(sorted(mosaics, key=lambda mosaic: mosaic.posting_m[0] * mosaic.posting_m[1]), cache)
 
     def __enter__(self) -> Dem:
         return self
@@ -77,7 +79,7 @@ class Dem:
 
     def close(self) -> None:
         """Close the files. Neither the model nor what ``filtered`` made of it can be used afterwards."""
-        self._store.close()
+        self._cache.close()
 
     def filtered(self, min_quality: int) -> Dem:
         """The same model, with posts that fewer than ``min_quality`` scenes saw as voids; 0 keeps all.
@@ -89,7 +91,7 @@ class Dem:
         """
         if min_quality < 0:
             raise ValueError(f"the number of scenes is {min_quality}, and cannot be negative")
-        return Dem([layer.filtered(min_quality) for layer in self._layers], self._store)
+        return Dem([mosaic.filtered(min_quality) for mosaic in self._mosaics], self._cache)
 
     def heights(self, lon_deg: ArrayLike, lat_deg: ArrayLike) -> Floats:
         """Heights of the triangulated surface at WGS 84 degrees, metres, in the broadcast shape of both.
@@ -100,38 +102,38 @@ class Dem:
         lon, lat = np.broadcast_arrays(np.asarray(lon_deg, np.float64), np.asarray(lat_deg, np.float64))
         flat_lon, flat_lat = lon.ravel(), lat.ravel()
         heights = np.full(len(flat_lon), np.nan)
-        for start in range(0, len(heights), _CHUNK):
-            part = slice(start, start + _CHUNK)
+        for start in range(0, len(heights), _PLACES_AT_ONCE):
+            part = slice(start, start + _PLACES_AT_ONCE)
             self._fill(heights[part], flat_lon[part], flat_lat[part])
         return heights.reshape(lon.shape)
 
     def posts(
         self, lon_deg: Floats, lat_deg: Floats, margin_posts: int = 1, margin_m: float = 0.0
     ) -> DemPatch | None:
-        """The posts of the finest layer around places, shape (n,) each: the smallest rectangle of its cells that
+        """The posts of the finest mosaic around places, shape (n,) each: the smallest rectangle of its cells that
         holds all of them, widened by the larger margin.
 
-        Its voids, and posts beyond its rasters, are filled from coarser layers. None where no raster has a
+        Its voids, and posts beyond its rasters, are filled from coarser mosaics. None where no raster has a
         height there. Beyond four million posts every second, third ... post is taken.
         """
-        for layer in self._layers:
-            patch = self._patch(layer, lon_deg, lat_deg, margin_posts, margin_m)
+        for mosaic in self._mosaics:
+            patch = self._patch(mosaic, lon_deg, lat_deg, margin_posts, margin_m)
             if patch is not None:
                 return patch
         return None
 
     def _fill(self, heights: Floats, lon: Floats, lat: Floats) -> None:
-        for layer in self._layers:
+        for mosaic in self._mosaics:
             todo = np.flatnonzero(np.isnan(heights) & np.isfinite(lon) & np.isfinite(lat))
             if len(todo):
-                heights[todo] = layer.heights(*layer.grid_coordinates(lon[todo], lat[todo]))
+                heights[todo] = mosaic.heights(*mosaic.grid_coordinates(lon[todo], lat[todo]))
 
     def _patch(
-        self, layer: Layer, lon: Floats, lat: Floats, margin_posts: int, margin_m: float
+        self, mosaic: Mosaic, lon: Floats, lat: Floats, margin_posts: int, margin_m: float
     ) -> DemPatch | None:
-        u, v = layer.grid_coordinates(lon, lat)
+        u, v = mosaic.grid_coordinates(lon, lat)
         spans = []
-        for w, posting in zip((u.tolist(), v.tolist()), layer.posting_m, strict=True):
+        for w, posting in zip((u.tolist(), v.tolist()), mosaic.posting_m, strict=True):
             if not all(map(math.isfinite, w)):
                 return None
             margin = max(margin_posts, math.ceil(margin_m / posting))
@@ -139,21 +141,15 @@ class Dem:
         (u0, u1), (v0, v1) = spans
         step = math.ceil(math.sqrt((u1 - u0) * (v1 - v0) / _MAX_PATCH_POSTS))
         columns, rows = range(u0, u1 + step - 1, step), range(v0, v1 + step - 1, step)
-        z = layer.window(columns, rows)
+        z = mosaic.window(columns, rows)
         void = np.isnan(z)
         if void.any():
             if void.all():
                 return None
-            if len(self._layers) > 1:
-                self._fill_posts(z, layer, columns, rows)
-        return DemPatch(z, u0, v0, step, u, v, layer)
+            if len(self._mosaics) > 1:
+                self._fill_posts(z, mosaic, columns, rows)
+        return DemPatch(z, u0, v0, step, u, v, mosaic)
 
-    def _fill_posts(self, z: Floats, layer: Layer, columns: range, rows: range) -> None:
+    def _fill_posts(self, z: Floats, mosaic: Mosaic, columns: range, rows: range) -> None:
         u, v = np.meshgrid(np.array(columns, float), np.array(rows, float))
-        self._fill(z.reshape(-1), *layer.lonlat(u.ravel(), v.ravel()))
-
-
-def _header(path: Path) -> Raster:
-    raster, dataset = open_raster(path)
-    dataset.close()
-    return raster
+        self._fill(z.reshape(-1), *mosaic.lonlat(u.ravel(), v.ravel()))

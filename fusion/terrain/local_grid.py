@@ -2,7 +2,7 @@
 
 A projection per post or per estimate would take too long: over some kilometres both ways are polynomials. Those
 of degree 4 over 128 posts of three arc seconds (12 km) are right to less than a micrometre there, and to a tenth of
-a millimetre within 50 km, farther than any segment reaches.
+a millimetre within 50 km, farther than any segment reaches. Knows no heights.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Planes fitted to posts (Al Assaad 2020, 3.1-3.12)."""
+"""Planes fitted to posts (Al Assaad 2020, 3.1-3.12). Which posts, is for ``fusion.terrain.windows`` to say."""
 
 from __future__ import annotations
 

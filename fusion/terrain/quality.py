@@ -19,12 +19,11 @@ from typing import Any
 import numpy as np
 
 from fusion.errors import TerrainError
-from fusion.terrain.raster import Raster, apply, open_raster, read_stored
+from fusion.terrain.raster import ALIGNED_POSTS, Raster, apply, read_header, read_stored
 from fusion.types import Floats
 
 _NAME = re.compile(r"(?P<tile>.+)_(?P<kind>dem|num)(?P<suffixes>(?:\.\w+)+)", re.IGNORECASE)
 _MOST_SCENES = 200
-_ALIGNED = 0.01  # posts
 
 
 def pair(paths: Sequence[Path]) -> list[tuple[Path, Path | None]]:
@@ -55,8 +54,7 @@ def with_quality(raster: Raster, path: Path | None) -> Raster:
     """The raster with its quality layer; ``TerrainError`` when that is unreadable or on another grid."""
     if path is None:
         return raster
-    layer, dataset = open_raster(path)
-    dataset.close()
+    layer = read_header(path)
     same_size = (layer.rows, layer.columns) == (raster.rows, raster.columns)
     if not (same_size and layer.crs == raster.crs and _same_posts(layer, raster)):
         raise TerrainError(
@@ -104,4 +102,4 @@ def _same_posts(a: Raster, b: Raster) -> bool:
     size = max(abs(b.posts.a), abs(b.posts.b), abs(b.posts.d), abs(b.posts.e))
     corners = np.array([0.0, b.columns, 0.0, b.columns]), np.array([0.0, 0.0, b.rows, b.rows])
     offset = np.subtract(apply(a.posts, *corners), apply(b.posts, *corners))
-    return bool(np.abs(offset).max() <= _ALIGNED * size)
+    return bool(np.abs(offset).max() <= ALIGNED_POSTS * size)

@@ -1,4 +1,4 @@
-"""One elevation raster: what it covers, and its posts."""
+"""One elevation raster: what it covers, and its posts. Knows nothing of other rasters, nor of places on Earth."""
 
 from __future__ import annotations
 
@@ -22,6 +22,9 @@ from fusion.types import Floats
 
 LOWEST_M, HIGHEST_M = -1000.0, 9000.0
 """No road's ground lies beyond; fill values that a raster does not declare (-32768, -9999, 1e38) do."""
+
+ALIGNED_POSTS = 0.01
+"""Posts no farther apart than this share of the posting are one post: in a mosaic, and in a quality layer."""
 
 _HGT_NAME = re.compile(r"[NS]\d\d[EW]\d\d\d", re.IGNORECASE)
 _METRES_PER_UNIT = {
@@ -69,10 +72,17 @@ def open_raster(path: Path) -> tuple[Raster, Any]:
             f"{path.name} cannot be read as a raster ({_reason(error, path)}). {_HINT}"
         ) from error
     try:
-        return _header(path, dataset), dataset
+        return _header_of(path, dataset), dataset
     except BaseException:
         dataset.close()
         raise
+
+
+def read_header(path: Path) -> Raster:
+    """The header alone; as ``open_raster``."""
+    raster, dataset = open_raster(path)
+    dataset.close()
+    return raster
 
 
 def refuse_void(path: Path) -> None:
@@ -155,7 +165,7 @@ def _check_file(path: Path) -> None:
         )
 
 
-def _header(path: Path, dataset: Any) -> Raster:
+def _header_of(path: Path, dataset: Any) -> Raster:
     if dataset.crs is None or dataset.transform.is_identity or dataset.transform.is_degenerate:
         raise TerrainError(
             f"{path.name} does not say where on Earth it lies. Give a raster with a coordinate reference "

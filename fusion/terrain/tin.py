@@ -1,4 +1,7 @@
-"""Triangulated heights on a grid of posts (Al Assaad 2020, 2.33-2.34)."""
+"""Triangulated heights on a grid of posts, a TIN over a regular grid (Al Assaad 2020, 2.33-2.34).
+
+Knows grid coordinates only, no metres and no degrees.
+"""
 
 from __future__ import annotations
 

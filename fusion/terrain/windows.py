@@ -6,6 +6,8 @@ of the grid, and one window serves the whole segment, so that heights along it a
 - ``adjacent``: the corners of the cells that the segment passes through (the thesis's choice, FGA);
 - ``full``: the smallest rectangle of cells that holds the segment, one cell wider on each side;
 - ``hollow``: the border of that rectangle only.
+
+The bridge from terrain to roads: no other file of this room knows a segment, and roads know no heights.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 from fusion.terrain.local_grid import LocalGrid, polynomial
-from fusion.terrain.patch import DemPatch
+from fusion.terrain.mosaic import DemPatch
 from fusion.terrain.plane import Plane, PlaneModel, plane_through
 from fusion.terrain.tin import tin_height
 from fusion.types import Floats, Ints
@@ -248,7 +250,8 @@ for _window in (
 def dem_slopes(dem: Dem, table: RoadTable) -> Floats:
     """Slopes from the triangulated heights at both ends, percent from from_node to to_node, shape (n,).
 
-    NaN where a height is unknown or the segment has no length.
+    The simplest look at the terrain under roads, without a window: two heights and a length for every segment of
+    a table. NaN where a height is unknown or the segment has no length.
     """
     heights = dem.heights(
         np.concatenate([table.lon0_deg, table.lon1_deg]), np.concatenate([table.lat0_deg, table.lat1_deg])

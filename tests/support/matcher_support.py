@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fusion.frames import LocalProjection
-from fusion.matching.points.base import PointMatcher
-from fusion.matching.points.mahalanobis import PointMatches
+from fusion.matching.points.base import PointMatcher, PointMatches
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 

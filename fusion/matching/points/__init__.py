@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from fusion.matching.points.base import PointMatcher
 from fusion.matching.points.curve import CurveToCurve
-from fusion.matching.points.geometric import Mahalanobis, PointToPoint, PointToSegment, SegmentDirection
+from fusion.matching.points.geometric import PointToPoint, PointToSegment, SegmentDirection
+from fusion.matching.points.mahalanobis import Mahalanobis
 from fusion.matching.points.topological import Topological
 from fusion.registry import Registry
 

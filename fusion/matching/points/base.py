@@ -1,4 +1,7 @@
-"""What the matchers of positions have in common: how they are called, and how their answers are put together."""
+"""What the matchers of positions have in common: how they are called, and what they answer.
+
+Knows no rule: each stands in a file of its own beside this one.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fusion.matching.points.mahalanobis import PointMatches
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
@@ -51,6 +53,40 @@ class Samples:
     def take(self, rows: Ints) -> Samples:
         """The samples with these indices."""
         return Samples(self.time_s[rows], self.x_m[rows], self.y_m[rows], self.heading_rad[rows])
+
+
+@dataclass(frozen=True, slots=True)
+class PointMatch:
+    """One position on its segment.
+
+    ``segment`` indexes the network; (x_m, y_m) is the matched point, ``distance_m`` its distance from
+    from_node along the segment; ``heading_rad`` the segment's direction as it is driven (from east,
+    anticlockwise, (-pi, pi]); ``forward`` whether that is the direction in which the way is drawn.
+    """
+
+    segment: int
+    x_m: float
+    y_m: float
+    distance_m: float
+    heading_rad: float
+    mahalanobis: float
+    forward: bool
+
+
+@dataclass(frozen=True, eq=False)
+class PointMatches:
+    """The matches of n positions: columns as in ``PointMatch``, shape (n,).
+
+    The segment is -1 and the numbers NaN where none passes.
+    """
+
+    segment: Ints
+    x_m: Floats
+    y_m: Floats
+    distance_m: Floats
+    heading_rad: Floats
+    mahalanobis: Floats
+    forward: NDArray[np.bool_]
 
 
 Matching = Callable[[ArrayLike, ArrayLike, ArrayLike, ArrayLike], PointMatches]

@@ -10,11 +10,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.matching.chains import ChainGraph
+from fusion.matching.chains import ChainGraph, position_of, rank_at, share_at
 from fusion.matching.lattice import Candidates
-from fusion.matching.points.base import PointMatcher, Samples
-from fusion.matching.points.chains import Roads
-from fusion.matching.points.mahalanobis import PointMatches
+from fusion.matching.points.base import PointMatcher, PointMatches, Samples
+from fusion.matching.points.chain_network import ChainNetwork
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
@@ -53,7 +52,7 @@ class CurveToCurve(PointMatcher):
 
     def prepare(self, network: RoadNetwork) -> Callable[[Samples], PointMatches]:
         """The chains of the network, and which follow on which, either way along the drive."""
-        roads = Roads.of(network)
+        roads = ChainNetwork.of(network)
         ways = _ways(roads.graph)
 
         def found(samples: Samples) -> PointMatches:
@@ -113,33 +112,6 @@ def _offset(shape: Floats, r: int, x: float, y: float, low: float, high: float) 
 
 
 @compiled
-def _rank_at(graph: ChainGraph, chain: int, along_m: float) -> int:
-    """The segment of a chain at a distance from its beginning."""
-    first, last = graph.first[chain], graph.first[chain + 1] - 1
-    after = np.searchsorted(graph.cum_m[first : last + 1], along_m, side="right")
-    return int(min(max(first + after - 1, first), last))
-
-
-@compiled
-def _share_at(graph: ChainGraph, r: int, along_m: float) -> float:
-    """The share of segment r at a distance from the beginning of its chain, 0..1."""
-    chain = graph.chain[r]
-    end = graph.cum_m[r + 1] if r + 1 < graph.first[chain + 1] else graph.length_m[chain]
-    span = end - graph.cum_m[r]
-    return float(min(max((along_m - graph.cum_m[r]) / span, 0.0), 1.0)) if span > 0.0 else 0.0
-
-
-@compiled
-def _position(graph: ChainGraph, edge: int, at_m: float) -> tuple[float, float]:
-    """Coordinates of a place."""
-    chain = edge >> 1
-    along = at_m if edge % 2 == 0 else graph.length_m[chain] - at_m
-    r = _rank_at(graph, chain, along)
-    share = _share_at(graph, r, along)
-    return graph.shape[r, 0] + share * graph.shape[r, 2], graph.shape[r, 1] + share * graph.shape[r, 3]
-
-
-@compiled
 def _extend(
     graph: ChainGraph, edge: int, begin_m: float, budget: float, x: Floats, y: Floats, total: Floats
 ) -> float:
@@ -156,8 +128,8 @@ def _extend(
     r = first if onward else last
     low, high = 0.0, 1.0
     if begin_m > 0.0:
-        r = _rank_at(graph, chain, place)
-        share = _share_at(graph, r, place)
+        r = rank_at(graph, chain, place)
+        share = share_at(graph, r, place)
         low, high = (share, 1.0) if onward else (0.0, share)
     left = budget
     while first <= r <= last and left > 0.0:
@@ -198,7 +170,7 @@ def _grow(
     """``_extend``; what remains of the budget, none if no way on can be better than the best; and the best."""
     left = _extend(graph, edge, begin_m, budget, x, y, total)
     best = min(best, total[len(x)])
-    px, py = _position(graph, edge, graph.length_m[edge >> 1])
+    px, py = position_of(graph, edge, graph.length_m[edge >> 1])
     return left if _bound(total, left, px, py, x, y) < best else 0.0, best
 
 
@@ -221,7 +193,7 @@ def _least_sum(
     """
     n = len(x)
     total, left, on, cursor = branch
-    px, py = _position(graph, edge, at_m)
+    px, py = position_of(graph, edge, at_m)
     total[0, 0] = 0.0
     for j in range(n):
         total[0, j + 1] = total[0, j] + math.hypot(x[j] - px, y[j] - py)

@@ -1,4 +1,7 @@
-"""Positions to segments, each position for itself (Al Assaad 2020, 1.3.1.1 and 2.3.3.3)."""
+"""Positions to segments, each for itself by distance and direction (Al Assaad 2020, 1.3.1.1 and 1.3.1.3).
+
+Knows no covariance: that rule is ``mahalanobis``.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.compiled import compiled
-from fusion.matching.points.base import PointMatcher, Samples, placed
-from fusion.matching.points.mahalanobis import GATE, PointMatches, match_points
-from fusion.roads.kernels import SegmentGrid, cells_around, project_point
+from fusion.matching.points.base import PointMatcher, PointMatches, Samples, placed
+from fusion.roads.grid import SegmentGrid, cells_around, project_point
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
@@ -82,31 +84,6 @@ class SegmentDirection(PointMatcher):
     def prepare(self, network: RoadNetwork) -> Callable[[Samples], PointMatches]:
         """Nothing but the network's index."""
         return _by_weight(network, self.turn_m, self.radius_m)
-
-
-@dataclass(frozen=True)
-class Mahalanobis(PointMatcher):
-    """``match_points``: the least Mahalanobis distance over x, y and heading. ``sigma_m`` and ``sigma_rad``: standard
-    deviations of each coordinate, m, and of the heading, rad; ``gate``: the largest accepted distance.
-    """
-
-    sigma_m: float = 10.0
-    sigma_rad: float = 0.3
-    gate: float = GATE
-
-    name: ClassVar[str] = "mahalanobis"
-    description: ClassVar[str] = "the least Mahalanobis distance over position and heading, within a gate"
-    source: ClassVar[str] = "Al Assaad 2020, 2.3.3.3"
-
-    def prepare(self, network: RoadNetwork) -> Callable[[Samples], PointMatches]:
-        """Nothing but the network's index."""
-        _ = network.grid
-        covariance = np.diag([self.sigma_m**2, self.sigma_m**2, self.sigma_rad**2])
-
-        def found(samples: Samples) -> PointMatches:
-            return match_points(network, samples.x_m, samples.y_m, samples.heading_rad, covariance, self.gate)
-
-        return found
 
 
 def _by_weight(network: RoadNetwork, turn_m: float, radius_m: float) -> Callable[[Samples], PointMatches]:

@@ -11,11 +11,10 @@ import numpy as np
 
 from fusion.compiled import compiled
 from fusion.matching.chains import ChainGraph
-from fusion.matching.lattice import Candidates, Reach
-from fusion.matching.points.base import PointMatcher, Samples
-from fusion.matching.points.chains import Roads
-from fusion.matching.points.mahalanobis import PointMatches
-from fusion.matching.viterbi import search_from
+from fusion.matching.lattice import Candidates
+from fusion.matching.points.base import PointMatcher, PointMatches, Samples
+from fusion.matching.points.chain_network import ChainNetwork
+from fusion.matching.shortest_paths import Reach, search_from
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
@@ -78,7 +77,7 @@ class Topological(PointMatcher):
 
     def prepare(self, network: RoadNetwork) -> Callable[[Samples], PointMatches]:
         """The chains of the network."""
-        roads = Roads.of(network)
+        roads = ChainNetwork.of(network)
         rules = _Rules(*(getattr(self, name) for name in _Rules._fields))
 
         def found(samples: Samples) -> PointMatches:
@@ -91,8 +90,8 @@ class Topological(PointMatcher):
                 s.time_s,
                 s.x_m,
                 s.y_m,
-                _memory(roads.graph),
-                _memory(roads.graph),
+                Reach.of(roads.graph),
+                Reach.of(roads.graph),
                 rules,
             )
             edge = np.full(len(s), _NONE, np.int64)
@@ -102,18 +101,6 @@ class Topological(PointMatcher):
             return roads.matches(len(samples), rows, edge, at)
 
         return found
-
-
-def _memory(graph: ChainGraph) -> Reach:
-    """Memory for searches in a graph."""
-    nodes, most = len(graph.arrivals), len(graph.out_edge) + 2
-    return Reach(
-        np.empty(nodes),
-        np.empty(nodes, np.int64),
-        np.full(nodes, -1),
-        np.empty(most),
-        np.empty(most, np.int64),
-    )
 
 
 @compiled

@@ -12,7 +12,8 @@ import numpy as np
 
 from fusion.filters.unscented import Unscented
 from fusion.frames import wrap_angle
-from fusion.matching.points.mahalanobis import PointMatches, match_points
+from fusion.matching.points.base import PointMatches
+from fusion.matching.points.mahalanobis import match_points
 from fusion.methods.epochs.table import Epochs
 from fusion.methods.gps_ins.filter import Drive, Filtered, Settings, chi_square_gate, run
 from fusion.methods.gps_ins.ins import Ins, build_drive

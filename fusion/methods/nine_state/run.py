@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from fusion.matching.points.mahalanobis import PointMatch
+from fusion.matching.points.base import PointMatch
 from fusion.methods.epochs.table import Epochs
 from fusion.methods.nine_state.motion import OUTLIERS_BEFORE_RESTART, VX, VY, fix_fits
 from fusion.methods.nine_state.options import NineStateOptions

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from fusion.matching.points.mahalanobis import PointMatch, nearest_mahalanobis
+from fusion.matching.points.base import PointMatch
+from fusion.matching.points.mahalanobis import nearest_mahalanobis
 from fusion.methods.epochs.table import Epochs
 from fusion.methods.epochs.terrain import TerrainOptions, quality_warnings
 from fusion.methods.nine_state.motion import SHORTEST_WAY_M, whitened

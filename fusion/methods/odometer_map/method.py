@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from fusion.errors import MissingSensorError
-from fusion.matching.points.mahalanobis import PointMatch
+from fusion.matching.points.base import PointMatch
 from fusion.methods.base import DriveResult
 from fusion.methods.epochs.line import ErrorShares, line_slopes
 from fusion.methods.epochs.table import Epochs, build_epochs

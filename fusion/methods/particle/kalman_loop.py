@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fusion.compiled import compiled
 from fusion.filters.kalman import correct_scalar, predict
+from fusion.matching.points.mahalanobis import NOT_POSITIVE, nearest_segment
 from fusion.methods.nine_state.measurements import (
     attitude_and_spreads,
     ground_measurement,
@@ -37,7 +38,7 @@ from fusion.methods.nine_state.motion import (
 )
 from fusion.methods.nine_state.sensors import GNSS_STATES, SensorColumns
 from fusion.methods.nine_state.track import EpochRows
-from fusion.roads.kernels import NOT_POSITIVE, SegmentGrid, nearest
+from fusion.roads.grid import SegmentGrid
 from fusion.types import Floats, Ints
 
 UNKNOWN, NOTHING, PLANE, OTHER = range(4)
@@ -216,7 +217,7 @@ def _match(grid: SegmentGrid, rules: Rules, now: Now) -> None:
     if now.flags[MOVING] == 0:
         heading = np.nan
     x, y = now.mean[X], now.mean[Y]
-    segment, road_x, road_y, _, direction, _, _ = nearest(
+    segment, road_x, road_y, _, direction, _, _ = nearest_segment(
         grid, x, y, heading, covariance, rules.match_gate, -1.0
     )
     if segment == NOT_POSITIVE:

@@ -1,10 +1,9 @@
-"""The mosaic: where posts lie, how tiles join, what is unknown."""
+"""The elevation model: where posts lie, how tiles join, what is unknown."""
 
 from __future__ import annotations
 
 import gzip
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,25 +12,11 @@ from affine import Affine
 from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
+from terrain_support import POSTS, at_posts, hills
 
-from fusion.frames import LocalProjection
-from fusion.terrain import dem as dem_module
-from fusion.terrain import store
 from fusion.terrain.dem import Dem
 
 Write = Callable[..., Path]
-POSTS = Affine(0.001, 0, 8.0, 0, -0.001, 49.0)  # of most rasters here: north-west post at (8, 49)
-
-
-def hills(rows: int, columns: int, seed: int = 0) -> np.ndarray:
-    v, u = np.indices((rows, columns))
-    noise = np.random.default_rng(seed).normal(size=(rows, columns))
-    return 200 + 0.3 * u - 0.2 * v + noise
-
-
-def at_posts(posts: Affine, rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    v, u = np.indices((rows, columns))
-    return posts.a * u + posts.b * v + posts.c, posts.d * u + posts.e * v + posts.f
 
 
 @pytest.mark.parametrize("meaning", ["Area", "Point"])
@@ -231,95 +216,6 @@ def test_the_datum_is_what_the_raster_states(
     with Dem.open([write_raster(tmp_path / "a.tif", hills(5, 5), posts, crs)]) as dem:
         assert dem.datum == datum
         assert datum in dem.description
-
-
-def test_the_posts_around_a_place(tmp_path: Path, write_raster: Write) -> None:
-    z = hills(40, 50)
-    with Dem.open([write_raster(tmp_path / "a.tif", z, POSTS)]) as dem:
-        places = np.array([8.0138, 8.0102]), np.array([48.9888, 48.9852])
-        patch = dem.posts(*places, margin_posts=2)
-        assert patch is not None
-        assert patch.z.tolist() == z[9:18, 8:17].tolist()
-        lon, lat = patch.lonlat()
-        assert (lon[0, 0], lat[0, 0]) == pytest.approx((8.008, 48.991))
-        assert (lon[-1, -1], lat[-1, -1]) == pytest.approx((8.016, 48.983))
-        x, y = patch.xy(LocalProjection(8.008, 48.991))
-        assert (x[0, 0], y[0, 0]) == pytest.approx((0, 0), abs=1e-3)
-        assert x[0, 1] == pytest.approx(patch.posting_m[0], rel=1e-2)
-        assert y[1, 0] == pytest.approx(-patch.posting_m[1], rel=1e-2)
-        assert (patch.u, patch.v) == (pytest.approx([13.8, 10.2]), pytest.approx([11.2, 14.8]))
-        wide = dem.posts(*places, margin_posts=2, margin_m=500.0)
-        assert wide is not None
-        assert wide.z.shape == (5 + 2 * 5, 5 + 2 * 7)
-        assert dem.posts(np.array([9.0, 9.1]), np.array([49.0, 49.1])) is None
-        assert dem.posts(np.array([8.01, np.nan]), np.array([48.99, 48.99])) is None
-
-
-def test_beyond_the_raster_posts_are_void(tmp_path: Path, write_raster: Write) -> None:
-    with Dem.open([write_raster(tmp_path / "a.tif", hills(5, 5), POSTS)]) as dem:
-        patch = dem.posts(np.array([8.0035]), np.array([48.9985]))
-        assert patch is not None
-        assert np.isnan(patch.z[:, -1]).all()
-        assert np.isfinite(patch.z[:, :-1]).all()
-
-
-def test_very_many_posts_are_thinned(
-    tmp_path: Path, write_raster: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    lon, lat = at_posts(POSTS, 60, 80)
-    z = 1000 * (lon - 8) + 2000 * (lat - 48)
-    with Dem.open([write_raster(tmp_path / "a.tif", z, POSTS)]) as dem:
-        monkeypatch.setattr(dem_module, "_MAX_PATCH_POSTS", 100)
-        patch = dem.posts(np.array([8.01, 8.05]), np.array([48.96, 48.99]), margin_posts=0)
-        assert patch is not None
-        assert patch.z.size < 200
-        lon, lat = patch.lonlat()
-        assert patch.z == pytest.approx(1000 * (lon - 8) + 2000 * (lat - 48), abs=1e-6)
-        assert (lon.max() >= 8.05, lat.min() <= 48.96) == (True, True)
-
-
-def test_memory_and_open_files_are_bounded(
-    slanted: Dem, tmp_path: Path, write_raster: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(store, "MAX_OPEN_FILES", 2)
-    monkeypatch.setattr(store, "MAX_BLOCKS", 3)
-    z = hills(300, 300)
-    paths = [
-        write_raster(
-            tmp_path / f"{r}{c}.tif",
-            z[r : r + 100, c : c + 100],
-            Affine(0.001, 0, 8 + 0.001 * c, 0, -0.001, 49 - 0.001 * r),
-        )
-        for r in (0, 100, 200)
-        for c in (0, 100, 200)
-    ]
-    rng = np.random.default_rng(2)
-    with Dem.open(paths) as dem:
-        for _ in range(3):
-            rows, columns = rng.integers(0, 300, (2, 500))
-            assert dem.heights(8 + columns * 0.001, 49 - rows * 0.001).tolist() == z[rows, columns].tolist()
-            assert len(dem._store._files) <= 2
-            assert len(dem._store._blocks) <= 3
-
-
-def test_several_threads_may_ask_at_once(
-    tmp_path: Path, write_raster: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(store, "MAX_BLOCKS", 2)
-    z = hills(900, 900)
-    rng = np.random.default_rng(4)
-    wanted = [rng.integers(0, 900, (2, 400)) for _ in range(24)]
-    with Dem.open([write_raster(tmp_path / "a.tif", z, POSTS)]) as dem, ThreadPoolExecutor(6) as pool:
-        found = list(pool.map(lambda w: dem.heights(8 + w[1] * 0.001, 49 - w[0] * 0.001), wanted))
-    for w, heights in zip(wanted, found, strict=True):
-        assert heights.tolist() == z[w[0], w[1]].tolist()
-
-
-def test_a_closed_model_says_so(tmp_path: Path, write_raster: Write) -> None:
-    dem = Dem.open([write_raster(tmp_path / "a.tif", hills(5, 5), POSTS)])
-    dem.close()
-    with pytest.raises(ValueError, match="closed"):
-        dem.heights(8.001, 48.999)
 
 
 def test_real_tiles_join(shared_data: Path) -> None:

@@ -10,7 +10,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from fusion.matching.points.mahalanobis import GATE, match_points, nearest_mahalanobis
+from fusion.matching.points.base import PointMatches
+from fusion.matching.points.mahalanobis import GATE, Mahalanobis, match_points, nearest_mahalanobis
 from fusion.roads.network import RoadNetwork
 
 MakeNetwork = Callable[..., RoadNetwork]
@@ -214,3 +215,14 @@ def test_match_points_broadcasts(make_network: MakeNetwork) -> None:
     assert found.segment.tolist() == [0, 0, 0, 0]
     assert found.distance_m == pytest.approx([0, 30, 60, 90])
     assert len(match_points(network, [], [], [], C).segment) == 0
+
+
+@given(ENDS, hnp.arrays(float, (6, 3), elements=COORDINATES))
+def test_mahalanobis_is_the_thesis_s_rule(
+    make_network: MakeNetwork, ends: np.ndarray, points: np.ndarray
+) -> None:
+    network, (x, y, heading) = make_network(ends), points.T
+    found = Mahalanobis(sigma_m=10.0, sigma_rad=0.3).match(network, np.arange(6), x, y, heading)
+    expected = match_points(network, x, y, heading, np.diag([100.0, 100.0, 0.09]))
+    for name in PointMatches.__dataclass_fields__:
+        assert np.array_equal(getattr(found, name), getattr(expected, name), equal_nan=True)

@@ -9,14 +9,13 @@ import numpy as np
 from fusion.matching.candidates import find_candidates
 from fusion.matching.chains import ChainGraph, build_chains
 from fusion.matching.lattice import Candidates
-from fusion.matching.points.base import Samples, placed, unmatched
-from fusion.matching.points.mahalanobis import PointMatches
-from fusion.roads.kernels import SegmentGrid
+from fusion.matching.points.base import PointMatches, Samples, placed, unmatched
+from fusion.roads.grid import SegmentGrid
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
 
-class Roads(NamedTuple):
+class ChainNetwork(NamedTuple):
     """A network and its chains, with their index."""
 
     network: RoadNetwork
@@ -24,7 +23,7 @@ class Roads(NamedTuple):
     grid: SegmentGrid
 
     @classmethod
-    def of(cls, network: RoadNetwork) -> Roads:
+    def of(cls, network: RoadNetwork) -> ChainNetwork:
         """Contract a network that has segments."""
         return cls(network, *build_chains(network))
 

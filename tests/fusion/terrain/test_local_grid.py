@@ -1,4 +1,4 @@
-"""Patches of posts across blocks, and polynomials in the place of projections: both ways, small and large."""
+"""Polynomials in the place of projections: both ways, small and large."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from pyproj import Transformer
 
 from fusion.frames import LocalProjection
-from fusion.terrain import dem as dem_module
 from fusion.terrain.dem import Dem
 from fusion.terrain.local_grid import LocalGrid, polynomial
 
@@ -83,35 +82,3 @@ def test_a_patch_of_any_size_knows_where_its_posts_are(
         )
         assert np.abs(xy - np.column_stack([x.ravel()[pick], y.ravel()[pick]])).max() < within_m
         assert np.abs(back - np.column_stack([patch.u0 + columns, patch.v0 + rows])).max() < within_m
-
-
-@pytest.fixture(scope="module")
-def rough(tmp_path_factory: pytest.TempPathFactory, write_raster: Write) -> tuple[Dem, np.ndarray]:
-    """Several blocks of posts that say which they are."""
-    z = np.arange(900 * 800, dtype=np.int32).reshape(900, 800) % 8999
-    return Dem.open(
-        [write_raster(tmp_path_factory.mktemp("rough") / "a.tif", z, Affine(0.001, 0, 8.4, 0, -0.001, 49.1))]
-    ), z
-
-
-@given(st.integers(0, 799), st.integers(0, 899), st.integers(0, 60), st.integers(0, 600), st.integers(0, 9))
-def test_windows_across_blocks_hold_the_posts_in_their_order(
-    rough: tuple[Dem, np.ndarray], u: int, v: int, wide: int, tall: int, thinning: int
-) -> None:
-    dem, z = rough
-    right, bottom = min(u + wide, 799), min(v + tall, 899)
-    lon, lat = 8.4 + np.array([u, right]) * 0.001, 49.1 - np.array([v, bottom]) * 0.001
-    with pytest.MonkeyPatch.context() as patch_context:
-        patch_context.setattr(
-            dem_module, "_MAX_PATCH_POSTS", 4_000_000 if thinning < 4 else 9_000 // thinning
-        )
-        patch = dem.posts(lon, lat, margin_posts=0)
-    assert patch is not None
-    rows = patch.v0 + patch.step * np.arange(patch.z.shape[0])
-    columns = patch.u0 + patch.step * np.arange(patch.z.shape[1])
-    assert (patch.u0, patch.v0) == (u, v)
-    assert (rows[-1] > bottom, columns[-1] > right) == (True, True)
-    inside = np.ix_(rows < 900, columns < 800)
-    assert patch.z[inside].tolist() == z[np.ix_(rows[rows < 900], columns[columns < 800])].tolist()
-    assert np.isnan(patch.z[rows >= 900]).all()
-    assert np.isnan(patch.z[:, columns >= 800]).all()

@@ -1,31 +1,36 @@
-"""Rasters that share one grid of posts, as one grid."""
+"""Rasters that share one grid of posts as one grid, and rectangles of its posts.
+
+Knows one CRS and one posting; which mosaic counts where several lie over each other is for ``fusion.terrain.dem``.
+"""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from pyproj import CRS, Transformer
 
 from fusion.compiled import compiled
 from fusion.frames import LocalProjection
+from fusion.terrain.cache import DemCache
 from fusion.terrain.local_grid import LocalGrid
 from fusion.terrain.quality import read_scenes
-from fusion.terrain.raster import Raster, apply, read_posts
-from fusion.terrain.store import Store
+from fusion.terrain.raster import ALIGNED_POSTS, Raster, apply, read_posts
 from fusion.terrain.tin import tin_heights
 from fusion.types import Floats, Ints
 
-BLOCK_POSTS = 256
-_LOCAL_POSTS = 64
-_ALIGNED = 0.01  # posts by which a raster may be off the grid of its layer
+BLOCK_POSTS = 256  # a side; what is read from files and kept at once, 0.5 MB
+_LOCAL_POSTS = 64  # a side; places so near each other share one map to the local plane
 _SNAP = 1e-7  # posts; below every position's accuracy, above the rounding of a projection
 _WGS84 = CRS.from_epsg(4326)
-_METRES_PER_DEGREE = 111_132.0
+_METRES_PER_DEGREE = (
+    111_132.0  # of latitude, mean; only for the posting, which orders mosaics and sizes margins
+)
 
 
-class Layer:
+class Mosaic:
     """Rasters of one CRS and posting whose posts fall on one grid: neighbours join without a seam.
 
     Grid coordinates (u, v) count columns and rows of posts from the first raster's first post; they may be
@@ -33,12 +38,12 @@ class Layer:
     number of scenes below which a post of a raster with a quality layer is a void.
     """
 
-    def __init__(self, first: Raster, store: Store) -> None:
+    def __init__(self, first: Raster, cache: DemCache) -> None:
         self.posts = first.posts
         self.crs = first.crs
         self.rasters: list[Raster] = []
         self.min_quality = 0
-        self._store = store
+        self._cache = cache
         self._to_grid = tuple((~first.posts)[:6])
         self._boxes: Ints = np.empty((0, 4), np.int64)  # first row, first column, end row, end column
         geographic = first.crs.equals(_WGS84, ignore_axis_order=True)
@@ -52,10 +57,10 @@ class Layer:
         size = np.abs(mine[[0, 1, 3, 4]]).max()
         # over its own width the raster may not drift from the grid
         drift = np.abs(mine - its)[[0, 1, 3, 4]].max() * max(raster.rows, raster.columns) / size
-        if drift > _ALIGNED or raster.crs != self.crs:
+        if drift > ALIGNED_POSTS or raster.crs != self.crs:
             return False
         u, v = self._origin_of(raster)
-        return bool(abs(u - round(u)) <= _ALIGNED and abs(v - round(v)) <= _ALIGNED)
+        return bool(abs(u - round(u)) <= ALIGNED_POSTS and abs(v - round(v)) <= ALIGNED_POSTS)
 
     def add(self, raster: Raster) -> None:
         """Take a raster in; the caller asks ``takes`` first."""
@@ -64,8 +69,8 @@ class Layer:
         self._boxes = np.vstack([self._boxes, np.array(box, np.int64)])
         self.rasters.append(raster)
 
-    def filtered(self, min_quality: int) -> Layer:
-        """The same posts, those with fewer scenes as voids; this layer itself where that changes nothing."""
+    def filtered(self, min_quality: int) -> Mosaic:
+        """The same posts, those with fewer scenes as voids; this mosaic itself where that changes nothing."""
         if min_quality == self.min_quality or not any(raster.quality for raster in self.rasters):
             return self
         view = copy.copy(self)
@@ -102,7 +107,7 @@ class Layer:
             columns, rows = (((2 * t - 1) * half, (2 * t + 3) * half) for t in tile)
             return LocalGrid.over(columns, rows, lambda u, v: projection.to_xy(*self.lonlat(u, v)))
 
-        return self._store.local_grid(key, make)
+        return self._cache.local_grid(key, make)
 
     def heights(self, u: Floats, v: Floats) -> Floats:
         """Triangulated heights at grid coordinates, shape (n,); NaN off the posts and at voids."""
@@ -135,7 +140,7 @@ class Layer:
 
     def _block(self, row: int, column: int) -> Floats | None:
         key = (id(self.rasters), self.min_quality, row, column)
-        return self._store.block(key, lambda: self._read_block(row, column))
+        return self._cache.block(key, lambda: self._read_block(row, column))
 
     def _read_block(self, row: int, column: int) -> Floats | None:
         """A block's posts and the first of the next, so that no cell straddles blocks; None for no posts."""
@@ -156,11 +161,51 @@ class Layer:
 
     def _read(self, raster: Raster, row: int, column: int, rows: int, columns: int) -> Floats:
         """Posts of one raster, without those that too few scenes saw."""
-        z = read_posts(raster, self._store.dataset(raster), row, column, rows, columns)
+        z = read_posts(raster, self._cache.dataset(raster), row, column, rows, columns)
         if raster.quality is not None and self.min_quality > 0:
-            dataset = self._store.dataset(raster.quality)
+            dataset = self._cache.dataset(raster.quality)
             z[read_scenes(raster.quality, dataset, row, column, rows, columns) < self.min_quality] = np.nan
         return z
+
+
+@dataclass(frozen=True, eq=False)
+class DemPatch:
+    """A rectangle of posts of one mosaic.
+
+    ``z`` has shape (rows, columns), metres, NaN where no raster has a height; post [r, c] has the mosaic's
+    grid coordinates (u0 + c * step, v0 + r * step). ``u`` and ``v`` are the mosaic's grid coordinates of the places
+    that were asked for.
+    """
+
+    z: Floats
+    u0: int
+    v0: int
+    step: int
+    u: Floats
+    v: Floats
+    mosaic: Mosaic
+
+    @property
+    def posting_m(self) -> tuple[float, float]:
+        """Distances between neighbouring posts along a row and along a column, metres."""
+        along_row, along_column = self.mosaic.posting_m
+        return along_row * self.step, along_column * self.step
+
+    def lonlat(self) -> tuple[Floats, Floats]:
+        """Longitudes and latitudes of all posts, degrees, both of ``z``'s shape."""
+        rows, columns = np.indices(self.z.shape, float)
+        return self.mosaic.lonlat(self.u0 + columns * self.step, self.v0 + rows * self.step)
+
+    def xy(self, projection: LocalProjection) -> tuple[Floats, Floats]:
+        """Local metres of all posts, both of ``z``'s shape."""
+        return projection.to_xy(*self.lonlat())
+
+    def local_grid(self, projection: LocalProjection) -> LocalGrid:
+        """The map between a local plane and the mosaic's grid around this patch (``LocalGrid`` says how good)."""
+        rows, columns = self.z.shape
+        return self.mosaic.local_grid(
+            self.u0 + columns * self.step / 2, self.v0 + rows * self.step / 2, projection
+        )
 
 
 def _runs(posts: range) -> Iterator[tuple[int, slice, slice]]:

@@ -1,0 +1,204 @@
+"""The path as stays: first on chains, from state to state and over the routes between, then on segments; compiled.
+
+Knows the path alone; where the samples lie on it is for ``places`` to say.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion.compiled import compiled
+from fusion.matching.chains import ChainGraph, end_of, rank_at
+from fusion.matching.lattice import ROUTE, START, TURN, Candidates, Lattice
+from fusion.matching.posterior import Posterior
+from fusion.types import Floats, Ints
+
+_NEGLIGIBLE_M = 1e-6  # a stay no longer than that has no length
+
+
+class ChainStays(NamedTuple):
+    """The path as stays on directed chains, p rows: from ``enter_m`` to ``leave_m`` from the chain's tail, on
+    connected stretch ``run``, with probability ``confidence``.
+    """
+
+    edge: Ints
+    enter_m: Floats
+    leave_m: Floats
+    run: Ints
+    confidence: Floats
+
+
+class Stays(NamedTuple):
+    """The path as stays on segments; rows as in ``PathMatch``, ``rank`` instead of the segment's number."""
+
+    rank: Ints
+    forward: NDArray[np.bool_]
+    enter_m: Floats
+    leave_m: Floats
+    start_m: Floats
+    run: Ints
+    confidence: Floats
+
+
+@compiled
+def lay_chain_stays(
+    graph: ChainGraph,
+    cand: Candidates,
+    lattice: Lattice,
+    state: Ints,
+    joined: Ints,
+    route_start: Ints,
+    route: Ints,
+    chance: Posterior,
+) -> tuple[ChainStays, Floats, Ints]:
+    """The stays on chains, and per kept sample its distance along the path (NaN off the road) and run (-1)."""
+    m = len(state)
+    most = 2 * m + len(route)
+    on_chains = ChainStays(
+        np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most, np.int64), np.zeros(most)
+    )
+    along, runs = np.full(m, np.nan), np.full(m, -1, np.int64)
+    last, run, before = -1, -1, 0.0  # ``before``: the length of all stays before the last
+    for k in range(m):
+        b = state[k]
+        if b < 0:
+            continue
+        e, at = cand.edge[b], cand.at_m[b]
+        if joined[k] == START:
+            before += on_chains.leave_m[last] - on_chains.enter_m[last] if last >= 0 else 0.0
+            run += 1
+            last = _open(on_chains, last, e, at, run)
+        elif lattice.kind[b] == TURN:
+            length = graph.length_m[e >> 1]
+            on_chains.leave_m[last] = max(on_chains.leave_m[last], length - at)
+            on_chains.confidence[last] = max(on_chains.confidence[last], chance.out[k])
+            before += on_chains.leave_m[last] - on_chains.enter_m[last]
+            last = _open(on_chains, last, e, length - on_chains.leave_m[last], run)
+            on_chains.confidence[last] = chance.into[k]
+        elif lattice.kind[b] == ROUTE:
+            on_chains.leave_m[last] = graph.length_m[on_chains.edge[last] >> 1]
+            on_chains.confidence[last] = max(on_chains.confidence[last], chance.out[k])
+            before += on_chains.leave_m[last] - on_chains.enter_m[last]
+            for i in range(route_start[k], route_start[k + 1]):
+                last = _open(on_chains, last, route[i], 0.0, run)
+                on_chains.leave_m[last] = graph.length_m[route[i] >> 1]
+                on_chains.confidence[last] = chance.between[k]
+                before += on_chains.leave_m[last]
+            last = _open(on_chains, last, e, 0.0, run)
+            on_chains.confidence[last] = chance.into[k]
+        on_chains.leave_m[last] = max(on_chains.leave_m[last], at)
+        on_chains.confidence[last] = max(on_chains.confidence[last], chance.at[k])
+        along[k], runs[k] = before + on_chains.leave_m[last] - on_chains.enter_m[last], run
+    count = last + 1
+    return (
+        ChainStays(
+            on_chains.edge[:count],
+            on_chains.enter_m[:count],
+            on_chains.leave_m[:count],
+            on_chains.run[:count],
+            on_chains.confidence[:count],
+        ),
+        along,
+        runs,
+    )
+
+
+@compiled
+def _open(on_chains: ChainStays, last: int, edge: int, at: float, run: int) -> int:
+    """Begin a stay on a chain after row ``last``; its row."""
+    row = last + 1
+    on_chains.edge[row], on_chains.enter_m[row], on_chains.leave_m[row], on_chains.run[row] = (
+        edge,
+        at,
+        at,
+        run,
+    )
+    return row
+
+
+@compiled
+def lay_stays(graph: ChainGraph, on_chains: ChainStays) -> Stays:
+    """Split stays on chains into stays on segments; those without length go, unless a run has no other."""
+    count = 0
+    for p in range(len(on_chains.edge)):
+        first, last = _ranks_of(graph, on_chains, p)
+        count += last - first + 1
+    stays = Stays(
+        np.empty(count, np.int64),
+        np.empty(count, np.bool_),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count, np.int64),
+        np.empty(count),
+    )
+    row, travelled = 0, 0.0
+    for p in range(len(on_chains.edge)):
+        first, last = _ranks_of(graph, on_chains, p)
+        forward = (on_chains.edge[p] & 1) == 0
+        low, high = _span(graph, on_chains, p)
+        for i in range(last - first + 1):
+            r = first + i if forward else last - i
+            begin, end = max(graph.cum_m[r], low), min(end_of(graph, r), high)
+            _write(graph, stays, row, r, forward, begin, max(begin, end), travelled)
+            stays.run[row], stays.confidence[row] = on_chains.run[p], on_chains.confidence[p]
+            travelled += max(end - begin, 0.0)
+            row += 1
+    return stays
+
+
+@compiled
+def _span(graph: ChainGraph, on_chains: ChainStays, p: int) -> tuple[float, float]:
+    """The part of its chain that stay p covers, from the chain's first node."""
+    enter, leave = on_chains.enter_m[p], on_chains.leave_m[p]
+    if on_chains.edge[p] & 1:
+        length = graph.length_m[on_chains.edge[p] >> 1]
+        return length - leave, length - enter
+    return enter, leave
+
+
+@compiled
+def _ranks_of(graph: ChainGraph, on_chains: ChainStays, p: int) -> tuple[int, int]:
+    """First and last segment of stay p, last < first for none."""
+    low, high = _span(graph, on_chains, p)
+    if high - low <= _NEGLIGIBLE_M and not _alone(on_chains, p):
+        return 0, -1
+    first, last = rank_at(graph, on_chains.edge[p] >> 1, low), rank_at(graph, on_chains.edge[p] >> 1, high)
+    if first < last and end_of(graph, first) - low <= _NEGLIGIBLE_M:
+        first += 1
+    if first < last and high - graph.cum_m[last] <= _NEGLIGIBLE_M:
+        last -= 1
+    return first, last
+
+
+@compiled
+def _alone(on_chains: ChainStays, p: int) -> bool:
+    """Whether stay p is the first of a run whose stays all have no length."""
+    if p > 0 and on_chains.run[p - 1] == on_chains.run[p]:
+        return False
+    q = p
+    while q < len(on_chains.edge) and on_chains.run[q] == on_chains.run[p]:
+        if on_chains.leave_m[q] - on_chains.enter_m[q] > _NEGLIGIBLE_M:
+            return False
+        q += 1
+    return True
+
+
+@compiled
+def _write(
+    graph: ChainGraph, stays: Stays, row: int, r: int, forward: bool, low: float, high: float, start: float
+) -> None:
+    """One stay: from the lower and upper distance along the chain to distances from from_node."""
+    flipped = graph.flipped[r]
+    begin, end = (low, high) if forward else (high, low)
+    length = math.hypot(graph.shape[r, 2], graph.shape[r, 3])
+    enter, leave = begin - graph.cum_m[r], end - graph.cum_m[r]
+    if flipped:
+        enter, leave = length - enter, length - leave
+    stays.rank[row], stays.forward[row], stays.start_m[row] = r, forward != flipped, start
+    stays.enter_m[row] = min(max(enter, 0.0), length)
+    stays.leave_m[row] = min(max(leave, 0.0), length)
