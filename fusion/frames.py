@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
-Floats = NDArray[np.float64]
+from fusion.types import Floats
 
 GRAVITY_MPS2 = 9.80665
+"""Standard gravity."""
 
 
 @dataclass(frozen=True)

@@ -301,7 +301,7 @@ def track_length_m(track: Track) -> float | None:
         return None
     lon, lat, pause_s = track.lon_deg[known], track.lat_deg[known], np.diff(track.time_s[known])
     step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
-    driven = (pause_s <= GAP_S) & ~track.starts[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
+    driven = (pause_s <= GAP_S) & ~track.after_gap[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
     return float(step_m[driven].sum())
 
 

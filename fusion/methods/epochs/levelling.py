@@ -90,7 +90,7 @@ def _robust_mean(values: Floats, weight: Floats) -> float:
 def _from_altitude(epochs: Epochs) -> MountPitch:
     """Regress (altitude - integral of measured grade) on distance, stretch by stretch."""
     usable = np.isfinite(epochs.pitch_rad) & np.isfinite(epochs.speed_mps)
-    breaks = np.flatnonzero(epochs.restart | ~usable)
+    breaks = np.flatnonzero(epochs.after_gap | ~usable)
     found = [_stretch(epochs, part) for part in np.split(np.arange(len(epochs)), breaks) if len(part) >= 10]
     weight = np.array([1 / e.sigma**2 for e in found if e.known])
     if not len(weight):

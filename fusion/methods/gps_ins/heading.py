@@ -64,7 +64,7 @@ def gyro_heading(epochs: Epochs) -> Floats:
     anchor, sigma = course(epochs, _ANCHOR_SPEED_MPS)
     moments: tuple[Floats, Floats] | None = None
     for e in range(len(epochs)):
-        if epochs.restart[e]:
+        if epochs.after_gap[e]:
             moments = None
         if moments is not None:
             moments = _turned(epochs, e, moments)

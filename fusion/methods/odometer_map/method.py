@@ -122,7 +122,7 @@ def _for_slopes(run: DriveRun, track: Track, shares: ErrorShares) -> Track:
     measured = track.has_gnss | run.rows.ground[run.rows.done]
     fallen = np.maximum(-np.diff(track.alt_sigma_m, prepend=track.alt_sigma_m[0]), 0.0)
     way = np.maximum(track.speed_mps * np.diff(track.time_s, prepend=track.time_s[0] - 1.0), 1.0)
-    climb = np.where(track.starts, 0.0, fallen / way) / shares.grade
+    climb = np.where(track.after_gap, 0.0, fallen / way) / shares.grade
     return replace(
         track,
         alt_m=np.where(measured, track.alt_m, np.nan),
@@ -138,8 +138,8 @@ def without_waiting(epochs: Epochs) -> Epochs:
     usual = _USUAL_STEPS * float(np.median(np.diff(fixed)))
     after = np.clip(np.searchsorted(fixed, epochs.time_s), 1, len(fixed) - 1)
     keep = epochs.has_gnss | (fixed[after] - fixed[after - 1] > usual)
-    stretch = np.cumsum(epochs.restart)[keep]
-    return replace(epochs.take(keep), restart=np.diff(stretch, prepend=-1) > 0)
+    stretch = np.cumsum(epochs.after_gap)[keep]
+    return replace(epochs.take(keep), after_gap=np.diff(stretch, prepend=-1) > 0)
 
 
 def _own_report(run: DriveRun, engine: OdometerMapFilter, options: OdometerMapOptions) -> dict[str, object]:
