@@ -1,4 +1,7 @@
-"""Method ``profile``: the whole drive matched, smoothed along its path, and handed on as factors of each pass."""
+"""Method ``profile``: the whole drive matched, smoothed along its path, and handed on as factors of each pass.
+
+Only the order of the work stands here, and the drive's own slopes, for which its factors are solved like the network's.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.methods.profile.report import drive_report
 from fusion.methods.profile.track import build_track, drawn_measurements
 from fusion.network.adjust import adjust
-from fusion.network.evidence import SegmentEvidence
+from fusion.network.evidence import SegmentEvidence, passes_by_segment
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
@@ -26,6 +29,7 @@ from fusion.terrain.windows import dem_slopes
 from fusion.types import DriveLog, Floats, Ints, Progress, SegmentSlope
 
 MIN_MEASUREMENTS = 4
+"""Fewer say nothing of a slope."""
 
 
 class ProfileOptions(Options):
@@ -117,9 +121,7 @@ def adjusted_slopes(
         return ()
     rows: Ints = np.unique([f.segments[-1] for f in factors])
     table = network.table.subset(rows)
-    passes: dict[int, list[tuple[int, PassFactor]]] = {}
-    for key, factor in enumerate(factors):
-        passes.setdefault(factor.segments[-1], []).append((key, factor))
+    passes = passes_by_segment(factors)
     evidence = [SegmentEvidence.build(passes[int(row)]) for row in rows]
     terrain: Floats = dem_slopes(dem, table) if dem is not None else np.full(len(table), np.nan)
     solved = adjust(table, evidence, terrain, rows)
