@@ -283,7 +283,7 @@ class DrawnMeasurements:
     """What the sensors said along a drive, for pictures: shape (m,) each, ordered by time.
 
     ``sensor`` is an index into ``names``; ``value`` is a height (m) where ``is_height``, else a grade along the
-    direction of travel, with the mount's tilt and the like taken off; ``along_m`` is the distance along the path.
+    direction of travel, with mount pitch and the like taken off; ``along_m`` is the distance along the path.
     """
 
     names: tuple[str, ...]

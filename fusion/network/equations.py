@@ -17,9 +17,9 @@ from fusion.types import Bools, Floats, Ints
 class Unknowns:
     """Which unknown is what: a height at each node first, then the knot variables of each of the n segments.
 
-    Columns of shape (n,): ``length_m`` is what the knots assume, ``intervals`` how many they span, ``structure`` whether
-    the segment is a bridge or tunnel; ``start_node`` and ``end_node`` are the unknowns at its nodes, ``first`` is its
-    first own one and ``count`` how many it has. ``nodes`` and ``size`` are the numbers of nodes and of all unknowns.
+    Columns of shape (n,): ``length_m`` is what the knots assume, ``intervals`` how many they span; ``structure``: a
+    bridge or tunnel; ``start_node`` and ``end_node`` are the unknowns at the segment's nodes, ``first`` is its first
+    own one and ``count`` how many it has. ``nodes`` and ``size`` are the numbers of nodes and of all unknowns.
     """
 
     def __init__(self, network: RoadTable) -> None:

@@ -1,4 +1,7 @@
-"""What a drive's report says about how its profile was made, and what its driver can do better."""
+"""What a drive's report says about how its profile was made, and what its driver can do better.
+
+Nothing is estimated here; the smoother runs again only to show what each sensor was worth.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,13 @@ from fusion.types import DriveLog, Floats
 WHOLE_SHARE = 0.98
 """A segment counts as driven whole from this share on."""
 FEW_MATCHED = 0.8
+"""A smaller share of positions on known roads is worth a warning."""
 WRONG_ACCURACY = 3.0
+"""... and stated accuracies that are wrong by so many times."""
 MANY_OUTLIERS = 0.05
+"""... and a larger share of outliers in a sensor."""
 LOOSE_MOUNT = 0.01
+"""... and a mount pitch that is known less well than this, rad."""
 
 
 def drive_report(
@@ -52,10 +59,10 @@ def drive_report(
 
 
 def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> dict[str, Any] | None:
-    """Tilt of the sensor at the end of the drive, and when it changed; None without pitch and specific force."""
+    """Mount pitch at the end of the drive, and when it changed; None without pitch and specific force."""
     if not np.isin(measured.sensor, (PITCH, FORCE)).any():
         return None
-    tilt = learned.smoothed.mean[-1, MOUNT]
+    grade = learned.smoothed.mean[-1, MOUNT]
     sigma = float(np.sqrt(learned.smoothed.covariance[-1, MOUNT, MOUNT]))
     moves = []
     for k in sorted(k for k, state in learned.jumps if state == MOUNT):
@@ -64,7 +71,7 @@ def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> 
             {"time_s": float(epochs.time_s[k]), "change_deg": float(np.degrees(np.arctan(after - before)))}
         )
     return {
-        "pitch_deg": float(np.degrees(np.arctan(tilt))),
+        "pitch_deg": float(np.degrees(np.arctan(grade))),
         "sigma_deg": float(np.degrees(sigma)),
         "moves": moves,
     }
