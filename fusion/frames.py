@@ -1,4 +1,7 @@
-"""Geodesy and attitude: the local metric plane, and rotations between body, NED and ENU frames."""
+"""Geodesy and attitude: the local metric plane, and rotations between body, NED and ENU frames.
+
+Pure geometry: no sensor, no road.
+"""
 
 from __future__ import annotations
 
