@@ -1,4 +1,7 @@
-"""Geodesy and attitude: the local metric plane, and rotations between body, NED and ENU frames."""
+"""Geodesy and attitude: the local metric plane, and rotations between body, NED and ENU frames.
+
+Pure geometry: no sensor, no road.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
-Floats = NDArray[np.float64]
+from fusion.types import Floats
 
 GRAVITY_MPS2 = 9.80665
+"""Standard gravity."""
 
 
 @dataclass(frozen=True)

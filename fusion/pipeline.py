@@ -1,4 +1,8 @@
-"""The network adjustment of ``versant fuse``: all logs with factors solved together, as the service does."""
+"""From drive logs to slopes: one drive through all of the library, and several together without a database.
+
+``run_drive`` is what a worker of the service and the command line do with a log; ``solve_network`` is the service's
+network adjustment for logs at hand. Nothing here knows files, people or where a result goes.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,8 @@ from fusion.frames import LocalProjection
 from fusion.methods import DEFAULT_METHOD, METHODS
 from fusion.methods.base import DriveResult, Options
 from fusion.network.adjust import adjust
-from fusion.network.combine import Part
-from fusion.network.evidence import SegmentEvidence
+from fusion.network.combine import SlopePart
+from fusion.network.evidence import SegmentEvidence, passes_by_segment
 from fusion.network.pass_factor import PassFactor
 from fusion.network.window import gap_rows
 from fusion.roads.network import RoadNetwork
@@ -24,98 +28,10 @@ from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
 from fusion.types import DriveLog, Ints, Progress, Track, no_progress
 
-Passes = Mapping[int, Sequence[tuple[int, PassFactor]]]
-"""By row of the road file: key and factor of each pass."""
-
-
-class Solved(NamedTuple):
-    """What logs with factors say together."""
-
-    parts: dict[int, list[Part]]
-    """By row of the road file: driven segments and gaps."""
-    rejected: list[int]
-    """For each log, the segments that it passed and on which it is not heard, for it contradicts the others."""
-
-
-class Fused(Protocol):
-    """A log's result, and the rows of the road file that its segment indices refer to."""
-
-    @property
-    def rows(self) -> Ints: ...
-    @property
-    def result(self) -> DriveResult: ...
-
-
-def solve_network(roads: RoadTable, dem: Dem | None, logs: Sequence[Fused]) -> Solved:
-    """Solve the logs that give factors together; the others have no part in it."""
-    rejected = [0] * len(logs)
-    # In the order of driving, so that the order in which logs are named changes no digit.
-    numbers = sorted((k for k, one in enumerate(logs) if one.result.factors), key=lambda k: _begin(logs[k]))
-    if not numbers:
-        return Solved({}, rejected)
-    passes, log_of = _passes(logs, numbers)
-    evidence = {row: SegmentEvidence.build(keyed) for row, keyed in passes.items()}
-    heard = {row: {log_of[key] for key in one.keys[one.accepted].tolist()} for row, one in evidence.items()}
-    for row, one in evidence.items():
-        for number in {log_of[key] for key in one.keys.tolist()} - heard[row]:
-            rejected[number] += 1
-    return Solved(_parts(roads, dem, surroundings([logs[k] for k in numbers]), evidence, heard), rejected)
-
-
-def surroundings(logs: Sequence[Fused]) -> Ints:
-    """Rows of the road file around the logs: farther than any gap beside a track is long."""
-    return np.unique(np.concatenate([one.rows for one in logs]))
-
-
-def _parts(
-    roads: RoadTable,
-    dem: Dem | None,
-    near: Ints,
-    evidence: Mapping[int, SegmentEvidence],
-    heard: Mapping[int, set[int]],
-) -> dict[int, list[Part]]:
-    """The solution over the rows ``near``; ``heard``: the logs heard on each row."""
-    table, driven = roads.subset(near), np.isin(near, list(evidence))
-    solved = driven | gap_rows(table, driven)
-    table, rows = table.subset(solved), near[solved]
-    terrain = dem_slopes(dem, table) if dem else np.full(len(table), np.nan)
-    result = adjust(table, [evidence.get(row) for row in rows.tolist()], terrain, rows)
-    columns = zip(
-        rows.tolist(),
-        result.slope_percent.tolist(),
-        result.slope_sigma_percent.tolist(),
-        [len(heard.get(row, ())) for row in rows.tolist()],
-        result.observations.tolist(),
-        strict=True,
-    )
-    return {
-        row: [Part(slope, sigma, count, observations, network=True)]
-        for row, slope, sigma, count, observations in columns
-        if np.isfinite(slope) and np.isfinite(sigma)
-    }
-
-
-def _begin(one: Fused) -> float:
-    return float(one.result.track.time_s[0])
-
-
-def _passes(
-    logs: Sequence[Fused], numbers: Sequence[int]
-) -> tuple[dict[int, list[tuple[int, PassFactor]]], list[int]]:
-    """The passes of the logs with these numbers by row of the road file, under running keys; each key's log."""
-    passes: dict[int, list[tuple[int, PassFactor]]] = {}
-    log_of: list[int] = []
-    for number in numbers:
-        one = logs[number]
-        for factor in one.result.factors:
-            stored = replace(factor, segments=tuple(int(one.rows[s]) for s in factor.segments))
-            passes.setdefault(stored.segments[-1], []).append((len(log_of), stored))
-            log_of.append(number)
-    return passes, log_of
-
-
 ROAD_MARGIN_M = 250.0
-MIN_EPOCHS = 4
+"""Roads this far around a log's positions are loaded: farther than a method looks for a road, or a gap is long."""
+MIN_FIXES = 4
+"""Positions without which no log has a slope."""
 
 
 def parse_options(method: str, options: Mapping[str, Any] | None = None) -> Options:
@@ -150,9 +66,9 @@ def run_drive(
     """
     estimator = METHODS[method]
     chosen = options if isinstance(options, Options) else parse_options(method, options)
-    if len(log.fix) < MIN_EPOCHS:
+    if len(log.fix) < MIN_FIXES:
         raise EmptyLogError(
-            f"The log holds {len(log.fix)} position(s); at least {MIN_EPOCHS} are needed for a slope. "
+            f"The log holds {len(log.fix)} position(s); at least {MIN_FIXES} are needed for a slope. "
             "Record for longer, or check that the receiver had a fix."
         )
     west, _, east, _ = log.bounds_deg()
@@ -189,20 +105,6 @@ def _far_message(log: DriveLog) -> str:
     )
 
 
-def _warnings(result: DriveResult) -> list[str]:
-    """Why nothing came out, where nothing did."""
-    if result.slopes:
-        return []
-    track = result.track
-    matched = np.mean(track.segment >= 0)
-    spacing = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
-    return [
-        f"No segment got a slope: {matched:.0%} of the epochs lie on roads, {spacing:.1f} s apart. A slope needs "
-        "several epochs with a height on one segment, at more than walking pace: record at 1 Hz or more, and check "
-        "that the log or the DEM has heights there and that the roads are those that were driven, in their direction."
-    ]
-
-
 def _report(
     log: DriveLog, result: DriveResult, method: str, options: Options, dem: Dem | None
 ) -> dict[str, Any]:
@@ -232,3 +134,107 @@ def _report(
 
 def _matched_share(track: Track) -> float:
     return float(np.mean(track.segment >= 0)) if len(track) else 0.0
+
+
+def _warnings(result: DriveResult) -> list[str]:
+    """Why nothing came out, where nothing did."""
+    if result.slopes:
+        return []
+    track = result.track
+    matched = np.mean(track.segment >= 0)
+    spacing = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
+    return [
+        f"No segment got a slope: {matched:.0%} of the epochs lie on roads, {spacing:.1f} s apart. A slope needs "
+        "several epochs with a height on one segment, at more than walking pace: record at 1 Hz or more, and check "
+        "that the log or the DEM has heights there and that the roads are those that were driven, in their direction."
+    ]
+
+
+class FusedDrive(Protocol):
+    """A log's result, and the rows of the road file that its segment indices refer to."""
+
+    @property
+    def rows(self) -> Ints: ...
+    @property
+    def result(self) -> DriveResult: ...
+
+
+class SolvedNetwork(NamedTuple):
+    """What drives with factors say together."""
+
+    parts: dict[int, list[SlopePart]]
+    """By row of the road file: driven segments and gaps."""
+    rejected: list[int]
+    """For each drive, the segments that it passed and on which it is rejected, for it contradicts the others."""
+
+
+def solve_network(roads: RoadTable, dem: Dem | None, drives: Sequence[FusedDrive]) -> SolvedNetwork:
+    """Solve the drives that give factors together, as the service does; the others have no part in it."""
+    rejected = [0] * len(drives)
+    # In the order of driving, so that the order in which logs are named changes no digit.
+    numbers = sorted(
+        (k for k, one in enumerate(drives) if one.result.factors), key=lambda k: _begin(drives[k])
+    )
+    if not numbers:
+        return SolvedNetwork({}, rejected)
+    factors, drive_of = _factors_by_file_row(drives, numbers)
+    evidence = {row: SegmentEvidence.build(keyed) for row, keyed in passes_by_segment(factors).items()}
+    accepted = {
+        row: {drive_of[key] for key in one.keys[one.accepted].tolist()} for row, one in evidence.items()
+    }
+    for row, one in evidence.items():
+        for number in {drive_of[key] for key in one.keys.tolist()} - accepted[row]:
+            rejected[number] += 1
+    near = surroundings([drives[k] for k in numbers])
+    return SolvedNetwork(_solved_parts(roads, dem, near, evidence, accepted), rejected)
+
+
+def surroundings(drives: Sequence[FusedDrive]) -> Ints:
+    """Rows of the road file around the drives: farther than any gap beside a track is long."""
+    return np.unique(np.concatenate([one.rows for one in drives]))
+
+
+def _begin(one: FusedDrive) -> float:
+    return float(one.result.track.time_s[0])
+
+
+def _factors_by_file_row(
+    drives: Sequence[FusedDrive], numbers: Sequence[int]
+) -> tuple[list[PassFactor], list[int]]:
+    """The factors of the drives with these numbers, over rows of the road file, and the drive that each is of."""
+    factors: list[PassFactor] = []
+    drive_of: list[int] = []
+    for number in numbers:
+        one = drives[number]
+        for factor in one.result.factors:
+            factors.append(replace(factor, segments=tuple(int(one.rows[s]) for s in factor.segments)))
+            drive_of.append(number)
+    return factors, drive_of
+
+
+def _solved_parts(
+    roads: RoadTable,
+    dem: Dem | None,
+    near: Ints,
+    evidence: Mapping[int, SegmentEvidence],
+    accepted: Mapping[int, set[int]],
+) -> dict[int, list[SlopePart]]:
+    """The solution over the rows ``near``; ``accepted``: the drives accepted on each row."""
+    table, driven = roads.subset(near), np.isin(near, list(evidence))
+    solved = driven | gap_rows(table, driven)
+    table, rows = table.subset(solved), near[solved]
+    terrain = dem_slopes(dem, table) if dem else np.full(len(table), np.nan)
+    result = adjust(table, [evidence.get(row) for row in rows.tolist()], terrain, rows)
+    columns = zip(
+        rows.tolist(),
+        result.slope_percent.tolist(),
+        result.slope_sigma_percent.tolist(),
+        [len(accepted.get(row, ())) for row in rows.tolist()],
+        result.observations.tolist(),
+        strict=True,
+    )
+    return {
+        row: [SlopePart(slope, sigma, count, observations, network=True)]
+        for row, slope, sigma, count, observations in columns
+        if np.isfinite(slope) and np.isfinite(sigma)
+    }

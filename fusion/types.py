@@ -1,6 +1,7 @@
-"""What passes between the parts of the library: drive logs, tracks, slopes, results.
+"""What passes between the rooms of the library: drive logs in, tracks and slopes out.
 
-SI units and UTC Unix seconds throughout; an unmeasured value is NaN, never 0.
+SI units and UTC Unix seconds throughout; an unmeasured value is NaN, never 0. Here belongs what two rooms or more share
+and what needs nothing but arrays: no roads, no terrain, no method (a method's whole result is in ``methods.base``).
 """
 
 from __future__ import annotations
@@ -8,17 +9,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    pass
-
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+MAX_SPEED_MPS = 150.0
+"""No road vehicle is faster: where positions ask for more, one of them is wrong."""
+LONGEST_BRIDGED_GAP_S = 120.0
+"""An estimate bridges gaps of the recording up to this long; after a longer one, or one that the log states, it begins
+anew."""
 
 Progress = Callable[[str, float], None]
 """Called with the stage's name and the share of the work done, 0..1. It may raise to abort the work."""
@@ -163,31 +167,15 @@ class Pressure(SensorTable):
     pressure_pa: Floats
 
 
-def _reachable(time_s: Floats, lon_deg: Floats, lat_deg: Floats) -> NDArray[np.bool_]:
-    """False for a fix that no road vehicle can reach from the one before nor leave to the one after.
-
-    One such fix would stretch a log's extent over half a continent. Where everything is wild, all are kept.
-    """
-    turn = np.remainder(np.diff(lon_deg) + 180.0, 360.0) - 180.0
-    metres = 111_320.0 * np.hypot(np.diff(lat_deg), turn * np.cos(np.radians(lat_deg[1:])))
-    wild = metres > MAX_SPEED_MPS * np.diff(time_s) + 1000.0
-    before, after = np.concatenate([[True], wild]), np.concatenate([wild, [True]])
-    keep = ~(before & after) if len(lon_deg) > 2 else np.ones(len(lon_deg), bool)
-    return keep if keep.any() else np.ones(len(lon_deg), bool)
-
-
-MAX_SPEED_MPS = 150.0
-
-
 @dataclass(frozen=True)
 class DriveLog:
     """One drive as its sensors recorded it: a table per sensor, never resampled to a common clock.
 
-    ``gaps_s`` holds times at which the recording is known to be interrupted (a new track or segment begins):
-    nothing may be interpolated across them. ``geoid`` says what ``alt_msl_m`` refers to, as far as the
-    format says it. ``missing`` lists sensors and columns that the log does not have, ``skipped`` counts input
-    that could not be used (by reason), ``repaired`` counts what was put right (by reason), ``warnings`` are
-    sentences for the driver.
+    ``gaps_s`` holds times at which the recording has a gap that the log states (a new track or segment begins): nothing
+    may be interpolated across them. In an outage, which is another thing, positions are missing and other sensors go
+    on. ``geoid`` says what ``alt_msl_m`` refers to, as far as the format says it. ``missing`` lists sensors and columns
+    that the log does not have, ``skipped`` counts input that could not be used (by reason), ``repaired`` counts what
+    was put right (by reason), ``warnings`` are sentences for the driver.
     """
 
     source_format: str
@@ -229,6 +217,19 @@ class DriveLog:
         return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
 
 
+def _reachable(time_s: Floats, lon_deg: Floats, lat_deg: Floats) -> Bools:
+    """False for a fix that no road vehicle can reach from the one before nor leave to the one after.
+
+    One such fix would stretch a log's extent over half a continent. Where everything is wild, all are kept.
+    """
+    turn = np.remainder(np.diff(lon_deg) + 180.0, 360.0) - 180.0
+    metres = 111_320.0 * np.hypot(np.diff(lat_deg), turn * np.cos(np.radians(lat_deg[1:])))
+    wild = metres > MAX_SPEED_MPS * np.diff(time_s) + 1000.0
+    before, after = np.concatenate([[True], wild]), np.concatenate([wild, [True]])
+    keep = ~(before & after) if len(lon_deg) > 2 else np.ones(len(lon_deg), bool)
+    return keep if keep.any() else np.ones(len(lon_deg), bool)
+
+
 @dataclass(frozen=True)
 class Track:
     """What a method estimated, one row per epoch; columns a method does not estimate are NaN.
@@ -236,8 +237,8 @@ class Track:
     ``segment`` is an index into the road network's segments, -1 where unmatched; ``distance_m`` is measured
     from the segment's from_node to the projection of the estimate. ``alt_m`` is the height of the road
     surface (not of the antenna) where the method knows the difference. ``heading_rad`` is clockwise from north,
-    0 to 2 pi. ``starts`` marks rows where the estimate begins anew: nothing may be drawn or fitted across to the row
-    before. Sigmas are one standard deviation.
+    0 to 2 pi. ``after_gap`` marks rows where the estimate begins anew, after a gap of the recording or
+    of the filter: nothing may be drawn or fitted across to the row before. Sigmas are one standard deviation.
     """
 
     time_s: Floats
@@ -252,8 +253,8 @@ class Track:
     pitch_sigma_rad: Floats
     segment: Ints
     distance_m: Floats
-    has_gnss: NDArray[np.bool_]
-    starts: NDArray[np.bool_]
+    has_gnss: Bools
+    after_gap: Bools
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -278,11 +279,11 @@ class SegmentSlope:
 
 
 @dataclass(frozen=True, eq=False)
-class Measurements:
+class DrawnMeasurements:
     """What the sensors said along a drive, for pictures: shape (m,) each, ordered by time.
 
     ``sensor`` is an index into ``names``; ``value`` is a height (m) where ``is_height``, else a grade along the
-    direction of travel, with the mount's tilt and the like taken off; ``along_m`` is the distance along the path.
+    direction of travel, with mount pitch and the like taken off; ``along_m`` is the distance along the path.
     """
 
     names: tuple[str, ...]
@@ -290,4 +291,4 @@ class Measurements:
     time_s: Floats
     along_m: Floats
     value: Floats
-    is_height: NDArray[np.bool_]
+    is_height: Bools

@@ -15,11 +15,10 @@ import numpy as np
 from app.map.segment import SegmentFeature
 from fusion.formats import read_log
 from fusion.methods.base import DriveResult, Options
-from fusion.network.combine import Part, published
-from fusion.network.window import rows_of
+from fusion.network.combine import SlopePart, published_slope
 from fusion.pipeline import run_drive, solve_network, surroundings
 from fusion.roads.network import RoadNetwork
-from fusion.roads.table import RoadTable
+from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
 from fusion.types import Ints, Progress, no_progress
@@ -86,7 +85,7 @@ class Fusion:
         parts, rejected = solve_network(self.roads, self.dem, self.fused)
         for one in self.fused:
             for slope in () if one.result.factors else one.result.slopes:
-                said = Part(slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations)
+                said = SlopePart(slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations)
                 parts.setdefault(int(one.rows[slope.segment]), []).append(said)
         shown = sorted(row for row, of_row in parts.items() if gaps or any(part.drives for part in of_row))
         table = self.roads.subset(np.array(shown, np.int64))
@@ -101,9 +100,9 @@ class Fusion:
 
 
 def _feature(
-    table: RoadTable, row: int, parts: Sequence[Part], dem_slope: float, now: datetime
+    table: RoadTable, row: int, parts: Sequence[SlopePart], dem_slope: float, now: datetime
 ) -> SegmentFeature:
-    total = published(parts)
+    total = published_slope(parts)
     name = table.name[row]
     return SegmentFeature(
         id=None,

@@ -15,7 +15,7 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile, in_a_folder
 from app.core.text import COORDINATE_DIGITS, rounded
-from app.drives.outputs.track import time_text
+from app.drives.outputs.track import GAP_S, time_text
 from fusion.errors import FusionError, UnknownNameError
 from fusion.formats import read_log
 from fusion.gnss import DEFAULT_POSITIONING, POSITIONINGS, Positioning
@@ -79,12 +79,11 @@ def _read(path: Path, positioning: Positioning, progress: Progress) -> Positions
 COLUMNS = ("time_s", "lat_deg", "lon_deg", "height_ell_m", "alt_msl_m", "h_acc_m", "v_acc_m")
 _DIGITS = {"lat_deg": 9, "lon_deg": 9}  # degrees: a tenth of a millimetre
 _OTHER_DIGITS = 3  # milliseconds, millimetres
-GAP_S = 10.0
 
 
 @dataclass(frozen=True)
 class Positions:
-    """The positions of one log; ``gaps_s`` are known interruptions, ``geoid`` what ``alt_msl_m`` is above."""
+    """The positions of one log; ``gaps_s`` are those that the log states, ``geoid`` what ``alt_msl_m`` is above."""
 
     log: str
     fix: GnssFix

@@ -43,8 +43,8 @@ from fusion.errors import FusionError
 from fusion.formats import read_log
 from fusion.formats.base import NO_DATE
 from fusion.methods.base import DriveResult
-from fusion.network import window
 from fusion.pipeline import ROAD_MARGIN_M, parse_options, run_drive
+from fusion.roads.table import rows_of
 from fusion.terrain.dem import Dem
 from fusion.types import MAX_SPEED_MPS, DriveLog, Ints, Track
 
@@ -207,7 +207,7 @@ def _estimate(
         network, result = run_drive(
             log, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
         )
-    return around.roads.ids[window.rows_of(around.roads.table, network.table)], result
+    return around.roads.ids[rows_of(around.roads.table, network.table)], result
 
 
 def _publish(
@@ -301,7 +301,7 @@ def track_length_m(track: Track) -> float | None:
         return None
     lon, lat, pause_s = track.lon_deg[known], track.lat_deg[known], np.diff(track.time_s[known])
     step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
-    driven = (pause_s <= GAP_S) & ~track.starts[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
+    driven = (pause_s <= GAP_S) & ~track.after_gap[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
     return float(step_m[driven].sum())
 
 

@@ -15,7 +15,7 @@ from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
 from app.core.tables import DriveTrack
-from fusion.types import Ints, Measurements, Track
+from fusion.types import DrawnMeasurements, Ints, Track
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,8 @@ class StoredTrack:
     segment_id: Ints
 
 
+_COLUMN_NAMES = {"after_gap": "starts"}
+"""Fields of ``Track`` that stored tracks know by another name."""
 _SENSORS = b"sensors"
 """Metadata: a JSON list of the sensors, [name, is_height] each; ``sensor`` is an index into it."""
 
@@ -38,7 +40,7 @@ def save_track(
     drive_id: uuid.UUID,
     track: Track,
     segment_ids: Ints,
-    measurements: Measurements | None = None,
+    measurements: DrawnMeasurements | None = None,
 ) -> None:
     """Store the track; ``segment_ids`` maps its ``segment`` (index into the run's network) to stored ids."""
     row = insert(DriveTrack).values(
@@ -56,7 +58,7 @@ def read_track(session: Session, drive_id: uuid.UUID) -> StoredTrack | None:
     return None if data is None else decode(data)
 
 
-def read_measurements(session: Session, drive_id: uuid.UUID) -> Measurements | None:
+def read_measurements(session: Session, drive_id: uuid.UUID) -> DrawnMeasurements | None:
     """What the sensors said in a drive's last successful run; None where its method offers none."""
     data = session.execute(select(DriveTrack.measurements).where(DriveTrack.drive_id == drive_id)).scalar()
     return None if data is None else decode_measurements(data)
@@ -64,7 +66,7 @@ def read_measurements(session: Session, drive_id: uuid.UUID) -> Measurements | N
 
 def encode(track: Track, segment_ids: Ints) -> bytes:
     """The track as an Arrow IPC stream; ``segment`` becomes database ids, -1 where unmatched."""
-    columns = {spec.name: getattr(track, spec.name) for spec in fields(track)}
+    columns = {_COLUMN_NAMES.get(spec.name, spec.name): getattr(track, spec.name) for spec in fields(track)}
     columns["segment"] = np.full(len(track), -1, np.int64)
     matched = track.segment >= 0
     columns["segment"][matched] = segment_ids[track.segment[matched]]
@@ -74,11 +76,12 @@ def encode(track: Track, segment_ids: Ints) -> bytes:
 def decode(data: bytes) -> StoredTrack:
     """The inverse of ``encode``, bit for bit."""
     table = pa.ipc.open_stream(data).read_all()
-    columns = {spec.name: table.column(spec.name).to_numpy().copy() for spec in fields(Track)}
+    names = [(spec.name, _COLUMN_NAMES.get(spec.name, spec.name)) for spec in fields(Track)]
+    columns = {name: table.column(stored).to_numpy().copy() for name, stored in names}
     return StoredTrack(track=Track(**columns), segment_id=columns["segment"])
 
 
-def encode_measurements(measurements: Measurements) -> bytes:
+def encode_measurements(measurements: DrawnMeasurements) -> bytes:
     """The measurements as an Arrow IPC stream; values and distances in single precision, enough to draw."""
     heights = {int(s) for s in np.unique(measurements.sensor[measurements.is_height])}
     sensors = [[name, code in heights] for code, name in enumerate(measurements.names)]
@@ -91,12 +94,12 @@ def encode_measurements(measurements: Measurements) -> bytes:
     return _stream(columns, {_SENSORS: json.dumps(sensors).encode()})
 
 
-def decode_measurements(data: bytes) -> Measurements:
+def decode_measurements(data: bytes) -> DrawnMeasurements:
     """The inverse of ``encode_measurements``, up to single precision."""
     table = pa.ipc.open_stream(data).read_all()
     sensors = json.loads(table.schema.metadata[_SENSORS])
     sensor = table.column("sensor").to_numpy().astype(np.int64)
-    return Measurements(
+    return DrawnMeasurements(
         names=tuple(name for name, _ in sensors),
         sensor=sensor,
         time_s=table.column("time_s").to_numpy().copy(),

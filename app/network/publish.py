@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from fusion.network.combine import Part, published
+from fusion.network.combine import SlopePart, published_slope
 
 # The network's own slope first, then each drive in order, so that the same parts always combine to the same
 # bits. The drives of the network are in its slope already.
@@ -56,7 +56,7 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> None:
         "segment_id": [], "slope": [], "sigma": [], "drives": [], "observations": []
     }  # fmt: skip
     for segment_id, group in groupby(session.execute(_PARTS, {"ids": ids}), key=lambda row: row.segment_id):
-        whole = published([Part(*row[1:]) for row in group])
+        whole = published_slope([SlopePart(*row[1:]) for row in group])
         columns["segment_id"].append(segment_id)
         columns["slope"].append(float(whole.slope_percent))
         columns["sigma"].append(float(whole.slope_sigma_percent))

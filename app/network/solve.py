@@ -18,9 +18,9 @@ from app.network.publish import refresh_aggregates
 from app.roads.store import BY_IDENTITY, ROAD_COLUMNS, road_table
 from fusion.network.adjust import Adjustment, adjust
 from fusion.network.evidence import SegmentEvidence
-from fusion.network.window import WINDOW_RADIUS_M, Bools, Window, boxes_around, window_around
+from fusion.network.window import WINDOW_RADIUS_M, Window, boxes_around, window_around
 from fusion.roads.table import RoadTable
-from fusion.types import Floats, Ints, Progress, no_progress
+from fusion.types import Bools, Floats, Ints, Progress, no_progress
 
 TOLERANCE_PERCENT = 1e-6
 """Smaller changes are not written: a solution differs from the last by rounding wherever nothing happened."""

@@ -12,8 +12,7 @@ from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
-from fusion.network.window import rows_of
-from fusion.roads.table import RoadTable
+from fusion.roads.table import RoadTable, rows_of
 from fusion.types import Ints
 
 

@@ -6,19 +6,17 @@ No method is known here: each is a file of its own, and ``fusion.methods`` puts 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from fusion.errors import UnknownNameError
+from fusion.network.pass_factor import PassFactor
 from fusion.registry import Registry
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Measurements, Progress, SegmentSlope, Track
-
-if TYPE_CHECKING:
-    from fusion.network.pass_factor import PassFactor
+from fusion.types import DrawnMeasurements, DriveLog, Progress, SegmentSlope, Track
 
 
 class Method(Protocol):
@@ -77,7 +75,7 @@ class DriveResult:
     slopes: tuple[SegmentSlope, ...]
     report: dict[str, Any]
     factors: tuple[PassFactor, ...] = ()
-    measurements: Measurements | None = None
+    measurements: DrawnMeasurements | None = None
 
 
 class Options(BaseModel):

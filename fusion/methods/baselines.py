@@ -159,7 +159,7 @@ def match_fixes(log: DriveLog, network: RoadNetwork, period_s: float) -> tuple[E
         segment=match.segment,
         distance_m=match.distance_m,
         has_gnss=np.ones(len(epochs), bool),
-        starts=epochs.restart,
+        after_gap=epochs.after_gap,
     )
 
 

@@ -1,4 +1,7 @@
-"""Several slopes of one segment made into one: inverse variance, whatever the order of arrival."""
+"""Several slopes of one segment made into one: inverse variance, whatever the order of arrival.
+
+Nothing is known here of where the slopes come from, but whether one is the network's.
+"""
 
 from __future__ import annotations
 
@@ -39,17 +42,17 @@ def combine(
     weight = 1.0 / sigma**2
     total = math.fsum(weight)
     mean = math.fsum(weight * slope) / total
-    birge = 1.0
+    birge_squared = 1.0
     if len(slope) > 1:
-        birge = max(1.0, math.fsum(weight * (slope - mean) ** 2) / (len(slope) - 1))
-    return CombinedSlope(mean, math.sqrt(birge / total), len(slope), int(np.sum(observations)))
+        birge_squared = max(1.0, math.fsum(weight * (slope - mean) ** 2) / (len(slope) - 1))
+    return CombinedSlope(mean, math.sqrt(birge_squared / total), len(slope), int(np.sum(observations)))
 
 
 @dataclass(frozen=True)
-class Part:
-    """One slope of a segment: the network's, in which any number of drives is heard, or a slope-only drive's.
+class SlopePart:
+    """One slope of a segment: the network's, in which any number of drives is accepted, or a slope-only drive's.
 
-    A gap between driven segments has a slope in the network and no drive.
+    A gap, undriven between driven segments, has a slope in the network and no drive.
     """
 
     slope_percent: float
@@ -59,8 +62,11 @@ class Part:
     network: bool = False
 
 
-def published(parts: Sequence[Part]) -> CombinedSlope:
-    """The parts (at least one) made into one slope; a gap's is a guess that gives way to anything measured."""
+def published_slope(parts: Sequence[SlopePart]) -> CombinedSlope:
+    """What is published of a segment: its parts (at least one) made into one slope.
+
+    A gap's slope is a guess that gives way to anything measured; the network's own, alone, stays as it is.
+    """
     measured = [part for part in parts if part.drives] or parts
     if len(measured) == 1 and measured[0].network:
         only = measured[0]

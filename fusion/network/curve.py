@@ -2,7 +2,8 @@
 
 Between two knots at distance d, with the grade a random walk of variance q per metre, the cubic of Hermite is the
 conditional mean of the road's height, and what is left of it is known in closed form. The knots depend on the
-segment's length alone, so that everything which was ever said about a segment speaks of the same numbers.
+segment's length alone, so that everything which was ever said about a segment speaks of the same numbers. Neither
+drives nor neighbouring segments are known here.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from numpy.typing import ArrayLike
 from fusion.types import Floats, Ints
 
 SPACING_M = 20.0
+"""Knots are at most so far apart, on segments that need no more than ``MAX_INTERVALS``."""
 MAX_INTERVALS = 16
+"""Bound on the size of a factor: on segments above 320 m knots lie farther apart."""
 SHORTEST_M = 1.0
 """Shorter segments count as this long: their own equations would drown all others in rounding, and a grade over less
 than a step says nothing."""

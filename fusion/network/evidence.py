@@ -1,12 +1,13 @@
-"""All passes over a segment condensed into one: sums of factors, and who was heard.
+"""All passes over a segment condensed into one: sums of factors, and which passes are accepted.
 
 A sum of likelihoods does not depend on the order of arrival. A pass that contradicts the others is left out by a rule
-that looks at all passes of the segment at once, so that the verdict does not depend on the order either.
+that looks at all passes of the segment at once, so that who is rejected does not depend on the order either.
+Other segments are not known here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -14,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.network.pass_factor import PassFactor, decode_many, symmetric
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 REJECT_SIGMAS = 4.0
-"""A pass farther than this from the consensus of at least ``MIN_JURY`` passes is not heard."""
-MIN_JURY = 3
+"""A pass farther than this from the consensus of at least ``CONSENSUS_PASSES`` passes is rejected."""
+CONSENSUS_PASSES = 3
+"""Of two passes that contradict each other nobody knows which is wrong."""
 COMMON_SIGMA_PERCENT = 0.25
 """What even faultless passes differ by: the lane, the place on the segment, the state of the springs."""
 
@@ -39,9 +41,17 @@ Group = tuple[Floats, Floats]
 """Sum of information and of vectors over the passes with the same history."""
 
 
+def passes_by_segment(factors: Iterable[PassFactor]) -> dict[int, list[tuple[int, PassFactor]]]:
+    """The factors under running keys, by the segment that each passed: what ``SegmentEvidence.build`` takes."""
+    passes: dict[int, list[tuple[int, PassFactor]]] = {}
+    for key, factor in enumerate(factors):
+        passes.setdefault(factor.segments[-1], []).append((key, factor))
+    return passes
+
+
 @dataclass(frozen=True, eq=False)
 class SegmentEvidence:
-    """The passes over one segment; ``groups``: ``PassFactor.segments`` to the sum over those that are heard."""
+    """The passes over one segment; ``groups``: ``PassFactor.segments`` to the sum over those that are accepted."""
 
     passes: NDArray[np.void]
     groups: Mapping[tuple[int, ...], Group]
@@ -63,18 +73,18 @@ class SegmentEvidence:
         stacks = {h: decode_many([ordered[row][2] for row in rows]) for h, rows in rows_of.items()}
         for history, rows in rows_of.items():
             _fill(table, rows, stacks[history][0])
-        table = _judged(table)
+        table = _with_rejections(table)
         groups = {}
         for history, rows in rows_of.items():
-            heard, (_, vectors, uppers) = table["accepted"][rows], stacks[history]
-            if heard.any():
-                upper, vector = uppers[heard].sum(axis=0), vectors[heard].sum(axis=0)
+            accepted, (_, vectors, uppers) = table["accepted"][rows], stacks[history]
+            if accepted.any():
+                upper, vector = uppers[accepted].sum(axis=0), vectors[accepted].sum(axis=0)
                 groups[history] = (symmetric(upper, len(vector)), vector)
         return cls(table, groups)
 
     def missing_for(self, added: Sequence[tuple[int, PassFactor]]) -> list[int]:
-        """Keys of passes that are heard now and not with ``added``, or the reverse: ``with_passes`` needs them."""
-        return [int(key) for key in self._turned(self._joined(added))]
+        """Keys of passes that ``added`` makes accepted or rejected, unlike now: ``with_passes`` needs their factors."""
+        return [int(key) for key in self._flipped(self._joined(added))]
 
     def with_passes(
         self, added: Sequence[tuple[int, PassFactor]], flipped: Mapping[int, PassFactor] | None = None
@@ -84,13 +94,13 @@ class SegmentEvidence:
         ``flipped`` holds the factors that ``missing_for`` asks for. Raises ``KeyError`` where one is missing.
         """
         table = self._joined(added)
-        heard = dict(zip(table["key"].tolist(), table["accepted"].tolist(), strict=True))
+        accepted = dict(zip(table["key"].tolist(), table["accepted"].tolist(), strict=True))
         groups = dict(self.groups)
         for key, factor in added:
-            if heard[key]:
+            if accepted[key]:
                 _add(groups, factor, 1.0)
-        for key in self._turned(table).tolist():
-            _add(groups, (flipped or {})[key], 1.0 if heard[key] else -1.0)
+        for key in self._flipped(table).tolist():
+            _add(groups, (flipped or {})[key], 1.0 if accepted[key] else -1.0)
         return type(self)(table, groups)
 
     def _joined(self, added: Sequence[tuple[int, PassFactor]]) -> NDArray[np.void]:
@@ -99,10 +109,10 @@ class SegmentEvidence:
         for row, (_, factor) in enumerate(added):
             _fill(new, [row], decode_many([factor.encode()])[0])
         table = np.concatenate([self.passes, new])
-        return _judged(table[np.argsort(table["key"], kind="stable")])
+        return _with_rejections(table[np.argsort(table["key"], kind="stable")])
 
-    def _turned(self, joined: NDArray[np.void]) -> Ints:
-        """Keys of the passes whose verdict is another one in ``joined``, which holds them all."""
+    def _flipped(self, joined: NDArray[np.void]) -> Ints:
+        """Keys of the passes that are accepted here but not in ``joined``, which holds them all, or the reverse."""
         now = joined["accepted"][np.searchsorted(joined["key"], self.keys)]
         return np.asarray(self.keys[now != self.accepted])
 
@@ -112,8 +122,8 @@ class SegmentEvidence:
         return np.asarray(self.passes["key"], np.int64)
 
     @property
-    def accepted(self) -> NDArray[np.bool_]:
-        """Whether each pass is heard."""
+    def accepted(self) -> Bools:
+        """Whether each pass is accepted."""
         return np.asarray(self.passes["accepted"], np.bool_)
 
     @property
@@ -128,14 +138,14 @@ class SegmentEvidence:
 
     @property
     def observations(self) -> int:
-        """Measurements behind the passes that are heard."""
+        """Measurements behind the accepted passes."""
         return int(self.passes["observations"][self.accepted].sum())
 
     @property
     def driven(self) -> tuple[float, float]:
-        """The part that the passes cover together, metres from from_node."""
-        heard = self.passes[self.accepted]
-        return float(heard["start"].min()), float(heard["end"].max())
+        """The part that the accepted passes cover together, metres from from_node."""
+        accepted = self.passes[self.accepted]
+        return float(accepted["start"].min()), float(accepted["end"].max())
 
     @property
     def roughness(self) -> float:
@@ -143,18 +153,18 @@ class SegmentEvidence:
         return float(np.exp(self.passes["log_roughness"][self.accepted].mean()))
 
     @property
-    def scatter(self) -> float:
-        """How much the passes scatter beyond their sigmas: a factor on the slope's sigma, at least 1 (Birge's ratio).
+    def birge_ratio(self) -> float:
+        """How much the accepted passes scatter beyond their sigmas: a factor on the slope's sigma, at least 1.
 
-        A few passes scatter by chance, so the ratio is drawn to 1 by ``MIN_JURY`` imaginary well-behaved ones.
+        A few passes scatter by chance, so the ratio is drawn to 1 by ``CONSENSUS_PASSES`` imaginary well-behaved ones.
         """
-        heard = self.passes[self.accepted]
-        if len(heard) < 2:
+        accepted = self.passes[self.accepted]
+        if len(accepted) < 2:
             return 1.0
-        variance = heard["sigma"] ** 2 + COMMON_SIGMA_PERCENT**2
-        mean = np.sum(heard["slope"] / variance) / np.sum(1 / variance)
-        chi2 = float(np.sum((heard["slope"] - mean) ** 2 / variance))
-        return float(np.sqrt(max(1.0, (chi2 + MIN_JURY) / (len(heard) - 1 + MIN_JURY))))
+        variance = accepted["sigma"] ** 2 + COMMON_SIGMA_PERCENT**2
+        mean = np.sum(accepted["slope"] / variance) / np.sum(1 / variance)
+        chi2 = float(np.sum((accepted["slope"] - mean) ** 2 / variance))
+        return float(np.sqrt(max(1.0, (chi2 + CONSENSUS_PASSES) / (len(accepted) - 1 + CONSENSUS_PASSES))))
 
     def encode(self) -> bytes:
         """All of it as bytes: a cache, which ``build`` can make again."""
@@ -190,11 +200,11 @@ def _fill(table: NDArray[np.void], rows: list[int], numbers: Floats) -> None:
     table["observations"][rows] = numbers[:, 5]
 
 
-def _judged(table: NDArray[np.void]) -> NDArray[np.void]:
-    """Mark the passes that are heard: those near the median of all."""
+def _with_rejections(table: NDArray[np.void]) -> NDArray[np.void]:
+    """The table with the passes near the median of all marked as accepted; never more than half are rejected."""
     variance = table["sigma"] ** 2 + COMMON_SIGMA_PERCENT**2
     table["accepted"] = True
-    if len(table) < MIN_JURY:
+    if len(table) < CONSENSUS_PASSES:
         return table
     consensus = float(np.median(table["slope"]))
     spread = 1.25 * np.sqrt(np.median(variance) / len(table))

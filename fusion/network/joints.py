@@ -1,4 +1,4 @@
-"""How the grade goes on where road segments meet."""
+"""How the grade goes on where road segments meet: for the smoother of a drive and for the network, by one rule."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ TURN_SIGMA, JUNCTION_TURN_SIGMA = 0.02, 0.06
 STRUCTURE_SIGMA = 0.03
 """What the beginning or end of a bridge or tunnel adds: ramps and abutments."""
 MAX_ARMS = 8
+"""Ends at a node that are coupled each with each; of more, each with the seven after it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,10 @@
 """What one pass of a drive over a segment says about the road's heights: a small Gaussian likelihood.
 
 Given the heights along a segment, what was measured on it hardly depends on the rest of the drive: through the
-vehicle's constants (mount, bias), which the whole drive determines and whose uncertainty is part of the factor, and
-through the height error of the receiver, which drifts. Where that matters, the factor is conditional on what was
-measured on the segments just before (Vecchia's approximation of the drive's likelihood), else it stands alone.
+vehicle's constants (mount pitch, bias, squat), which the whole drive determines and whose uncertainty is part of the
+factor, and through the height error of the receiver, which drifts. Where that matters, the factor is conditional on
+what was measured on the segments just before (Vecchia's approximation of the drive's likelihood), else it stands alone.
+How a pass becomes a factor is the affair of the method that makes it.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -150,3 +150,17 @@ class RoadTable:
             float(max(self.lon0_deg.max(), self.lon1_deg.max())),
             float(max(self.lat0_deg.max(), self.lat1_deg.max())),
         )
+
+
+def rows_of(table: RoadTable, part: RoadTable) -> Ints:
+    """For each segment of ``part`` its row in ``table``, which holds them all; shape (len(part),).
+
+    Raises ``KeyError`` where one is not in it.
+    """
+    candidates = np.flatnonzero(np.isin(table.osm_way_id, part.osm_way_id))
+    row = dict(zip(_identities(table.subset(candidates)), candidates.tolist(), strict=True))
+    return np.array([row[identity] for identity in _identities(part)], np.int64)
+
+
+def _identities(table: RoadTable) -> Iterator[tuple[int, int, int]]:
+    return zip(table.osm_way_id.tolist(), table.from_node.tolist(), table.to_node.tolist(), strict=True)

@@ -43,7 +43,7 @@ class DenseAdjustment:
         self._terrain(dem_slope_percent)
         for row in range(len(table)):
             for at in self._knots(row):
-                self._observe({at + 1: 1.0}, 0.0, tuned.STEEPEST)
+                self._observe({at + 1: 1.0}, 0.0, tuned.GRADE_PRIOR_SIGMA)
         row_of = {int(i): row for row, i in enumerate(range(len(table)) if ids is None else ids)}
         for one in evidence:
             for history, (information, vector) in () if one is None else one.groups.items():
@@ -179,7 +179,9 @@ class DenseAdjustment:
                 start, end = 0.0, length
             w = slope_row(start, end, length)
             at = self.first[row] + np.arange(len(w))
-            spread = np.sqrt(w @ self.covariance[np.ix_(at, at)] @ w) * (1.0 if one is None else one.scatter)
+            spread = np.sqrt(w @ self.covariance[np.ix_(at, at)] @ w) * (
+                1.0 if one is None else one.birge_ratio
+            )
             slope.append(100 * float(w @ self.solution[at]))
-            sigma.append(float(np.hypot(100 * spread, tuned.FLOOR_PERCENT)))
+            sigma.append(float(np.hypot(100 * spread, tuned.SIGMA_FLOOR_PERCENT)))
         return np.array(slope), np.array(sigma)

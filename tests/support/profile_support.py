@@ -17,9 +17,9 @@ from fusion.formats import read_log
 from fusion.frames import GRAVITY_MPS2, LocalProjection
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult
-from fusion.methods.profile.measurements import Rows, build_rows
-from fusion.methods.profile.method import MIN_ROWS, ProfileOptions
-from fusion.methods.profile.model import Steps, build_steps
+from fusion.methods.profile.measurements import Measurements, build_measurements
+from fusion.methods.profile.method import MIN_MEASUREMENTS, ProfileOptions
+from fusion.methods.profile.model import SmootherEpochs, build_smoother_epochs
 from fusion.methods.profile.noise import Learned, learn, prior_noise
 from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.pipeline import run_drive
@@ -208,8 +208,8 @@ class Smoothed:
     """The parts of ``profile`` for one log, one after the other."""
 
     path: DrivenPath
-    rows: Rows
-    steps: Steps
+    measured: Measurements
+    epochs: SmootherEpochs
     learned: Learned
 
 
@@ -218,10 +218,10 @@ def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options:
     middle = LocalProjection.around(log.fix.lon_deg, log.fix.lat_deg)
     path = find_path(log, RoadNetwork.project(roads, middle), MatchOptions(radius_m=50.0))
     assert path is not None
-    rows = build_rows(log, path, dem, ProfileOptions(**options).sensors())
-    assert len(rows) >= MIN_ROWS
-    steps = build_steps(rows, path)
-    return Smoothed(path, rows, steps, learn(rows, steps, prior_noise(rows)))
+    measured = build_measurements(log, path, dem, ProfileOptions(**options).sensors())
+    assert len(measured) >= MIN_MEASUREMENTS
+    epochs = build_smoother_epochs(measured, path)
+    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)))
 
 
 @dataclass(frozen=True)

@@ -111,7 +111,7 @@ def build_profile(
         grade_sigma_percent=sigma[known],
         segment_id=segment,
         forward=forward,
-        gap=(np.diff(track.time_s[known], prepend=-np.inf) > GAP_S) | track.starts[known],
+        gap=(np.diff(track.time_s[known], prepend=-np.inf) > GAP_S) | track.after_gap[known],
         has_gnss=track.has_gnss[known],
         bridge=np.array([f is not None and f.bridge for f in facts], bool),
         tunnel=np.array([f is not None and f.tunnel for f in facts], bool),

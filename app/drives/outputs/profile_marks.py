@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.drives.outputs.profile import Profile
-from fusion.types import Floats, Ints, Measurements
+from fusion.types import DrawnMeasurements, Floats, Ints
 
 NEAR_S = 1.0
 """A measurement in an interruption belongs to an epoch that is no farther away."""
@@ -53,7 +53,7 @@ def placed_m(profile: Profile, time_s: Floats) -> Floats:
     return np.where(inside, np.interp(time_s, own, profile.distance_m), outside)
 
 
-def dots_of(profile: Profile, measurements: Measurements) -> Iterator[Dots]:
+def dots_of(profile: Profile, measurements: DrawnMeasurements) -> Iterator[Dots]:
     """Each sensor's dots, thinned evenly to ``MOST_DOTS``; heights on another datum moved, which the label says."""
     distance = placed_m(profile, measurements.time_s)
     usable = np.isfinite(distance) & np.isfinite(measurements.value)

@@ -31,7 +31,7 @@ from app.drives.outputs.profile_marks import (
     steps_of,
     stretches,
 )
-from fusion.types import Floats, Measurements
+from fusion.types import DrawnMeasurements, Floats
 
 HEIGHT, GRADE, SEGMENT, MUTED = "#17507a", "#b3471a", "#1c2328", "#5f6b73"
 BAND_ALPHA = 0.24
@@ -51,7 +51,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
 
 
 def profile_figure(
-    profile: Profile, title: str, measurements: Measurements | None = None, *, dpi: int = DPI
+    profile: Profile, title: str, measurements: DrawnMeasurements | None = None, *, dpi: int = DPI
 ) -> Figure:
     """The figure: two axes over the distance driven, of which nothing is drawn across an interruption."""
     figure = Figure(figsize=SIZE_IN, dpi=dpi, layout=ConstrainedLayoutEngine(rect=(0, 0, 1, TITLE_Y)))
@@ -221,7 +221,7 @@ def _summary(profile: Profile) -> str:
 
 
 def profile_png(
-    profile: Profile, title: str, measurements: Measurements | None = None, *, dpi: int = DPI
+    profile: Profile, title: str, measurements: DrawnMeasurements | None = None, *, dpi: int = DPI
 ) -> bytes:
     """A PNG with height above and slope below, each with its 95 % band, over the distance driven.
 

@@ -2,10 +2,10 @@
 
 Every real mount is askew: one degree reads as 1.7 % of slope on each segment. Over a whole drive the
 integral of the true grade along the road is the height gained, whatever the road does in between; what the
-sensor's integral has beyond it is the mount's tilt.
+sensor's integral has beyond it is the mount pitch.
 
-This is for the methods that filter epoch by epoch: one tilt for the whole drive, from its epochs alone. ``profile``
-does not use it; there the mount's pitch is a state of the smoother, estimated together with the road.
+Filters that go forwards need it before they start, so it is one number here. ``methods.profile`` smooths a whole drive
+at once and has the mount pitch as a state, which may also jump (``profile.model``, ``profile.noise``).
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ _VAGUE_M, _VAGUE_GRADE = 1e4, 1e2  # spreads of offset and tilt at the start of 
 
 @dataclass(frozen=True)
 class MountPitch:
-    """The estimated tilt of the sensor, added to true grade in its readings; ``source`` says from what."""
+    """The estimated pitch of the sensor in the vehicle, as a grade that adds to the true one in its readings.
+
+    ``source`` says what it was estimated from.
+    """
 
     grade: float
     sigma: float
@@ -43,17 +46,17 @@ class MountPitch:
 
     @property
     def angle_rad(self) -> float:
-        """The tilt as an angle."""
+        """The mount pitch as an angle."""
         return float(np.arctan(self.grade))
 
     @property
     def known(self) -> bool:
-        """Whether the drive told anything about the tilt."""
+        """Whether the drive told anything about the mount pitch."""
         return bool(np.isfinite(self.sigma))
 
 
 def estimate_mount(epochs: Epochs) -> MountPitch:
-    """Estimate the mount's tilt from vertical Doppler velocity and from altitudes, by inverse variance.
+    """Estimate the mount pitch from vertical Doppler velocity and from altitudes, by inverse variance.
 
     Returns grade 0 with infinite sigma where the drive holds neither or never moves.
     """
@@ -103,7 +106,7 @@ def _robust_mean(values: Floats, weight: Floats) -> float:
 def _from_altitude(epochs: Epochs) -> MountPitch:
     """Regress (altitude - integral of measured grade) on distance, stretch by stretch."""
     usable = np.isfinite(epochs.pitch_rad) & np.isfinite(epochs.speed_mps)
-    breaks = np.flatnonzero(epochs.restart | ~usable)
+    breaks = np.flatnonzero(epochs.after_gap | ~usable)
     found = [_stretch(epochs, part) for part in np.split(np.arange(len(epochs)), breaks) if len(part) >= 10]
     weight = np.array([1 / e.sigma**2 for e in found if e.known])
     if not len(weight):
@@ -126,10 +129,10 @@ def _stretch(epochs: Epochs, part: NDArray[np.intp]) -> MountPitch:
     if len(known) < 10 or distance[known[-1]] - distance[known[0]] < 100.0:
         return MountPitch(0.0, np.inf, "none")
     known = known[:: max(1, len(known) // _MAX_POINTS)]
-    return _gls_tilt(epochs, part[known], time_s[known], distance[known], climb[known])
+    return _gls_mount_pitch(epochs, part[known], time_s[known], distance[known], climb[known])
 
 
-def _gls_tilt(
+def _gls_mount_pitch(
     epochs: Epochs, index: NDArray[np.intp], time_s: Floats, distance: Floats, climb: Floats
 ) -> MountPitch:
     sigma = np.nan_to_num(epochs.v_acc_m[index], nan=UNKNOWN_ALTITUDE_SIGMA_M)
@@ -141,18 +144,20 @@ def _gls_tilt(
         * np.mean(np.diff(distance) ** 2 / np.diff(time_s))
         / np.mean(np.diff(distance))
     )
-    grade, variance = _tilt_of_misfit(epochs.alt_m[index] - climb, time_s, distance, sigma, float(walk))
+    grade, variance = _mount_pitch_of_misfit(
+        epochs.alt_m[index] - climb, time_s, distance, sigma, float(walk)
+    )
     return MountPitch(grade, math.sqrt(variance), "altitude")
 
 
 @compiled
-def _tilt_of_misfit(
+def _mount_pitch_of_misfit(
     misfit: Floats, time_s: Floats, distance: Floats, sigma: Floats, walk: float
 ) -> tuple[float, float]:
-    """Fit misfit = offset - tilt * distance to n heights, (n,) each; returns the tilt and its variance.
+    """Fit misfit = offset - grade * distance to n heights, (n,) each; returns the mount pitch (grade), its variance.
 
     Their errors are a Gauss-Markov process in time of ``sigma``, a random walk along the road of variance ``walk`` per
-    metre, and white noise. Least squares under such errors is a Kalman filter over offset, tilt and both errors.
+    metre, and white noise. Least squares under such errors is a Kalman filter over offset, grade and both errors.
     """
     level = misfit[0]
     mean = np.zeros(4)

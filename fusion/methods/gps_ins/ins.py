@@ -70,10 +70,10 @@ def read_ins(method: str, epochs: Epochs, options: GpsInsOptions) -> Ins:
             "vehicle's speed and yaw as well, or choose a method that does without, such as 'profile'."
         )
     standing = np.abs(np.nan_to_num(speed)) < options.min_speed_mps
-    speed, speed_age = _held(speed, _elapsed(epochs), epochs.restart, options.hold_s)
+    speed, speed_age = _held(speed, _elapsed(epochs), epochs.after_gap, options.hold_s)
     # A vehicle that stands does not turn: its heading does not age.
     moved_s = _elapsed(epochs, counts=~standing)
-    kept, heading_age = _held(heading, moved_s, epochs.restart, options.hold_s)
+    kept, heading_age = _held(heading, moved_s, epochs.after_gap, options.hold_s)
     sigma = np.where(np.isfinite(heading), sigma, options.heading_sigma_rad)
     sigma = np.hypot(sigma, _HEADING_CHANGE_RADPS * np.where(np.isfinite(kept), heading_age, 0.0))
     return Ins(speed, speed_age, kept, sigma, heading_age, share, offset)
@@ -135,7 +135,7 @@ def gyro_heading(epochs: Epochs) -> Floats:
     anchor, sigma = course(epochs, _ANCHOR_SPEED_MPS)
     moments: tuple[Floats, Floats] | None = None
     for e in range(len(epochs)):
-        if epochs.restart[e]:
+        if epochs.after_gap[e]:
             moments = None
         if moments is not None:
             moments = _turned(epochs, e, moments)
@@ -215,7 +215,7 @@ def build_drive(epochs: Epochs, ins: Ins, options: GpsInsOptions) -> Drive:
         heading_rad=heading,
         heading_sigma_rad=ins.heading_sigma_rad,
         spread_m=_spread(epochs, ins),
-        restart=epochs.restart,
+        restart=epochs.after_gap,
     )
 
 

@@ -49,7 +49,7 @@ class DriveRun:
         """Process every epoch in order."""
         for e in range(len(self.epochs)):
             progress("filter", e / len(self.epochs))
-            if self.epochs.restart[e]:
+            if self.epochs.after_gap[e]:
                 self._last = None
             if self._last is None and not self._start(e):
                 continue

@@ -1,36 +1,47 @@
-"""What a drive's sensors say about height and grade of its path, one row a measurement, each at its own time."""
+"""What a drive's sensors say about height and grade of its path: one table, each measurement at its own time.
+
+Knows sensors and the path, but neither how measurements are weighed nor what is estimated from them.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fusion.frames import GRAVITY_MPS2
 from fusion.methods.profile.path import DrivenPath, ground_speed
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats, Ints
+from fusion.types import Bools, DriveLog, Floats, Ints
 
 ALTITUDE, DOPPLER, PITCH, FORCE, BARO, TERRAIN = range(6)
 SENSORS = ("altitude", "doppler", "pitch", "specific force", "barometer", "dem")
 """The kinds of measurements, in the order of their codes."""
 
 PERIOD_S = (1.0, 0.5, 0.5, 0.5, 1.0, 0.0)
+"""Of each kind: denser samples are averaged over slots this long."""
 MIN_SPEED_MPS = 1.0
+"""Below this nothing is said of grades (spec 7)."""
+MAX_GRADE = 0.6
+"""Steeper than any road: such a value is an error."""
 DEM_SPACING_M = 25.0
 DEM_CLEARANCE_M = 60.0
-MAX_GRADE = 0.6
+"""The DEM is read every so many metres of the path, and not so near to a bridge or tunnel."""
 _DOPPLER_FLOOR = 0.002
+"""What a grade by Doppler is wrong by at any speed (spec 7: 0.2 %)."""
 _DEFAULT_DOPPLER_MPS = 0.3
+"""Accuracy of vertical velocities of a log that states none."""
 _ATMOSPHERE = (44_330.77, 101_325.0, 0.190263)
+"""Scale (m), pressure at sea level (Pa) and exponent of the standard atmosphere's height."""
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """m measurements ordered by time: ``sensor`` code, ``value`` (m or grade), ``hint`` (one sigma as the log
-    states it, NaN unknown), ``along_m`` and ``run`` on the path, ``speed_mps``, ``acceleration_mps2`` along the path (0
-    unknown), ``turn``: 1 - cosine of the angle between course and path (0 unknown).
+class Measurements:
+    """m measurements ordered by time, columns of shape (m,); those for pictures are ``fusion.types.DrawnMeasurements``.
+
+    ``sensor``: code; ``value``: m or grade; ``stated_sigma``: one sigma as the log states it (NaN unknown); ``along_m``
+    and ``run``: where on the path; ``acceleration_mps2``: along the path (0 unknown); ``turn``: 1 - cosine of the angle
+    between course and path (0 unknown).
     """
 
     time_s: Floats
@@ -38,7 +49,7 @@ class Rows:
     run: Ints
     sensor: Ints
     value: Floats
-    hint: Floats
+    stated_sigma: Floats
     speed_mps: Floats
     acceleration_mps2: Floats
     turn: Floats
@@ -46,12 +57,12 @@ class Rows:
     def __len__(self) -> int:
         return len(self.time_s)
 
-    def take(self, keep: NDArray[np.bool_] | Ints) -> Rows:
-        """The rows selected by a mask or by indices."""
-        return Rows(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
+    def take(self, keep: Bools | Ints) -> Measurements:
+        """The measurements selected by a mask or by indices."""
+        return Measurements(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
 
 
-def build_rows(log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[int]) -> Rows:
+def build_measurements(log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[int]) -> Measurements:
     """All measurements of the sensors ``use`` that lie on the path."""
     speed_time, speed, _ = ground_speed(log)
     if not len(speed_time):
@@ -59,16 +70,23 @@ def build_rows(log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[
     parts = []
     for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure)):
         if sensor in use:
-            time, value, hint = build(log, path, speed_time, speed)
-            parts.append(_placed(path, sensor, time, value, hint, speed_time, speed, _turn(log, path, time)))
+            time, value, stated_sigma = build(log, path, speed_time, speed)
+            parts.append(
+                _placed(path, sensor, time, value, stated_sigma, speed_time, speed, _turn(log, path, time))
+            )
     if TERRAIN in use and dem is not None:
         parts.append(_terrain(path, dem, speed_time, speed))
     if not parts:
-        return Rows(
-            *(np.empty(0, np.int64 if f in ("run", "sensor") else float) for f in Rows.__dataclass_fields__)
+        return Measurements(
+            *(
+                np.empty(0, np.int64 if f in ("run", "sensor") else float)
+                for f in Measurements.__dataclass_fields__
+            )
         )
-    rows = Rows(*(np.concatenate([getattr(p, f) for p in parts]) for f in Rows.__dataclass_fields__))
-    return rows.take(np.lexsort((rows.sensor, rows.time_s)))
+    measured = Measurements(
+        *(np.concatenate([getattr(p, f) for p in parts]) for f in Measurements.__dataclass_fields__)
+    )
+    return measured.take(np.lexsort((measured.sensor, measured.time_s)))
 
 
 def _placed(
@@ -76,20 +94,22 @@ def _placed(
     sensor: int,
     time: Floats,
     value: Floats,
-    hint: Floats,
+    stated_sigma: Floats,
     speed_time: Floats,
     speed: Floats,
     turn: Floats,
-) -> Rows:
-    """Rows at their places; slopes only in motion, forwards along the path."""
+) -> Measurements:
+    """Measurements at their places; slopes only in motion, forwards along the path."""
     along, run = path.at(time)
     here = np.interp(time, speed_time, speed)
     keep = (run >= 0) & np.isfinite(value)
     if sensor in (DOPPLER, PITCH, FORCE):
         keep &= (here > MIN_SPEED_MPS) & (np.abs(value) < MAX_GRADE)
     rate = acceleration(time, speed_time, speed)
-    rows = Rows(time, along, run, np.full(len(time), sensor), value, hint, here, np.nan_to_num(rate), turn)
-    return rows.take(keep)
+    measured = Measurements(
+        time, along, run, np.full(len(time), sensor), value, stated_sigma, here, np.nan_to_num(rate), turn
+    )
+    return measured.take(keep)
 
 
 def _turn(log: DriveLog, path: DrivenPath, time: Floats) -> Floats:
@@ -139,8 +159,8 @@ def _altitude(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats
     height = fix.alt_msl_m if level else fix.height_ell_m
     if not np.isfinite(height).any():
         return np.empty(0), np.empty(0), np.empty(0)
-    hint = np.where(np.isfinite(fix.v_acc_m), fix.v_acc_m, 0.0)
-    time, value, stated = binned(fix.time_s, PERIOD_S[ALTITUDE], height, hint)
+    stated_sigma = np.where(np.isfinite(fix.v_acc_m), fix.v_acc_m, 0.0)
+    time, value, stated = binned(fix.time_s, PERIOD_S[ALTITUDE], height, stated_sigma)
     return time, value, np.where(stated > 0, stated, np.nan)
 
 
@@ -148,7 +168,7 @@ def _doppler(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats)
     """Climb over ground speed, where the vehicle moves forwards along the path."""
     v = log.velocity
     stated = np.where(np.isfinite(v.s_acc_mps) & (v.s_acc_mps > 0), v.s_acc_mps, _DEFAULT_DOPPLER_MPS)
-    time, north, east, down, hint = binned(
+    time, north, east, down, stated_sigma = binned(
         v.time_s, PERIOD_S[DOPPLER], v.vel_n_mps, v.vel_e_mps, v.vel_d_mps, stated
     )
     if not len(time):
@@ -158,7 +178,7 @@ def _doppler(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats)
     forwards = np.cos(np.arctan2(north, east) - path.direction_rad(along)) > 0.0
     moving = (ground > MIN_SPEED_MPS) & forwards
     safe = np.maximum(ground, MIN_SPEED_MPS)
-    return time, np.where(moving, -down / safe, np.nan), np.hypot(hint / safe, _DOPPLER_FLOOR)
+    return time, np.where(moving, -down / safe, np.nan), np.hypot(stated_sigma / safe, _DOPPLER_FLOOR)
 
 
 def _pitch(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
@@ -167,11 +187,11 @@ def _pitch(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -
     backwards = _backwards(log, a.time_s, a.yaw_rad)
     grade = np.where(backwards, np.nan, np.tan(np.clip(a.pitch_rad, -1.0, 1.0)))
     stated = np.where(np.isfinite(a.pitch_acc_rad), a.pitch_acc_rad, 0.0)
-    time, value, hint = binned(a.time_s, PERIOD_S[PITCH], grade, stated)
-    return time, value, np.where(hint > 0, hint, np.nan)
+    time, value, stated_sigma = binned(a.time_s, PERIOD_S[PITCH], grade, stated)
+    return time, value, np.where(stated_sigma > 0, stated_sigma, np.nan)
 
 
-def _backwards(log: DriveLog, time: Floats, yaw_rad: Floats) -> NDArray[np.bool_]:
+def _backwards(log: DriveLog, time: Floats, yaw_rad: Floats) -> Bools:
     """Whether the vehicle moves against its nose; false where that is not known."""
     v = log.velocity
     if not v.has("vel_n_mps", "vel_e_mps") or not len(time):
@@ -212,7 +232,7 @@ def _pressure(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats
     return time, value, np.full(len(time), np.nan)
 
 
-def _terrain(path: DrivenPath, dem: Dem, speed_time: Floats, speed: Floats) -> Rows:
+def _terrain(path: DrivenPath, dem: Dem, speed_time: Floats, speed: Floats) -> Measurements:
     """DEM heights every ``DEM_SPACING_M`` of the path, away from bridges and tunnels."""
     step = np.floor(path.along_m / DEM_SPACING_M)
     new = np.concatenate([[True], np.diff(step) > 0])
@@ -232,7 +252,7 @@ def _terrain(path: DrivenPath, dem: Dem, speed_time: Floats, speed: Floats) -> R
     return _placed(path, TERRAIN, time, height, nothing, speed_time, speed, np.zeros(len(time)))
 
 
-def _near_structure(path: DrivenPath, along: Floats) -> NDArray[np.bool_]:
+def _near_structure(path: DrivenPath, along: Floats) -> Bools:
     """Whether a bridge or tunnel of the path lies within ``DEM_CLEARANCE_M``."""
     match, table = path.match, path.network.table
     structure = (table.bridge | table.tunnel)[match.segment]

@@ -1,4 +1,7 @@
-"""Method ``profile``: the whole drive matched, smoothed along its path, and handed on as factors of each pass."""
+"""Method ``profile``: the whole drive matched, smoothed along its path, and handed on as factors of each pass.
+
+Only the order of the work stands here, and the drive's own slopes, for which its factors are solved like the network's.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +14,22 @@ from fusion.errors import MissingSensorError, NoMatchError
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.profile.factors import pass_factors
-from fusion.methods.profile.measurements import SENSORS, Rows, build_rows
-from fusion.methods.profile.model import Steps, build_steps
+from fusion.methods.profile.measurements import SENSORS, Measurements, build_measurements
+from fusion.methods.profile.model import SmootherEpochs, build_smoother_epochs
 from fusion.methods.profile.noise import Learned, learn, prior_noise
 from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.methods.profile.report import drive_report
-from fusion.methods.profile.track import build_measurements, build_track
+from fusion.methods.profile.track import build_track, drawn_measurements
 from fusion.network.adjust import adjust
-from fusion.network.evidence import SegmentEvidence
+from fusion.network.evidence import SegmentEvidence, passes_by_segment
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
 from fusion.types import DriveLog, Floats, Ints, Progress, SegmentSlope
 
-MIN_ROWS = 4
+MIN_MEASUREMENTS = 4
+"""Fewer say nothing of a slope."""
 
 
 class ProfileOptions(Options):
@@ -42,7 +46,7 @@ class ProfileOptions(Options):
     )
 
     def sensors(self) -> frozenset[int]:
-        """Codes of the sensors to use (``profile_rows.SENSORS``)."""
+        """Codes of the sensors to use (``measurements.SENSORS``)."""
         wanted = (self.altitude, self.doppler, self.pitch, self.force, self.barometer, self.dem)
         return frozenset(code for code, use in enumerate(wanted) if use)
 
@@ -52,8 +56,8 @@ class _Smoothed:
     """Everything known about a drive after smoothing."""
 
     path: DrivenPath
-    rows: Rows
-    steps: Steps
+    measured: Measurements
+    epochs: SmootherEpochs
     learned: Learned
 
 
@@ -88,25 +92,25 @@ class ProfileMethod:
         progress("smooth", 0.3)
         drive = _smooth(log, path, dem, options)
         progress("factors", 0.7)
-        factors = tuple(pass_factors(drive.rows, drive.steps, drive.learned, path))
+        factors = tuple(pass_factors(drive.measured, drive.epochs, drive.learned, path))
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
-        track = build_track(path, drive.rows, drive.steps, drive.learned)
-        report = drive_report(log, path, drive.rows, drive.steps, drive.learned, factors)
-        measured = build_measurements(drive.rows, drive.learned, drive.steps)
-        return DriveResult(track, slopes, report, factors, measured)
+        track = build_track(path, drive.measured, drive.epochs, drive.learned)
+        report = drive_report(log, path, drive.measured, drive.epochs, drive.learned, factors)
+        drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
+        return DriveResult(track, slopes, report, factors, drawn)
 
 
 def _smooth(log: DriveLog, path: DrivenPath, dem: Dem | None, options: ProfileOptions) -> _Smoothed:
-    rows = build_rows(log, path, dem, options.sensors())
-    if len(rows) < MIN_ROWS:
+    measured = build_measurements(log, path, dem, options.sensors())
+    if len(measured) < MIN_MEASUREMENTS:
         raise MissingSensorError(
-            f"Method 'profile' found {len(rows)} usable measurement(s) of height or grade on roads (used: "
+            f"Method 'profile' found {len(measured)} usable measurement(s) of height or grade on roads (used: "
             f"{', '.join(SENSORS)}). Record altitudes, Doppler velocity, attitude or pressure, while driving."
         )
-    steps = build_steps(rows, path)
-    learned = learn(rows, steps, prior_noise(rows))
-    return _Smoothed(path, rows, steps, learned)
+    epochs = build_smoother_epochs(measured, path)
+    learned = learn(measured, epochs, prior_noise(measured))
+    return _Smoothed(path, measured, epochs, learned)
 
 
 def adjusted_slopes(
@@ -117,9 +121,7 @@ def adjusted_slopes(
         return ()
     rows: Ints = np.unique([f.segments[-1] for f in factors])
     table = network.table.subset(rows)
-    passes: dict[int, list[tuple[int, PassFactor]]] = {}
-    for key, factor in enumerate(factors):
-        passes.setdefault(factor.segments[-1], []).append((key, factor))
+    passes = passes_by_segment(factors)
     evidence = [SegmentEvidence.build(passes[int(row)]) for row in rows]
     terrain: Floats = dem_slopes(dem, table) if dem is not None else np.full(len(table), np.nan)
     solved = adjust(table, evidence, terrain, rows)

@@ -1,4 +1,8 @@
-"""The linear model of a drive along its path: states, how they change, how the sensors see them."""
+"""The linear model of a drive along its path: states, how they change, how the sensors see them.
+
+Noise levels are given; where they come from it does not know (``noise``). The mount pitch is a state here, as the whole
+drive is smoothed at once; filters that go forwards take it off before they start (``methods.epochs.levelling``).
+"""
 
 from __future__ import annotations
 
@@ -7,28 +11,36 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fusion.filters.smoother import LinearModel
-from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Rows
+from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.methods.profile.path import DrivenPath
 from fusion.types import Floats, Ints
 
 HEIGHT, GRADE, DRIFT, MOUNT, BIAS, SQUAT, BARO_DRIFT, DEM_ERROR = range(8)
+"""The states: height of the road (m) and its grade along the path, error of the GNSS height (m), mount pitch (as a
+grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m)."""
 STATES = 8
 
 DRIFT_TAU_S = 120.0
 """Correlation time of GNSS height errors: minutes for every class of receiver. What is learned is the rate."""
 DEM_LENGTH_M = 120.0
+"""Correlation length of a DEM's height errors along the path."""
 PLACE_M2 = 1.5**2
 """Variance of the place along the road, as far as it matters for the grade there: about a second's share, m^2."""
 ASKEW_SIGMA = 0.2
 """Grade that a vehicle sees across the road: times 1 - cosine of the angle between its course and the road."""
 SLOW_MPS = 2.0
 """At this speed springs double the variance of pitch and force."""
-_START_SIGMA = (100.0, 0.1, 30.0, 0.3, 0.03, 0.005, 100.0, 30.0)
-_NEW_RUN = (1e4, 0.1**2)
-_MOUNT_WALK = 1e-10
 JUMP_SIGMA = {MOUNT: 0.05, DRIFT: 30.0}
 """Size of sudden changes where the drive shows them: a phone slides in its holder, a receiver converges anew."""
-_STEP_S = 1e-3
+_START_SIGMA = (100.0, 0.1, 30.0, 0.3, 0.03, 0.005, 100.0, 30.0)
+"""What is believed of each state at the beginning: nothing of levels, little of grade and mount pitch."""
+_NEW_RUN = (1e4, 0.1**2)
+"""Variance of height (m^2) and grade that is added where the path begins anew: as good as unknown."""
+_MOUNT_WALK = 1e-10
+"""Variance per second by which the mount pitch creeps (as a grade): 0.06 % in an hour."""
+_SAME_EPOCH_S = 1e-3
+_PARTNER_S, _PARTNER_M = 0.3, 8.0
+"""How far apart in time and along the path a pitch and a force may be that the same springs moved."""
 
 
 @dataclass(frozen=True)
@@ -57,57 +69,57 @@ class Noise:
         return replace(self, **changes)
 
 
-def row_unit(rows: Rows) -> Floats:
-    """What each row's variance is in units of its sensor's level squared, shape (m,).
+def variance_unit(measured: Measurements) -> Floats:
+    """What each measurement's variance is in units of its sensor's level squared, shape (m,).
 
     A crawling vehicle heaves on its springs, when it pulls away above all, and its attitude sensor has not settled.
     """
-    springs = np.isin(rows.sensor, (PITCH, FORCE))
-    slow = 1 + (SLOW_MPS / np.maximum(rows.speed_mps, 0.1)) ** 2
-    return np.where(rows.sensor == DOPPLER, rows.hint**2, np.where(springs, slow, 1.0))
+    springs = np.isin(measured.sensor, (PITCH, FORCE))
+    slow = 1 + (SLOW_MPS / np.maximum(measured.speed_mps, 0.1)) ** 2
+    return np.where(measured.sensor == DOPPLER, measured.stated_sigma**2, np.where(springs, slow, 1.0))
 
 
-def row_variance(rows: Rows, noise: Noise) -> Floats:
-    """Variance of each row's white error, shape (m,), before robust weights."""
+def white_variance(measured: Measurements, noise: Noise) -> Floats:
+    """Variance of each measurement's white error, shape (m,), before robust weights."""
     level = np.array([noise.altitude_m, noise.doppler, noise.pitch, noise.force, noise.baro_m, 1.0])
-    slope = np.isin(rows.sensor, (DOPPLER, PITCH, FORCE))
-    place = noise.roughness * np.sqrt(PLACE_M2) + (ASKEW_SIGMA * rows.turn) ** 2
-    return level[rows.sensor] ** 2 * row_unit(rows) + np.where(slope, place, 0.0)
+    slope = np.isin(measured.sensor, (DOPPLER, PITCH, FORCE))
+    place = noise.roughness * np.sqrt(PLACE_M2) + (ASKEW_SIGMA * measured.turn) ** 2
+    return level[measured.sensor] ** 2 * variance_unit(measured) + np.where(slope, place, 0.0)
 
 
-def decorrelated(rows: Rows, noise: Noise) -> tuple[Rows, Floats]:
-    """Rows with each force row made independent of the pitch row beside it, and the share of pitch taken off.
+def decorrelated(measured: Measurements, noise: Noise) -> tuple[Measurements, Floats]:
+    """Measurements with each force made independent of the pitch beside it, and the share of pitch that was taken off.
 
     Springs move the body under both sensors alike: force - shared * pitch is what the force says beyond the pitch.
     """
-    partner = pitch_partner(rows)
+    partner = pitch_partner(measured)
     share = np.where(partner >= 0, noise.shared, 0.0)
-    value = rows.value - share * np.where(partner >= 0, rows.value[partner], 0.0)
-    return replace(rows, value=value), share
+    value = measured.value - share * np.where(partner >= 0, measured.value[partner], 0.0)
+    return replace(measured, value=value), share
 
 
-def pitch_partner(rows: Rows) -> Ints:
-    """For each force row the index of the pitch row at the same time (within 0.3 s), else -1; -1 for other rows."""
-    out = np.full(len(rows), -1, np.int64)
-    pitch, force = np.flatnonzero(rows.sensor == PITCH), np.flatnonzero(rows.sensor == FORCE)
+def pitch_partner(measured: Measurements) -> Ints:
+    """For each force the index of the pitch at its time and place, else -1; -1 for other sensors; shape (m,)."""
+    out = np.full(len(measured), -1, np.int64)
+    pitch, force = np.flatnonzero(measured.sensor == PITCH), np.flatnonzero(measured.sensor == FORCE)
     if not len(pitch) or not len(force):
         return out
-    right = np.clip(np.searchsorted(rows.time_s[pitch], rows.time_s[force]), 0, len(pitch) - 1)
+    right = np.clip(np.searchsorted(measured.time_s[pitch], measured.time_s[force]), 0, len(pitch) - 1)
     left = np.maximum(right - 1, 0)
-    wanted = rows.time_s[force]
-    lag_left, lag_right = (np.abs(rows.time_s[pitch[i]] - wanted) for i in (left, right))
+    wanted = measured.time_s[force]
+    lag_left, lag_right = (np.abs(measured.time_s[pitch[i]] - wanted) for i in (left, right))
     nearest = pitch[np.where(lag_left < lag_right, left, right)]
-    close = (np.minimum(lag_left, lag_right) < 0.3) & (
-        np.abs(rows.along_m[nearest] - rows.along_m[force]) < 8
+    close = (np.minimum(lag_left, lag_right) < _PARTNER_S) & (
+        np.abs(measured.along_m[nearest] - measured.along_m[force]) < _PARTNER_M
     )
     out[force[close]] = nearest[close]
     return out
 
 
-def design(rows: Rows, share: Floats) -> Floats:
-    """Rows (m, STATES) of what each measurement sees."""
-    out = np.zeros((len(rows), STATES))
-    sensor = rows.sensor
+def design(measured: Measurements, share: Floats) -> Floats:
+    """Rows (m, STATES) of what each measurement sees; ``share`` (m,) is that of ``decorrelated``."""
+    out = np.zeros((len(measured), STATES))
+    sensor = measured.sensor
     heights = np.isin(sensor, (ALTITUDE, BARO, TERRAIN))
     out[heights, HEIGHT] = 1.0
     out[sensor == ALTITUDE, DRIFT] = 1.0
@@ -116,42 +128,48 @@ def design(rows: Rows, share: Floats) -> Floats:
     out[~heights, GRADE] = 1.0 - share[~heights]
     felt = np.isin(sensor, (PITCH, FORCE))
     out[felt, MOUNT] = 1.0 - share[felt]
-    out[felt, SQUAT] = ((1.0 - share) * rows.acceleration_mps2)[felt]
+    out[felt, SQUAT] = ((1.0 - share) * measured.acceleration_mps2)[felt]
     out[sensor == FORCE, BIAS] = 1.0
     return out
 
 
 Jumps = tuple[tuple[int, int], ...]
-"""(step, state) of sudden changes."""
+"""(epoch, state) of sudden changes."""
 
 
 @dataclass(frozen=True, eq=False)
-class Steps:
-    """The times at which anything is measured, shape (n,), and the row-to-step table (m,)."""
+class SmootherEpochs:
+    """The n instants of the smoother: all times at which anything is measured, on the path; arrays of shape (n,).
+
+    ``grade_change_variance``: variance of the changes of grade at the road's nodes since the epoch before.
+    ``of_measurement``, shape (m,): the epoch of each measurement.
+    """
 
     time_s: Floats
     along_m: Floats
     run: Ints
-    kink: Floats
-    step: Ints
+    grade_change_variance: Floats
+    of_measurement: Ints
 
 
-def build_steps(rows: Rows, path: DrivenPath) -> Steps:
-    """Rows closer than a millisecond share a step; ``kink``: variance of grade changes at nodes since the last."""
-    new = np.concatenate([[True], np.diff(rows.time_s) > _STEP_S])
-    time, along, run = rows.time_s[new], rows.along_m[new], rows.run[new]
-    total = np.concatenate([[0.0], np.cumsum(path.kinks())])
+def build_smoother_epochs(measured: Measurements, path: DrivenPath) -> SmootherEpochs:
+    """The epochs of measurements; those within ``_SAME_EPOCH_S`` of each other share one."""
+    new = np.concatenate([[True], np.diff(measured.time_s) > _SAME_EPOCH_S])
+    time, along, run = measured.time_s[new], measured.along_m[new], measured.run[new]
+    total = np.concatenate([[0.0], np.cumsum(path.grade_change_variance())])
     passed = total[np.searchsorted(path.match.start_m, along, side="right")]
-    kink = np.concatenate([[0.0], np.maximum(np.diff(passed), 0.0)])
-    return Steps(time, along, run, kink, np.cumsum(new) - 1)
+    since = np.concatenate([[0.0], np.maximum(np.diff(passed), 0.0)])
+    return SmootherEpochs(time, along, run, since, np.cumsum(new) - 1)
 
 
-def linear_model(rows: Rows, steps: Steps, noise: Noise, variance: Floats, jumps: Jumps = ()) -> LinearModel:
-    """The model for the filter; ``variance`` is that of each row, ``jumps`` are sudden changes of states at steps."""
-    n = len(steps.time_s)
-    dt = np.diff(steps.time_s, prepend=steps.time_s[:1])
-    ds = np.maximum(np.diff(steps.along_m, prepend=steps.along_m[:1]), 0.0)
-    fresh = np.diff(steps.run, prepend=steps.run[:1]) != 0
+def linear_model(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, variance: Floats, jumps: Jumps = ()
+) -> LinearModel:
+    """The model for the filter, with the ``variance`` of each measurement (m,) and sudden changes at ``jumps``."""
+    n = len(epochs.time_s)
+    dt = np.diff(epochs.time_s, prepend=epochs.time_s[:1])
+    ds = np.maximum(np.diff(epochs.along_m, prepend=epochs.along_m[:1]), 0.0)
+    fresh = np.diff(epochs.run, prepend=epochs.run[:1]) != 0
     transition = np.broadcast_to(np.eye(STATES), (n, STATES, STATES)).copy()
     transition[:, HEIGHT, GRADE] = np.where(fresh, 0.0, ds)
     transition[:, DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
@@ -159,21 +177,23 @@ def linear_model(rows: Rows, steps: Steps, noise: Noise, variance: Floats, jumps
     q = np.zeros((n, STATES, STATES))
     q[:, HEIGHT, HEIGHT] = noise.roughness * ds**3 / 3 + np.where(fresh, _NEW_RUN[0], 0.0)
     q[:, HEIGHT, GRADE] = q[:, GRADE, HEIGHT] = noise.roughness * ds**2 / 2
-    q[:, GRADE, GRADE] = noise.roughness * ds + steps.kink + np.where(fresh, _NEW_RUN[1], 0.0)
+    q[:, GRADE, GRADE] = (
+        noise.roughness * ds + epochs.grade_change_variance + np.where(fresh, _NEW_RUN[1], 0.0)
+    )
     q[:, DRIFT, DRIFT] = 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))
     q[:, MOUNT, MOUNT] = _MOUNT_WALK * dt
     for k, state in jumps:
         q[k, state, state] += JUMP_SIGMA[state] ** 2
     q[:, BARO_DRIFT, BARO_DRIFT] = noise.baro_drift * dt
     q[:, DEM_ERROR, DEM_ERROR] = noise.dem_m**2 * (1 - np.exp(-2 * ds / DEM_LENGTH_M))
-    clean, share = decorrelated(rows, noise)
+    clean, share = decorrelated(measured, noise)
     mean = np.zeros(STATES)
-    heights = rows.value[np.isin(rows.sensor, (ALTITUDE, TERRAIN))]
+    heights = measured.value[np.isin(measured.sensor, (ALTITUDE, TERRAIN))]
     mean[HEIGHT] = float(np.median(heights[:50])) if len(heights) else 0.0
-    pressed = rows.value[rows.sensor == BARO]
+    pressed = measured.value[measured.sensor == BARO]
     if len(pressed):
         mean[BARO_DRIFT] = float(np.median(pressed[:50])) - mean[HEIGHT]
     return LinearModel(
-        transition, q, mean, np.diag(np.square(_START_SIGMA)), steps.step, design(rows, share),
+        transition, q, mean, np.diag(np.square(_START_SIGMA)), epochs.of_measurement, design(measured, share),
         clean.value, variance,
     )  # fmt: skip

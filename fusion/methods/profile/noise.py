@@ -10,99 +10,110 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fusion.filters.smoother import Smoothed
-from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Rows
+from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.methods.profile.model import (
     DRIFT_TAU_S,
     JUMP_SIGMA,
     Jumps,
     Noise,
-    Steps,
+    SmootherEpochs,
     linear_model,
     pitch_partner,
-    row_unit,
-    row_variance,
+    variance_unit,
+    white_variance,
 )
-from fusion.types import Floats
+from fusion.types import Bools, Floats
 
 ROUNDS = 6
+"""Of smoothing and learning; nothing tests for convergence."""
 FIRST_JUMP_ROUND = 1
 MAX_JUMPS = 4
+"""Sudden changes of one kind in a drive; each round adds one at most, from ``FIRST_JUMP_ROUND`` on."""
 JUMP_SCORE = 6.0
+"""Standard deviations by which a state must break with its model to have changed suddenly."""
 JUMP_SPACING_S = 5.0
-FREEDOM = 5.0
+STUDENT_T_FREEDOM = 5.0
 """Degrees of freedom of the Student-t errors: springs, kerbs and reflections have heavy tails."""
 OUTLIER_SIGMAS = 4.0
-REPEATING_S = 0.8
+"""A measurement that is farther off counts less with the fourth power of how far, and is reported as an outlier."""
+CORRELATED_WITHIN_S = 0.8
 """Springs swing for about a second: errors farther apart than this are taken for independent (what is left between
 those of neighbouring seconds is mostly road that the knots have not followed)."""
 _PRIOR_COUNT = 15.0
+"""Imaginary measurements that hold a level to where it started."""
 _PRIOR_REACH = 4.0
+"""... and that are at most so many times (in variance) from what the drive shows."""
 _RATE_STEP = np.log(2.5)
+"""Log-rates apart at which the likelihood is looked at; ``_RATE_MOVE`` is how far a round moves one at most."""
+_RATE_MOVE = 1.2
 _ROUGHNESS_PRIOR = (np.log(3e-5), 1.5)
+"""Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
 _RATE_SPREAD = 1.0
+"""Sigma of the logs of the other rates about where they started."""
 
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """The levels, each row's variance with its robust weight (m,), which rows are outliers, the sudden
-    changes found, and the smoothed drive."""
+    """The levels, each measurement's variance with its robust weight (m,), which are outliers (m,), the sudden changes
+    found, and the smoothed drive."""
 
     noise: Noise
     variance: Floats
-    outlier: NDArray[np.bool_]
+    outlier: Bools
     jumps: Jumps
     smoothed: Smoothed
 
 
-def prior_noise(rows: Rows) -> Noise:
+def prior_noise(measured: Measurements) -> Noise:
     """Where learning starts: what the log says about itself, in bounds, else an ordinary receiver's."""
-    stated = rows.hint[(rows.sensor == ALTITUDE) & np.isfinite(rows.hint)]
+    stated = measured.stated_sigma[(measured.sensor == ALTITUDE) & np.isfinite(measured.stated_sigma)]
     v_acc = float(np.clip(np.median(stated), 0.3, 12.0)) if len(stated) else 4.0
     return Noise(
         altitude_m=float(np.clip(v_acc / 6, 0.1, 1.5)),
         drift=2 * v_acc**2 / DRIFT_TAU_S,
-        dem_m=_dem_sigma(rows),
+        dem_m=_dem_sigma(measured),
     )
 
 
-def _dem_sigma(rows: Rows) -> float:
+def _dem_sigma(measured: Measurements) -> float:
     """Robust scatter of DEM heights about the altitudes; unknown datums shift both alike."""
-    terrain, altitude = rows.sensor == TERRAIN, rows.sensor == ALTITUDE
+    terrain, altitude = measured.sensor == TERRAIN, measured.sensor == ALTITUDE
     if not terrain.any() or not altitude.any():
         return Noise.dem_m
-    excess = rows.value[terrain] - np.interp(
-        rows.time_s[terrain], rows.time_s[altitude], rows.value[altitude]
+    excess = measured.value[terrain] - np.interp(
+        measured.time_s[terrain], measured.time_s[altitude], measured.value[altitude]
     )
     spread = 1.4826 * float(np.median(np.abs(excess - np.median(excess))))
     return float(np.clip(spread, 3.0, 100.0))
 
 
-def learn(rows: Rows, steps: Steps, start: Noise) -> Learned:
+def learn(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> Learned:
     """Noise levels, sudden changes and the smoothed drive."""
     jumps: Jumps = ()
-    noise, weight = start, np.ones(len(rows))
+    noise, weight = start, np.ones(len(measured))
     for number in range(ROUNDS):
-        variance = row_variance(rows, noise) / weight
-        smoothed = linear_model(rows, steps, noise, variance, jumps).smooth()
+        variance = white_variance(measured, noise) / weight
+        smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
         if number >= FIRST_JUMP_ROUND:
-            jumps = _with_jump(steps, smoothed, jumps)
+            jumps = _with_jump(epochs, smoothed, jumps)
         second = _second_moment(smoothed, variance)
-        noise = _levels(rows, noise, start, second * weight, smoothed, variance)
-        weight = (FREEDOM + 1) / (FREEDOM + _surprise(rows, noise, smoothed, variance))
-        noise = _rates(rows, steps, noise, start, weight, jumps)
+        noise = _levels(measured, noise, start, second * weight, smoothed, variance)
+        weight = (STUDENT_T_FREEDOM + 1) / (
+            STUDENT_T_FREEDOM + _normalised_square(measured, noise, smoothed, variance)
+        )
+        noise = _rates(measured, epochs, noise, start, weight, jumps)
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
-    surprise = _surprise(rows, noise, smoothed, variance)
-    weight = weight * np.minimum(1.0, (OUTLIER_SIGMAS**2 / np.maximum(surprise, 1e-9)) ** 2)
-    variance = row_variance(rows, noise) * _repetition(rows, smoothed, variance) / weight
-    smoothed = linear_model(rows, steps, noise, variance, jumps).smooth()
-    outlier = _surprise(rows, noise, smoothed, variance) > OUTLIER_SIGMAS**2
+    normalised = _normalised_square(measured, noise, smoothed, variance)
+    weight = weight * np.minimum(1.0, (OUTLIER_SIGMAS**2 / np.maximum(normalised, 1e-9)) ** 2)
+    variance = white_variance(measured, noise) * _correlation_inflation(measured, smoothed, variance) / weight
+    smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+    outlier = _normalised_square(measured, noise, smoothed, variance) > OUTLIER_SIGMAS**2
     return Learned(noise, variance, outlier, jumps, smoothed)
 
 
-def _with_jump(steps: Steps, smoothed: Smoothed, jumps: Jumps) -> Jumps:
+def _with_jump(epochs: SmootherEpochs, smoothed: Smoothed, jumps: Jumps) -> Jumps:
     """The sudden changes known so far, and for each kind of state the clearest further one."""
     found = list(jumps)
     for state in JUMP_SIGMA:
@@ -112,67 +123,70 @@ def _with_jump(steps: Steps, smoothed: Smoothed, jumps: Jumps) -> Jumps:
         score = np.abs(smoothed.break_score[:, state])
         score[0] = 0.0
         for k in known:
-            score[np.abs(steps.time_s - steps.time_s[k]) < JUMP_SPACING_S] = 0.0
+            score[np.abs(epochs.time_s - epochs.time_s[k]) < JUMP_SPACING_S] = 0.0
         k = int(np.argmax(score))
         if score[k] > JUMP_SCORE:
             found.append((k, state))
     return tuple(found)
 
 
-def _surprise(rows: Rows, noise: Noise, smoothed: Smoothed, variance: Floats) -> Floats:
-    """Square of each row's error against an estimate without it, in units of what it should be at the level's variance.
+def _normalised_square(measured: Measurements, noise: Noise, smoothed: Smoothed, variance: Floats) -> Floats:
+    """Square of each measurement's error against an estimate without it, over what it should be; shape (m,).
 
-    Not of its present variance, which has its robust weight in it: weights would come and go from round to round.
+    That is by the level's variance, not by the present one, which has its robust weight in it: weights would come and
+    go from round to round.
     """
-    expected = smoothed.residual_variance - variance + row_variance(rows, noise)
+    expected = smoothed.residual_variance - variance + white_variance(measured, noise)
     return np.asarray(smoothed.residual**2 / expected)
 
 
 def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
-    """Expected square of each row's error given everything."""
+    """Expected square of each measurement's error given everything."""
     error = variance * smoothed.residual / smoothed.residual_variance
     return np.asarray(error**2 + variance - variance**2 / smoothed.residual_variance)
 
 
 def _levels(
-    rows: Rows, noise: Noise, start: Noise, second: Floats, smoothed: Smoothed, variance: Floats
+    measured: Measurements, noise: Noise, start: Noise, second: Floats, smoothed: Smoothed, variance: Floats
 ) -> Noise:
-    """White levels from expected squares, drawn to where they started by ``_PRIOR_COUNT`` imaginary rows."""
+    """White levels from expected squares, drawn to where they started by ``_PRIOR_COUNT`` imaginary measurements."""
     changes: dict[str, float] = {}
     levels = {ALTITUDE: "altitude_m", DOPPLER: "doppler", PITCH: "pitch", FORCE: "force", BARO: "baro_m"}
     for sensor, name in levels.items():
-        mine = rows.sensor == sensor
+        mine = measured.sensor == sensor
         if not mine.any():
             continue
-        unit = row_unit(rows)[mine]
+        unit = variance_unit(measured)[mine]
         shown = float(np.mean(second[mine] / unit))
         # What the log states may be wrong by ten times: it counts as far as the drive does not contradict it.
         prior = float(np.clip(getattr(start, name) ** 2, shown / _PRIOR_REACH, shown * _PRIOR_REACH))
         total = mine.sum() * shown + _PRIOR_COUNT * prior
         changes[name] = float(np.sqrt(total / (mine.sum() + _PRIOR_COUNT)))
-    partner = pitch_partner(rows)
+    partner = pitch_partner(measured)
     force = np.flatnonzero(partner >= 0)
     if len(force) > 20:
         error = variance * smoothed.residual / smoothed.residual_variance
         pitch = error[partner[force]]
-        # The force row holds what is left after ``shared`` of the pitch was taken off.
+        # The force holds what is left after ``shared`` of the pitch was taken off.
         left = float(np.sum(error[force] * pitch) / (np.sum(pitch**2) + _PRIOR_COUNT * noise.pitch**2))
         changes["shared"] = float(np.clip(noise.shared + left, 0.0, 0.9))
     return noise.with_(**changes)
 
 
-def _rates(rows: Rows, steps: Steps, noise: Noise, start: Noise, weight: Floats, jumps: Jumps) -> Noise:
+def _rates(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
+) -> Noise:
     """One step of a parabola through three log-likelihoods, for each rate in turn."""
     wanted = {"roughness": _ROUGHNESS_PRIOR}
-    if (rows.sensor == ALTITUDE).any():
+    if (measured.sensor == ALTITUDE).any():
         wanted["drift"] = (np.log(start.drift), _RATE_SPREAD)
-    if (rows.sensor == BARO).any():
+    if (measured.sensor == BARO).any():
         wanted["baro_drift"] = (np.log(start.baro_drift), _RATE_SPREAD)
 
     def score(candidate: Noise, name: str, prior: tuple[float, float]) -> float:
-        variance = row_variance(rows, candidate) / weight
+        variance = white_variance(measured, candidate) / weight
         distance = (np.log(getattr(candidate, name)) - prior[0]) / prior[1]
-        likelihood = linear_model(rows, steps, candidate, variance, jumps).log_likelihood()
+        likelihood = linear_model(measured, epochs, candidate, variance, jumps).log_likelihood()
         return likelihood - 0.5 * float(distance) ** 2
 
     for name, prior in wanted.items():
@@ -183,19 +197,19 @@ def _rates(rows: Rows, steps: Steps, noise: Noise, start: Noise, weight: Floats,
         )
         curvature = low - 2 * middle + high
         move = 0.5 * _RATE_STEP * (low - high) / curvature if curvature < -1e-9 else np.sign(high - low)
-        noise = noise.with_(**{name: float(np.exp(here + np.clip(move, -1.2, 1.2)))})
+        noise = noise.with_(**{name: float(np.exp(here + np.clip(move, -_RATE_MOVE, _RATE_MOVE)))})
     return noise
 
 
-def _repetition(rows: Rows, smoothed: Smoothed, variance: Floats) -> Floats:
+def _correlation_inflation(measured: Measurements, smoothed: Smoothed, variance: Floats) -> Floats:
     """Factor on the variance of sensors whose neighbouring errors repeat: (1 + r) / (1 - r) of lag one, at least 1."""
-    out = np.ones(len(rows))
+    out = np.ones(len(measured))
     error = smoothed.residual / smoothed.residual_variance * np.sqrt(variance)
     for sensor in (DOPPLER, PITCH, FORCE, BARO):
-        mine = np.flatnonzero(rows.sensor == sensor)
+        mine = np.flatnonzero(measured.sensor == sensor)
         if len(mine) < 30:
             continue
-        near = np.diff(rows.time_s[mine]) < REPEATING_S
+        near = np.diff(measured.time_s[mine]) < CORRELATED_WITHIN_S
         first, second = np.clip(error[mine[:-1][near]], -3, 3), np.clip(error[mine[1:][near]], -3, 3)
         if len(first) < 20:
             continue

@@ -1,4 +1,4 @@
-"""Where along the matched path a vehicle was at any time."""
+"""Where along the matched path a vehicle was at any time. Knows positions and speeds, but no heights."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from fusion.frames import wrap_angle
 from fusion.matching.drive import DriveMatcher, MatchOptions
 from fusion.matching.path import PathMatch
 from fusion.network.joints import grade_change_sigma
 from fusion.roads.network import RoadNetwork
-from fusion.types import DriveLog, Floats, GnssFix, Ints
+from fusion.types import LONGEST_BRIDGED_GAP_S, Bools, DriveLog, Floats, GnssFix, Ints
 
 FIX_PERIOD_S = 0.5
+"""Positions closer together than this are thinned before matching."""
 POSITION_SIGMA_M = 1.0
 """Error of a matched position along the road that is not shared with its neighbours."""
 SPEED_SIGMA_MPS = 0.2
+"""Error of the ground speed over a second; it is taken for independent from second to second."""
 CORNER_M = 5.0
 """How much a right angle of the map is cut short by a vehicle, and how far around it, m."""
 ACCELERATION_MPS2 = 1.0
 """Usual change of speed, where the log has no speeds."""
-LONGEST_HOLE_S = 120.0
 OUTAGE_S = 3.0
 """Positions farther apart than this leave the matcher to the speeds in between."""
 
@@ -39,22 +39,22 @@ class DrivenPath:
     match: PathMatch
     network: RoadNetwork
     fix_time_s: Floats
-    matched: NDArray[np.bool_]
+    matched: Bools
     time_s: Floats
     along_m: Floats
     run: Ints
     gaps_s: Floats
-    """(n, 2) begin and end of the pauses that the log says were not recorded: nobody knows what was driven then"""
+    """(n, 2) begin and end of the gaps that the log states: nobody knows what was driven then"""
 
     def at(self, time_s: Floats) -> tuple[Floats, Ints]:
-        """Distance along the path (m) and run at times; NaN and -1 off the path and in holes."""
+        """Distance along the path (m) and run at times; NaN and -1 off the path and in gaps of the recording."""
         right = np.searchsorted(self.time_s, time_s, side="left")
         after = np.clip(right, 0, len(self.time_s) - 1)
         exact = self.time_s[after] == time_s
         before = np.where(exact, after, np.clip(right - 1, 0, len(self.time_s) - 1))
         inside = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         inside &= (self.run[before] == self.run[after]) & (
-            self.time_s[after] - self.time_s[before] <= LONGEST_HOLE_S
+            self.time_s[after] - self.time_s[before] <= LONGEST_BRIDGED_GAP_S
         )
         along = np.interp(time_s, self.time_s, self.along_m)
         return np.where(inside, along, np.nan), np.where(inside, self.run[before], -1)
@@ -66,7 +66,7 @@ class DrivenPath:
         turned = wrap_angle(heading + np.where(self.match.forward[row], 0.0, np.pi))
         return np.where(row >= 0, turned, np.nan)
 
-    def kinks(self) -> Floats:
+    def grade_change_variance(self) -> Floats:
         """Variance of the grade's change at the entry of each traversal (0 at the first of a run), shape (m,)."""
         match, table = self.match, self.network.table
         if len(match) < 2:
@@ -128,15 +128,15 @@ def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> Dri
     speed_time, speed, _ = ground_speed(log)
     x, y = network.projection.to_xy(fix.lon_deg, fix.lat_deg)
     # In an outage the speeds go on: they say how far it is to where the positions come back.
-    hole = np.interp(speed_time, fix.time_s, np.arange(len(fix)))
-    before = np.minimum(hole.astype(np.int64), max(len(fix) - 2, 0))
-    silent = (hole % 1 > 0) & (np.diff(fix.time_s)[before] > OUTAGE_S)
-    time = np.concatenate([fix.time_s, speed_time[silent]])
+    place = np.interp(speed_time, fix.time_s, np.arange(len(fix)))
+    before = np.minimum(place.astype(np.int64), max(len(fix) - 2, 0))
+    in_outage = (place % 1 > 0) & (np.diff(fix.time_s)[before] > OUTAGE_S)
+    time = np.concatenate([fix.time_s, speed_time[in_outage]])
     order = np.argsort(time, kind="stable")
-    blind = np.full(int(silent.sum()), np.nan)
+    unknown = np.full(int(in_outage.sum()), np.nan)
 
     def merged(column: Floats) -> Floats:
-        return np.concatenate([column, blind])[order]
+        return np.concatenate([column, unknown])[order]
 
     time = time[order]
     match = DriveMatcher(network, options).match(
@@ -188,7 +188,7 @@ def _smoothed_run(
     match: PathMatch,
     corners: Floats,
     fix_time: Floats,
-    matched: NDArray[np.bool_],
+    matched: Bools,
     number: int,
     speed_time: Floats,
     speed: Floats,
@@ -228,7 +228,7 @@ def corner_variance(match: PathMatch, network: RoadNetwork) -> Floats:
 
 
 def _corner_slack(along: Floats, corner_m: Floats, variance: Floats) -> Floats:
-    """Variance of each step of the way for the corners near it, each shared by the steps that may hold it."""
+    """Variance of each step of the way for the corners near it, each shared by the epochs that may hold it."""
     slack = np.zeros(len(along) - 1)
     first = np.clip(np.searchsorted(along, corner_m - CORNER_M, side="right") - 1, 0, len(slack) - 1)
     last = np.clip(np.searchsorted(along, corner_m + CORNER_M, side="left"), first + 1, len(slack))

@@ -1,4 +1,7 @@
-"""What a drive's report says about how its profile was made, and what its driver can do better."""
+"""What a drive's report says about how its profile was made, and what its driver can do better.
+
+Nothing is estimated here; the smoother runs again only to show what each sensor was worth.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from fusion.methods.profile.factors import MIN_CONFIDENCE
-from fusion.methods.profile.measurements import BARO, DOPPLER, FORCE, PITCH, SENSORS, Rows
-from fusion.methods.profile.model import DRIFT, GRADE, MOUNT, Steps, linear_model
+from fusion.methods.profile.measurements import BARO, DOPPLER, FORCE, PITCH, SENSORS, Measurements
+from fusion.methods.profile.model import DRIFT, GRADE, MOUNT, SmootherEpochs, linear_model
 from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath, ground_speed
 from fusion.network.pass_factor import PassFactor
@@ -20,16 +23,20 @@ from fusion.types import DriveLog, Floats
 WHOLE_SHARE = 0.98
 """A segment counts as driven whole from this share on."""
 FEW_MATCHED = 0.8
+"""A smaller share of positions on known roads is worth a warning."""
 WRONG_ACCURACY = 3.0
+"""... and stated accuracies that are wrong by so many times."""
 MANY_OUTLIERS = 0.05
+"""... and a larger share of outliers in a sensor."""
 LOOSE_MOUNT = 0.01
+"""... and a mount pitch that is known less well than this, rad."""
 
 
 def drive_report(
     log: DriveLog,
     path: DrivenPath,
-    rows: Rows,
-    steps: Steps,
+    measured: Measurements,
+    epochs: SmootherEpochs,
     learned: Learned,
     factors: Sequence[PassFactor],
 ) -> dict[str, Any]:
@@ -44,43 +51,45 @@ def drive_report(
         "passes_dropped_as_uncertain": int(np.count_nonzero(match.confidence < MIN_CONFIDENCE)),
         "noise": asdict(learned.noise),
         "own_speed_scale": ground_speed(log)[2],
-        "mount": _mount(rows, steps, learned),
-        "height_jumps_s": [float(steps.time_s[k]) for k, state in learned.jumps if state == DRIFT],
-        "sensors": _contributions(rows, steps, learned),
+        "mount": _mount(measured, epochs, learned),
+        "height_jumps_s": [float(epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
+        "sensors": _contributions(measured, epochs, learned),
     }
-    return {**report, "warnings": _warnings(log, rows, report)}
+    return {**report, "warnings": _warnings(log, measured, report)}
 
 
-def _mount(rows: Rows, steps: Steps, learned: Learned) -> dict[str, Any] | None:
-    """Tilt of the sensor at the end of the drive, and when it changed; None without pitch and specific force."""
-    if not np.isin(rows.sensor, (PITCH, FORCE)).any():
+def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> dict[str, Any] | None:
+    """Mount pitch at the end of the drive, and when it changed; None without pitch and specific force."""
+    if not np.isin(measured.sensor, (PITCH, FORCE)).any():
         return None
-    tilt = learned.smoothed.mean[-1, MOUNT]
+    grade = learned.smoothed.mean[-1, MOUNT]
     sigma = float(np.sqrt(learned.smoothed.covariance[-1, MOUNT, MOUNT]))
     moves = []
     for k in sorted(k for k, state in learned.jumps if state == MOUNT):
         before, after = learned.smoothed.mean[[k - 1, k], MOUNT]
         moves.append(
-            {"time_s": float(steps.time_s[k]), "change_deg": float(np.degrees(np.arctan(after - before)))}
+            {"time_s": float(epochs.time_s[k]), "change_deg": float(np.degrees(np.arctan(after - before)))}
         )
     return {
-        "pitch_deg": float(np.degrees(np.arctan(tilt))),
+        "pitch_deg": float(np.degrees(np.arctan(grade))),
         "sigma_deg": float(np.degrees(sigma)),
         "moves": moves,
     }
 
 
-def _contributions(rows: Rows, steps: Steps, learned: Learned) -> dict[str, dict[str, float]]:
+def _contributions(
+    measured: Measurements, epochs: SmootherEpochs, learned: Learned
+) -> dict[str, dict[str, float]]:
     """For each sensor: measurements, outliers, and the median sigma of the grade with all and without this one."""
     everything = _grade_sigma(learned.smoothed.covariance)
     out = {}
     for code, name in enumerate(SENSORS):
-        mine = rows.sensor == code
+        mine = measured.sensor == code
         if not mine.any():
             continue
-        # Without a sensor: as if its errors were beyond all measure. The steps stay the same.
+        # Without a sensor: as if its errors were beyond all measure. The epochs stay the same.
         variance = np.where(mine, 1e12, learned.variance)
-        without = linear_model(rows, steps, learned.noise, variance, learned.jumps).smooth()
+        without = linear_model(measured, epochs, learned.noise, variance, learned.jumps).smooth()
         out[name] = {
             "measurements": int(mine.sum()),
             "outliers": int(learned.outlier[mine].sum()),
@@ -94,7 +103,7 @@ def _grade_sigma(covariance: Floats) -> float:
     return 100 * float(np.sqrt(np.median(covariance[:, GRADE, GRADE])))
 
 
-def _warnings(log: DriveLog, rows: Rows, report: dict[str, Any]) -> list[str]:
+def _warnings(log: DriveLog, measured: Measurements, report: dict[str, Any]) -> list[str]:
     """Sentences that a driver can act on."""
     said = []
     if report["matched_share"] < FEW_MATCHED:
@@ -102,13 +111,13 @@ def _warnings(log: DriveLog, rows: Rows, report: dict[str, Any]) -> list[str]:
             f"Only {report['matched_share']:.0%} of the positions lie on known roads. Import a newer map, or check "
             "the antenna's view of the sky."
         )
-    if not np.isin(rows.sensor, (DOPPLER, BARO)).any():
+    if not np.isin(measured.sensor, (DOPPLER, BARO)).any():
         said.append(
             "The log has no vertical Doppler velocity, the strongest cue of slope. Record NAV-PVT (u-blox) or "
             "vel_d_mps: sigmas become several times smaller."
         )
     factor = report["noise"]["doppler"]
-    if (rows.sensor == DOPPLER).any() and not 1 / WRONG_ACCURACY < factor < WRONG_ACCURACY:
+    if (measured.sensor == DOPPLER).any() and not 1 / WRONG_ACCURACY < factor < WRONG_ACCURACY:
         wrong = "better" if factor < 1 else "worse"
         said.append(
             f"Vertical velocities are {max(factor, 1 / factor):.1f} times {wrong} than the accuracy that the log "

@@ -1,23 +1,25 @@
-"""The smoothed drive as a track."""
+"""The smoothed drive as a track, and its measurements as they are drawn over it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from fusion.methods.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, SENSORS, TERRAIN, Rows
-from fusion.methods.profile.model import BARO_DRIFT, BIAS, GRADE, HEIGHT, MOUNT, SQUAT, Steps
+from fusion.methods.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, SENSORS, TERRAIN, Measurements
+from fusion.methods.profile.model import BARO_DRIFT, BIAS, GRADE, HEIGHT, MOUNT, SQUAT, SmootherEpochs
 from fusion.methods.profile.noise import Learned
-from fusion.methods.profile.path import LONGEST_HOLE_S, DrivenPath
-from fusion.types import Floats, Measurements, Track
+from fusion.methods.profile.path import DrivenPath
+from fusion.types import LONGEST_BRIDGED_GAP_S, Bools, DrawnMeasurements, Floats, Ints, Track
 
 PERIOD_S = 0.5
+"""Rows of a track are about so far apart, or as far as the epochs."""
 _ALONG_SIGMA_M = 2.0
+"""What a track states as its horizontal accuracy: the path is a road's, only the place along it is estimated."""
 
 
-def build_track(path: DrivenPath, rows: Rows, steps: Steps, learned: Learned) -> Track:
-    """One row for each step at least 0.95 ``PERIOD_S`` after the last: on the path, with the smoothed height."""
-    keep = _spaced(steps.time_s, 0.95 * PERIOD_S)
-    time, along, run = steps.time_s[keep], steps.along_m[keep], steps.run[keep]
+def build_track(path: DrivenPath, measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> Track:
+    """One row for each epoch at least 0.95 ``PERIOD_S`` after the last: on the path, with the smoothed height."""
+    keep = _spaced(epochs.time_s, 0.95 * PERIOD_S)
+    time, along, run = epochs.time_s[keep], epochs.along_m[keep], epochs.run[keep]
     mean, covariance = learned.smoothed.mean[keep], learned.smoothed.covariance[keep]
     traversal, distance = path.match.position_on(along)
     known = traversal >= 0
@@ -29,7 +31,7 @@ def build_track(path: DrivenPath, rows: Rows, steps: Steps, learned: Learned) ->
     lon, lat = network.projection.to_lonlat(np.where(known, x, np.nan), np.where(known, y, np.nan))
     heading = np.mod(np.pi / 2 - path.direction_rad(along), 2 * np.pi)
     grade = mean[:, GRADE]
-    starts = np.concatenate([[True], (np.diff(run) != 0) | (np.diff(time) > LONGEST_HOLE_S)])
+    after_gap = np.concatenate([[True], (np.diff(run) != 0) | (np.diff(time) > LONGEST_BRIDGED_GAP_S)])
     return Track(
         time_s=time,
         lat_deg=lat,
@@ -44,11 +46,11 @@ def build_track(path: DrivenPath, rows: Rows, steps: Steps, learned: Learned) ->
         segment=segment,
         distance_m=np.where(known, share * network.table.length_m[segment], np.nan),
         has_gnss=_has_fix(path, time),
-        starts=starts,
+        after_gap=after_gap,
     )
 
 
-def _spaced(time: Floats, period_s: float) -> np.ndarray:
+def _spaced(time: Floats, period_s: float) -> Ints:
     """Indices of times at least ``period_s`` apart, the first included."""
     keep, last = [], -np.inf
     for k, t in enumerate(time.tolist()):
@@ -58,12 +60,12 @@ def _spaced(time: Floats, period_s: float) -> np.ndarray:
     return np.array(keep, np.int64)
 
 
-def _has_fix(path: DrivenPath, time: Floats) -> np.ndarray:
+def _has_fix(path: DrivenPath, time: Floats) -> Bools:
     """Whether a position was measured within a second."""
     fixes = path.fix_time_s
     right = np.clip(np.searchsorted(fixes, time), 0, len(fixes) - 1)
     nearest = np.minimum(np.abs(fixes[right] - time), np.abs(fixes[np.maximum(right - 1, 0)] - time))
-    return nearest < 1.0
+    return np.asarray(nearest < 1.0)
 
 
 def _speed(path: DrivenPath, time: Floats) -> Floats:
@@ -72,13 +74,16 @@ def _speed(path: DrivenPath, time: Floats) -> Floats:
     return np.asarray(ahead - behind)
 
 
-def build_measurements(rows: Rows, learned: Learned, steps: Steps) -> Measurements:
-    """The measurements as heights and grades of the road: mount, bias and squat taken off, drifts left in."""
-    mean = learned.smoothed.mean[steps.step]
-    heights = np.isin(rows.sensor, (ALTITUDE, BARO, TERRAIN))
-    felt = np.isin(rows.sensor, (PITCH, FORCE))
-    tilt = mean[:, MOUNT] + mean[:, SQUAT] * rows.acceleration_mps2
-    tilt = tilt + np.where(rows.sensor == FORCE, mean[:, BIAS], 0.0)
-    level = np.where(rows.sensor == BARO, mean[:, BARO_DRIFT], 0.0)
-    value = rows.value - np.where(felt, tilt, 0.0) - level
-    return Measurements(SENSORS, rows.sensor, rows.time_s, rows.along_m, value, heights)
+def drawn_measurements(measured: Measurements, learned: Learned, epochs: SmootherEpochs) -> DrawnMeasurements:
+    """The measurements as heights and grades of the road: mount pitch, bias, squat and barometer taken off.
+
+    The drift of GNSS heights and the error of the DEM stay in: a picture shows what the receiver said.
+    """
+    mean = learned.smoothed.mean[epochs.of_measurement]
+    heights = np.isin(measured.sensor, (ALTITUDE, BARO, TERRAIN))
+    felt = np.isin(measured.sensor, (PITCH, FORCE))
+    shared = mean[:, MOUNT] + mean[:, SQUAT] * measured.acceleration_mps2
+    shared = shared + np.where(measured.sensor == FORCE, mean[:, BIAS], 0.0)
+    level = np.where(measured.sensor == BARO, mean[:, BARO_DRIFT], 0.0)
+    value = measured.value - np.where(felt, shared, 0.0) - level
+    return DrawnMeasurements(SENSORS, measured.sensor, measured.time_s, measured.along_m, value, heights)

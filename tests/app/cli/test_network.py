@@ -6,12 +6,9 @@ import csv
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
-import numpy as np
 import pytest
-from network_support import assert_same, drive_over, factor_of, rows_of
+from network_support import assert_same, drive_over, rows_of
 from sqlalchemy import text
 from typer.testing import CliRunner, Result
 
@@ -19,7 +16,6 @@ from app.cli import app
 from app.core.db import Sessions, make_engine, session_factory
 from app.roads import imports as roads
 from app.roads import store as road_store
-from fusion.pipeline import solve_network
 from fusion.simulate.bundle import write_all
 from fusion.simulate.scene.town import Town
 
@@ -72,27 +68,6 @@ def test_export_writes_gaps_on_demand(sessions: Sessions, tmp_path: Path) -> Non
     assert len(asked) == len(plain) + gaps
     assert sum(row["drives"] == row["observations"] == "0" for row in asked) == gaps
     assert driven == plain
-
-
-def test_a_log_that_contradicts_the_others_is_counted(town: Town) -> None:
-    """Rejected are segments on which no pass of a log is heard; logs without factors have none."""
-    rows = np.arange(len(town.roads))
-
-    def log(begin_s: float, slopes: dict[int, list[float]]) -> Any:
-        said = tuple(factor_of(town.roads, row, slope, 0.3) for row, each in slopes.items() for slope in each)
-        track = SimpleNamespace(time_s=np.array([begin_s]))
-        return SimpleNamespace(rows=rows, result=SimpleNamespace(factors=said, track=track))
-
-    logs = [
-        log(40.0, {0: [9.0], 1: [9.0, 2.0], 2: [2.0]}),  # wrong; wrong once of twice; right
-        log(10.0, {}),
-        log(30.0, {0: [2.0], 1: [2.0], 2: [2.0]}),
-        log(20.0, {0: [2.1], 1: [2.1], 2: [2.1]}),
-    ]
-    solved = solve_network(town.roads, None, logs)
-    assert solved.rejected == [1, 0, 0, 0]
-    assert [solved.parts[row][0].drives for row in range(3)] == [2, 3, 3]
-    assert solve_network(town.roads, None, logs[1:2]) == ({}, [0])
 
 
 def test_fuse_says_where_a_log_was_rejected(tmp_path: Path) -> None:

@@ -25,9 +25,9 @@ from app.network import results as slopes
 from app.network.rebuild import rebuild_network
 from app.roads import store as roads
 from fusion.formats import read_log
-from fusion.network.window import rows_of as table_rows
 from fusion.pipeline import parse_options, run_drive
 from fusion.roads.osm import read_roads
+from fusion.roads.table import rows_of as table_rows
 from fusion.terrain.dem import Dem
 
 Send = Callable[..., DriveRow]

@@ -23,7 +23,7 @@ from fusion.simulate.drive import simulate_drive
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
-from fusion.types import Measurements, Track
+from fusion.types import DrawnMeasurements, Track
 
 MakeDrive = Callable[..., uuid.UUID]
 
@@ -154,7 +154,7 @@ def test_the_picture_shows_what_was_measured(filled: Any, done: str) -> None:
         assert stored is not None
         time_s = stored.track.time_s[:15]
         along, height = np.linspace(0, 100, 15), np.full(15, 121.0)
-        said = Measurements(("altitude",), np.zeros(15, int), time_s, along, height, np.ones(15, bool))
+        said = DrawnMeasurements(("altitude",), np.zeros(15, int), time_s, along, height, np.ones(15, bool))
         tracks.save_track(session, uuid.UUID(done), stored.track, np.arange(100), said)
     assert filled.client.get(address).content != without
 

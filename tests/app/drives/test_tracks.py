@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 
 from app.core.db import Sessions
 from app.drives import tracks
-from fusion.types import Ints, Measurements, Track
+from fusion.types import DrawnMeasurements, Ints, Track
 
 
 def make_track(values: np.ndarray, segment: np.ndarray, has_gnss: np.ndarray) -> Track:
@@ -23,7 +23,7 @@ def make_track(values: np.ndarray, segment: np.ndarray, has_gnss: np.ndarray) ->
             spec.name: segment
             if spec.name == "segment"
             else has_gnss
-            if spec.name in ("has_gnss", "starts")
+            if spec.name in ("has_gnss", "after_gap")
             else next(columns)
             for spec in fields(Track)
         }
@@ -63,9 +63,9 @@ def test_a_later_track_replaces_the_former(
     assert stored.segment_id.tolist() == [segment_ids[0]] * 3
 
 
-def make_measurements(sensor: np.ndarray, values: np.ndarray) -> Measurements:
+def make_measurements(sensor: np.ndarray, values: np.ndarray) -> DrawnMeasurements:
     names = ("altitude", "doppler", "barometer", "pitch")
-    return Measurements(names, sensor, *values.T, np.array([True, False, True, False])[sensor])
+    return DrawnMeasurements(names, sensor, *values.T, np.array([True, False, True, False])[sensor])
 
 
 @given(st.integers(0, 30).flatmap(lambda n: st.tuples(

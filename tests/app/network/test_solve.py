@@ -30,7 +30,7 @@ from app.network.rebuild import rebuild_network
 from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.network.combine import combine
-from fusion.network.evidence import MIN_JURY
+from fusion.network.evidence import CONSENSUS_PASSES
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
@@ -183,7 +183,7 @@ def test_a_drive_that_contradicts_the_others_is_not_heard_until_it_is_one_of_man
     with sessions() as session:
         behind = {row.drive_id: row for row in segments.segment_observations(session, here)}
         own = drives.drive_slopes(session, odd)
-    assert len(behind) == MIN_JURY == 3
+    assert len(behind) == CONSENSUS_PASSES == 3
     assert (behind[odd].accepted, behind[odd].in_network, behind[odd].weight) == (False, True, 0.0)
     assert sum(row.weight for row in behind.values()) == pytest.approx(1.0)
     assert {row.segment.id: row.accepted for row in own} == {here: False, int(segment_ids[1]): True}

@@ -23,8 +23,7 @@ from app.network import versions as locks
 from app.roads import imports as roads
 from app.roads import store as road_store
 from app.roads.store import ImportCounts
-from fusion.network import window
-from fusion.roads.table import RoadTable
+from fusion.roads.table import RoadTable, rows_of
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
 
@@ -96,7 +95,7 @@ def test_roads_near_is_near_of_the_whole(sessions: Sessions, town: Town, data: s
         near, ids = road_store.roads_near(session, box, margin)
         whole, all_ids = road_store.all_roads(session)
     assert_equal(near, town.roads.near(box, margin))
-    assert np.array_equal(ids, all_ids[window.rows_of(whole, near)])
+    assert np.array_equal(ids, all_ids[rows_of(whole, near)])
 
 
 def test_a_reimport_keeps_what_is_unchanged(

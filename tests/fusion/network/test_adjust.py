@@ -23,7 +23,7 @@ from factor_support import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion.network.adjust import FLOOR_PERCENT, Adjustment, adjust
+from fusion.network.adjust import SIGMA_FLOOR_PERCENT, Adjustment, adjust
 from fusion.network.evidence import SegmentEvidence
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
@@ -281,11 +281,11 @@ def test_copies_of_a_drive_make_sigma_smaller_down_to_the_floor() -> None:
     ]
     assert np.all(np.diff(sigma, axis=0) < 0)
     assert np.all(sigma[1] < 0.6 * sigma[0])
-    assert np.all(np.array(sigma) > FLOOR_PERCENT)
-    assert sigma[-1] == pytest.approx(np.full(3, FLOOR_PERCENT), rel=0.2)
+    assert np.all(np.array(sigma) > SIGMA_FLOOR_PERCENT)
+    assert sigma[-1] == pytest.approx(np.full(3, SIGMA_FLOOR_PERCENT), rel=0.2)
 
 
-def test_a_drive_that_contradicts_the_others_is_not_heard_and_is_seen_to_be_not() -> None:
+def test_a_drive_that_contradicts_the_others_is_rejected_and_counted() -> None:
     table = street(60.0, 50.0, 70.0, 40.0)
     fair = [f for seed in range(4) for f in waves(table, seed, sigma=0.01)]
     rng = np.random.default_rng(8)
@@ -319,7 +319,7 @@ def test_many_drives_over_a_long_hilly_road_stay_solvable() -> None:
     many = [replace(f, information=1000 * f.information, vector=1000 * f.vector) for f in once]
     found = adjust(table, in_rows(table, many), unknown(table))
     assert found.slope_percent[driven] == pytest.approx(np.full(32, 12.0), abs=0.01)
-    assert found.slope_sigma_percent[driven] == pytest.approx(np.full(32, FLOOR_PERCENT), rel=0.06)
+    assert found.slope_sigma_percent[driven] == pytest.approx(np.full(32, SIGMA_FLOOR_PERCENT), rel=0.06)
     assert np.all(np.abs(found.slope_percent - 12.0) < 1.96 * found.slope_sigma_percent)
 
 

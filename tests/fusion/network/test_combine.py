@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.network.combine import combine
+from fusion.network.combine import SlopePart, combine, published_slope
 
 estimates = st.lists(
     st.tuples(st.floats(-30, 30), st.floats(0.01, 20), st.integers(1, 1000)), min_size=1, max_size=30
@@ -62,3 +62,27 @@ def test_an_impossible_sigma_is_refused(sigma: float) -> None:
         combine(np.array([1.0]), np.array([sigma]), np.array([1]))
     with pytest.raises(ValueError, match="at least one"):
         combine(np.array([]), np.array([]), np.array([]))
+
+
+def test_the_networks_slope_is_published_as_it_is() -> None:
+    whole = published_slope([SlopePart(1.25, 0.4, 7, 90, network=True)])
+    assert (whole.slope_percent, whole.slope_sigma_percent, whole.drives, whole.observations) == (
+        1.25, 0.4, 7, 90
+    )  # fmt: skip
+
+
+def test_measurements_are_combined_and_guesses_give_way() -> None:
+    network, gap, raw = (
+        SlopePart(1.0, 0.5, 7, 90, network=True),
+        SlopePart(9.0, 3.0, 0, 0, network=True),
+        SlopePart(2.0, 1.0, 1, 5),
+    )
+    whole = published_slope([network, raw])
+    alone = combine(np.array([1.0, 2.0]), np.array([0.5, 1.0]), np.array([90, 5]))
+    assert (whole.slope_percent, whole.slope_sigma_percent) == (
+        alone.slope_percent,
+        alone.slope_sigma_percent,
+    )
+    assert (whole.drives, whole.observations) == (8, 95)
+    assert (published_slope([gap, raw]).slope_percent, published_slope([gap, raw]).drives) == (2.0, 1)
+    assert (published_slope([gap]).slope_percent, published_slope([gap]).drives) == (9.0, 0)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.network.evidence import COMMON_SIGMA_PERCENT, MIN_JURY, REJECT_SIGMAS, SegmentEvidence
+from fusion.network.evidence import COMMON_SIGMA_PERCENT, CONSENSUS_PASSES, REJECT_SIGMAS, SegmentEvidence
 from fusion.network.pass_factor import PassFactor, symmetric
 
 Keyed = tuple[int, PassFactor]
@@ -123,19 +123,19 @@ def test_a_pass_that_came_and_left_leaves_no_trace(passes: list[Keyed], data: st
     assert SegmentEvidence.build(staying[::-1]).encode() == never.encode()
 
 
-def test_sums_are_those_of_the_passes_that_are_heard() -> None:
-    heard = [(k, a_pass(2.0, seed=k, history=(3,) if k % 2 else ())) for k in range(6)]
+def test_sums_are_those_of_the_passes_that_are_accepted() -> None:
+    accepted = [(k, a_pass(2.0, seed=k, history=(3,) if k % 2 else ())) for k in range(6)]
     outlier = (7, a_pass(40.0, seed=7))
-    known = SegmentEvidence.build([*heard, outlier])
-    for history, wanted in (((5,), heard[0::2]), ((3, 5), heard[1::2])):
+    known = SegmentEvidence.build([*accepted, outlier])
+    for history, wanted in (((5,), accepted[0::2]), ((3, 5), accepted[1::2])):
         information, vector = known.groups[history]
         assert information == pytest.approx(sum(f.information for _, f in wanted))
         assert vector == pytest.approx(sum(f.vector for _, f in wanted))
     assert set(known.groups) == {(5,), (3, 5)}
-    assert known.observations == sum(f.observations for _, f in heard)
+    assert known.observations == sum(f.observations for _, f in accepted)
 
 
-def test_an_outlier_is_not_heard_and_stays_visible() -> None:
+def test_an_outlier_is_rejected_and_stays_visible() -> None:
     fair = [(k, a_pass(2.0 + 0.1 * k, seed=k, end_m=15.0)) for k in range(4)]
     outlier = (9, a_pass(12.0, 0.4, seed=9, end_m=18.0, roughness=1e-3))
     known = SegmentEvidence.build([*fair, outlier])
@@ -144,13 +144,13 @@ def test_an_outlier_is_not_heard_and_stays_visible() -> None:
     assert known.slope_percent[-1] == 12.0
     assert known.slope_sigma_percent[-1] == 0.4
     without = SegmentEvidence.build(fair)
-    for name in ("observations", "driven", "roughness", "scatter"):
+    for name in ("observations", "driven", "roughness", "birge_ratio"):
         assert getattr(known, name) == getattr(without, name), name
     assert np.array_equal(known.groups[(5,)][0], without.groups[(5,)][0])
 
 
-def test_two_that_contradict_each_other_are_both_heard() -> None:
-    assert MIN_JURY == 3
+def test_two_that_contradict_each_other_are_both_accepted() -> None:
+    assert CONSENSUS_PASSES == 3
     assert SegmentEvidence.build([(1, a_pass(2.0)), (2, a_pass(30.0))]).accepted.all()
 
 
@@ -164,13 +164,13 @@ def test_how_far_a_pass_may_lie_from_the_others(sigmas: float) -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-30, 30), st.floats(0.01, 5)), min_size=1, max_size=12))
-def test_the_majority_is_always_heard(slopes: list[tuple[float, float]]) -> None:
+def test_the_majority_is_always_accepted(slopes: list[tuple[float, float]]) -> None:
     known = SegmentEvidence.build([(k, a_pass(*values)) for k, values in enumerate(slopes)])
     assert known.accepted.sum() * 2 > len(slopes)
-    assert known.scatter >= 1.0
+    assert known.birge_ratio >= 1.0
 
 
-def test_fair_passes_are_hardly_ever_turned_away() -> None:
+def test_fair_passes_are_hardly_ever_rejected() -> None:
     rng = np.random.default_rng(11)
     turned = total = 0
     for count in (3, 5, 12):
@@ -184,18 +184,18 @@ def test_fair_passes_are_hardly_ever_turned_away() -> None:
     assert turned < 0.002 * total
 
 
-def test_scatter_grows_with_disagreement_and_is_one_without() -> None:
-    def scatter(*slopes: float) -> float:
-        return SegmentEvidence.build([(k, a_pass(s, 0.3)) for k, s in enumerate(slopes)]).scatter
+def test_the_birge_ratio_grows_with_disagreement_and_is_one_without() -> None:
+    def ratio(*slopes: float) -> float:
+        return SegmentEvidence.build([(k, a_pass(s, 0.3)) for k, s in enumerate(slopes)]).birge_ratio
 
-    assert scatter(2.0) == scatter(2.0, 2.1) == scatter(2.0, 2.1, 1.9, 2.0) == 1.0
-    assert 1.0 < scatter(2.0, 3.2, 2.0, 3.2) < scatter(2.0, 3.4, 2.0, 3.4)
-    # Birge's ratio with the imaginary jury: chi squared of two passes 3 % apart is 4.5 / 0.1525.
+    assert ratio(2.0) == ratio(2.0, 2.1) == ratio(2.0, 2.1, 1.9, 2.0) == 1.0
+    assert 1.0 < ratio(2.0, 3.2, 2.0, 3.2) < ratio(2.0, 3.4, 2.0, 3.4)
+    # Birge's ratio with the imaginary passes: chi squared of two passes 3 % apart is 4.5 / 0.1525.
     expected = np.sqrt((4.5 / (0.3**2 + 0.25**2) + 3) / (1 + 3))
-    assert scatter(0.0, 3.0) == pytest.approx(expected)
+    assert ratio(0.0, 3.0) == pytest.approx(expected)
 
 
-def test_the_driven_part_and_the_roughness_are_those_of_all_that_are_heard() -> None:
+def test_the_driven_part_and_the_roughness_are_those_of_all_that_are_accepted() -> None:
     known = SegmentEvidence.build(
         [
             (1, a_pass(2.0, start_m=4.0, end_m=9.0, roughness=1e-6)),

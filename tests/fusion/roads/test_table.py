@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.roads.table import RoadTable
+from fusion.roads.table import RoadTable, rows_of
+from fusion.simulate.scene.town import Town
 
 IDS = st.lists(st.tuples(*[st.integers(0, 4)] * 3), max_size=40)
 
@@ -95,3 +96,9 @@ def test_empty_table_has_no_segments_and_no_bounds() -> None:
     assert RoadTable.empty().length_m.shape == (0,)
     with pytest.raises(ValueError, match="zero-size"):
         RoadTable.empty().bounds_deg()
+
+
+def test_rows_are_found_by_identity(town: Town) -> None:
+    rows = np.flatnonzero(np.arange(len(town.roads)) % 7 == 3)
+    assert rows_of(town.roads, town.roads.subset(rows)).tolist() == rows.tolist()
+    assert rows_of(town.roads, RoadTable.empty()).tolist() == []

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from app.drives.outputs.profile import Profile, RoadFacts
 from app.drives.outputs.profile_marks import dots_of, limits, placed_m
-from fusion.types import Measurements
+from fusion.types import DrawnMeasurements
 
 UNKNOWN = float("nan")
 numbers = st.floats(-1e4, 1e4)
@@ -71,7 +71,7 @@ def test_measurements_in_an_interruption_are_not_placed_across_it() -> None:
 def test_a_sensor_without_a_look_is_drawn_by_its_name() -> None:
     p = profile()
     n = len(p)
-    unheard = Measurements(
+    unheard = DrawnMeasurements(
         ("unheard of",), np.zeros(n, np.int64), p.time_s, p.distance_m, np.full(n, 0.03), np.zeros(n, bool)
     )
     (one,) = dots_of(p, unheard)

@@ -25,7 +25,7 @@ from app.drives.outputs.profile_marks import (
 )
 from app.drives.outputs.profile_picture import profile_figure, profile_png
 from fusion.roads.table import RoadTable
-from fusion.types import Floats, Measurements, Track
+from fusion.types import DrawnMeasurements, Floats, Track
 
 UNKNOWN = float("nan")
 NAMES = ("altitude", "doppler")
@@ -54,7 +54,7 @@ def hill(n: int = 40, *, gap_at: int | None = 20) -> Track:
         segment=(np.arange(n) // 10).astype(np.int64),
         distance_m=11.0 * (np.arange(n) % 10),
         has_gnss=np.ones(n, bool),
-        starts=starts,
+        after_gap=starts,
     )
 
 
@@ -66,10 +66,10 @@ def profile(track: Track | None = None) -> Profile:
     return build_profile(track, track.segment, SLOPES)
 
 
-def measured(time_s: Floats, value: Floats, sensor: int = 0) -> Measurements:
+def measured(time_s: Floats, value: Floats, sensor: int = 0) -> DrawnMeasurements:
     n = len(time_s)
     kind = np.full(n, sensor, np.int64)
-    return Measurements(NAMES, kind, time_s, np.full(n, UNKNOWN), value, np.full(n, sensor == 0))
+    return DrawnMeasurements(NAMES, kind, time_s, np.full(n, UNKNOWN), value, np.full(n, sensor == 0))
 
 
 def band(axes: Axes) -> PolyCollection:
@@ -121,7 +121,7 @@ def test_the_grade_is_that_of_the_road_in_percent() -> None:
 @pytest.mark.parametrize("marked", [True, False])
 def test_nothing_is_drawn_across_an_interruption(marked: bool) -> None:
     track = hill()
-    p = profile(track if marked else replace(track, starts=np.zeros(len(track), bool)))
+    p = profile(track if marked else replace(track, after_gap=np.zeros(len(track), bool)))
     before, after = p.distance_m[19] / 1000, p.distance_m[20] / 1000
     assert after - before > 0.9
     for axes in pair(profile_figure(p, "a")):
@@ -133,7 +133,7 @@ def test_nothing_is_drawn_across_an_interruption(marked: bool) -> None:
 def test_a_start_without_a_pause_is_an_interruption_too() -> None:
     track = hill(gap_at=None)
     starts = np.arange(len(track)) == 25
-    p = profile(replace(track, starts=starts))
+    p = profile(replace(track, after_gap=starts))
     inside = 0.5 * (p.distance_m[24] + p.distance_m[25]) / 1000
     for axes in pair(profile_figure(p, "a")):
         assert not [span for span in drawn_spans_km(axes) if span[0] < inside < span[1]]

@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 
 from fusion.frames import LocalProjection
-from fusion.methods.epochs.table import MAX_BRIDGED_S, build_epochs
-from fusion.types import AngularRate, Attitude, DriveLog, GnssFix, GnssVelocity, Odometry, SpecificForce
+from fusion.methods.epochs.table import build_epochs
+from fusion.types import (
+    LONGEST_BRIDGED_GAP_S,
+    AngularRate,
+    Attitude,
+    DriveLog,
+    GnssFix,
+    GnssVelocity,
+    Odometry,
+    SpecificForce,
+)
 
 PLANE = LocalProjection(8.0, 49.0)
 
@@ -23,7 +32,7 @@ def test_bare_positions_give_epochs_with_speed_from_their_distances() -> None:
     assert epochs.has_gnss.all()
     assert np.allclose(epochs.speed_mps, 10.0, atol=1e-3)
     assert np.isnan(epochs.pitch_rad).all()
-    assert epochs.restart.tolist() == [True] + [False] * 19
+    assert epochs.after_gap.tolist() == [True] + [False] * 19
 
 
 def test_fast_fixes_are_thinned_to_the_period() -> None:
@@ -44,14 +53,14 @@ def test_other_sensors_carry_on_through_an_outage() -> None:
     assert len(epochs) == 60
     assert np.count_nonzero(~epochs.has_gnss) == 20
     assert np.isfinite(epochs.pitch_rad).all()
-    assert epochs.restart.sum() == 1
+    assert epochs.after_gap.sum() == 1
 
 
 def test_a_long_hole_and_a_stated_gap_start_anew() -> None:
     time = np.concatenate([np.arange(10.0), 300 + np.arange(10.0), 330 + np.arange(5.0)])
     epochs = build_epochs(DriveLog("gpx", fixes(time), gaps_s=np.array([330.0])), PLANE)
-    assert MAX_BRIDGED_S < 290
-    assert np.flatnonzero(epochs.restart).tolist() == [0, 10, 20]
+    assert LONGEST_BRIDGED_GAP_S < 290
+    assert np.flatnonzero(epochs.after_gap).tolist() == [0, 10, 20]
 
 
 def test_fast_samples_are_averaged_and_yaw_on_the_circle() -> None:

@@ -184,10 +184,10 @@ def test_between_the_fixes_of_a_slow_receiver_nothing_fails() -> None:
     assert len(epochs) == 17
     kept = without_waiting(epochs)
     np.testing.assert_array_equal(kept.time_s - T0, [0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 14, 16])
-    assert kept.restart.tolist() == [True] + [False] * 11
+    assert kept.after_gap.tolist() == [True] + [False] * 11
 
 
 def test_a_restart_between_two_fixes_is_not_lost() -> None:
     log = make_log(np.array([0.0, 2, 4, 6, 8]), np.arange(9.0), np.arange(9.0))
     kept = without_waiting(build_epochs(replace(log, gaps_s=np.array([T0 + 4.5])), PLANE, 1.0))
-    assert (kept.time_s[kept.restart] - T0).tolist() == [0.0, 6.0]
+    assert (kept.time_s[kept.after_gap] - T0).tolist() == [0.0, 6.0]

@@ -174,7 +174,7 @@ def test_a_stretch_off_the_map_is_a_break() -> None:
     off = (track.time_s - START_S > 6.6 * SIDE_M / 10) & (track.time_s - START_S < 11.4 * SIDE_M / 10)
     assert not np.any(track.segment[off] >= 0)
     after = np.flatnonzero(track.time_s - START_S > 11.4 * SIDE_M / 10)[0]
-    assert track.starts[after]
+    assert track.after_gap[after]
     for factor in result.factors:
         ends = here[list(factor.segments)]
         assert np.all(np.abs(np.diff(ends)) == 1), "a history that reaches across the break"
@@ -286,6 +286,6 @@ def test_a_pause_that_the_log_states_gets_no_slopes() -> None:
     begins = time[keep][np.argmax(np.diff(time[keep], prepend=time[0]))]
     joined, _, _ = run(log)
     split, _, _ = run(replace(log, gaps_s=np.array([begins])))
-    assert np.isfinite(joined[5:10]).all(), "a mere hole in the recording is bridged"
+    assert np.isfinite(joined[5:10]).all(), "a mere gap in the recording is bridged"
     assert np.isnan(split[5:10]).all()
     assert np.isfinite(split[:5]).all() and np.isfinite(split[10:]).all()

@@ -70,7 +70,7 @@ KINDS = (
 @pytest.fixture(scope="module", params=KINDS)
 def drive(request: pytest.FixtureRequest) -> tuple[Smoothed, list[PassFactor]]:
     one = smoothed(drive_log(request.param), TABLE)
-    return one, pass_factors(one.rows, one.steps, one.learned, one.path)
+    return one, pass_factors(one.measured, one.epochs, one.learned, one.path)
 
 
 def traversals(one: Smoothed) -> list[int]:
@@ -82,12 +82,12 @@ def traversals(one: Smoothed) -> list[int]:
 
 def constants(one: Smoothed, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of mount, bias and squat in the middle of a traversal, by the whole drive."""
-    match, steps = one.path.match, one.steps
+    match, epochs = one.path.match, one.epochs
     middle = 0.5 * (match.enter_time_s[k] + match.leave_time_s[k])
-    at = min(int(np.searchsorted(steps.time_s, middle)), len(steps.time_s) - 1)
+    at = min(int(np.searchsorted(epochs.time_s, middle)), len(epochs.time_s) - 1)
     covariance = one.learned.smoothed.covariance[at][np.ix_(CONSTANTS, CONSTANTS)].copy()
     for step, state in one.learned.jumps:
-        near = match.enter_time_s[k] - 1 <= steps.time_s[step] <= match.leave_time_s[k] + 1
+        near = match.enter_time_s[k] - 1 <= epochs.time_s[step] <= match.leave_time_s[k] + 1
         if state == MOUNT and near:
             covariance[0, 0] = covariance[0, 0] + JUMP_SIGMA[MOUNT] ** 2
             break
@@ -103,12 +103,12 @@ def dense(
     measurements given the knots: white errors, what the cubics leave open, the constants, and two random walks in time
     whose level is not known (projected out).
     """
-    rows, match, noise = one.rows, one.path.match, one.learned.noise
-    traversal, distance = match.position_on(rows.along_m)
-    clean, share = decorrelated(rows, noise)
+    measured, match, noise = one.measured, one.path.match, one.learned.noise
+    traversal, distance = match.position_on(measured.along_m)
+    clean, share = decorrelated(measured, noise)
     lengths = knot_length(one.path.network.table.length_m[match.segment[start:stop]])
     first = np.concatenate([[0], np.cumsum(variable_count(lengths))])
-    mine = np.flatnonzero((traversal >= start) & (traversal < stop) & (rows.sensor != TERRAIN))
+    mine = np.flatnonzero((traversal >= start) & (traversal < stop) & (measured.sensor != TERRAIN))
     climbs = [np.zeros(int(first[-1]))]
     for k in range(start, stop):
         entry, leave = first[k - start], first[k - start + 1] - 2
@@ -122,7 +122,7 @@ def dense(
         length = float(lengths[k])
         stretched = length / float(one.path.network.length_m[match.segment[traversal[row]]])
         at, own = np.array([distance[row] * stretched]), slice(first[k], first[k + 1])
-        if rows.sensor[row] in (ALTITUDE, BARO):
+        if measured.sensor[row] in (ALTITUDE, BARO):
             design[i] = climbs[k]
             design[i, own] += height_rows(at, length)[0]
             design[i, first[k] if match.forward[traversal[row]] else first[k + 1] - 2] -= 1.0
@@ -131,10 +131,10 @@ def dense(
             part = (1 - share[row]) * (1.0 if match.forward[traversal[row]] else -1.0)
             design[i, own] = part * grade_rows(at, length)[0]
             white[i] = part**2 * grade_variance(at, length, noise.roughness)[0]
-    sensor, time, left = rows.sensor[mine], rows.time_s[mine], 1 - share[mine]
+    sensor, time, left = measured.sensor[mine], measured.time_s[mine], 1 - share[mine]
     felt = np.isin(sensor, (PITCH, FORCE))
     tilts = np.column_stack(
-        [left * felt, (sensor == FORCE).astype(float), left * rows.acceleration_mps2[mine] * felt]
+        [left * felt, (sensor == FORCE).astype(float), left * measured.acceleration_mps2[mine] * felt]
     )
     spread = np.diag(white + one.learned.variance[mine]) + tilts @ covariance @ tilts.T
     levels = []
@@ -144,7 +144,7 @@ def dense(
             moved = rate * (time - time.min())
             for step, state in one.learned.jumps:
                 if kind == ALTITUDE and state == DRIFT:
-                    moved = moved + JUMP_SIGMA[DRIFT] ** 2 * (time >= one.steps.time_s[step])
+                    moved = moved + JUMP_SIGMA[DRIFT] ** 2 * (time >= one.epochs.time_s[step])
             spread += np.minimum.outer(moved, moved) * np.outer(seen, seen)
             levels.append(seen)
     weight = np.linalg.inv(spread)
@@ -229,7 +229,9 @@ def test_histories_are_used_where_heights_outweigh_slopes() -> None:
     depth = {}
     for kind in ("everything", "positions and heights", "steady heights", "outage"):
         one = smoothed(drive_log(kind), TABLE)
-        depth[kind] = max(len(f.segments) for f in pass_factors(one.rows, one.steps, one.learned, one.path))
+        depth[kind] = max(
+            len(f.segments) for f in pass_factors(one.measured, one.epochs, one.learned, one.path)
+        )
     assert depth["positions and heights"] > 1
     assert depth["steady heights"] > 1
     assert depth["everything"] == 1
@@ -242,7 +244,7 @@ def test_slopes_of_factors_alone_are_honest() -> None:
     ends = np.concatenate([[0.0], np.cumsum(TABLE.length_m)])
     for seed in range(8):
         one = smoothed(drive_log("everything", seed), TABLE)
-        for factor in pass_factors(one.rows, one.steps, one.learned, one.path):
+        for factor in pass_factors(one.measured, one.epochs, one.learned, one.path):
             length = factor.end_m - factor.start_m
             if length < 20:
                 continue

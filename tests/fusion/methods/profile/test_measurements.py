@@ -35,34 +35,34 @@ def test_without_noise_every_sensor_says_the_truth(back: bool) -> None:
     along, sign = (ALONG_M[::-1], -1.0) if back else (ALONG_M, 1.0)
     log = street_log(TIME_S, along, hills, np.random.default_rng(0), nose=sign, levels=CALM)
     one = smoothed(replace(log, pressure=pressure_of(TIME_S, hills(along))), TABLE)
-    rows = one.rows
-    traversal, distance = one.path.match.position_on(rows.along_m)
+    measured = one.measured
+    traversal, distance = one.path.match.position_on(measured.along_m)
     place = 60.0 * one.path.match.segment[traversal] + distance
     fine = np.linspace(0, 1200, 12_001)
     grade = sign * np.interp(place, fine, np.gradient(hills(fine), fine))
     inner = (place > 30) & (place < 1080)
     for sensor in (DOPPLER, PITCH, FORCE):
-        mine = (rows.sensor == sensor) & inner
+        mine = (measured.sensor == sensor) & inner
         assert mine.sum() > 90
-        np.testing.assert_allclose(rows.value[mine], grade[mine], atol=0.003)
+        np.testing.assert_allclose(measured.value[mine], grade[mine], atol=0.003)
     for sensor in (ALTITUDE, BARO):
-        mine = (rows.sensor == sensor) & inner
+        mine = (measured.sensor == sensor) & inner
         assert mine.sum() > 90
-        np.testing.assert_allclose(rows.value[mine], hills(place[mine]), atol=0.1)
-    assert np.all(np.diff(rows.time_s) >= 0)
+        np.testing.assert_allclose(measured.value[mine], hills(place[mine]), atol=0.1)
+    assert np.all(np.diff(measured.time_s) >= 0)
 
 
 def test_a_standing_vehicle_has_heights_only() -> None:
     along = np.minimum(ALONG_M, ALONG_M[50])
-    rows = smoothed(
+    measured = smoothed(
         street_log(TIME_S, along, hills, np.random.default_rng(0), levels=replace(CALM, position_m=0.5)),
         TABLE,
-    ).rows
-    standing = rows.time_s > TIME_S[53]
-    assert np.all(rows.sensor[standing] == ALTITUDE)
+    ).measured
+    standing = measured.time_s > TIME_S[53]
+    assert np.all(measured.sensor[standing] == ALTITUDE)
     assert standing.sum() > 50
-    slopes = np.isin(rows.sensor, (DOPPLER, PITCH, FORCE))
-    assert np.all(rows.speed_mps[slopes] > MIN_SPEED_MPS)
+    slopes = np.isin(measured.sensor, (DOPPLER, PITCH, FORCE))
+    assert np.all(measured.speed_mps[slopes] > MIN_SPEED_MPS)
 
 
 @pytest.mark.parametrize("level_share", [0.7, 0.3])
@@ -76,8 +76,8 @@ def test_heights_come_from_one_datum(level_share: float) -> None:
         alt_msl_m=np.where(level, height, np.nan),
         height_ell_m=np.where(level, np.nan, height + 48.0),
     )
-    rows = smoothed(replace(log, fix=fix), TABLE).rows
-    values = rows.value[rows.sensor == ALTITUDE]
+    measured = smoothed(replace(log, fix=fix), TABLE).measured
+    values = measured.value[measured.sensor == ALTITUDE]
     assert len(values) == pytest.approx(max(level_share, 1 - level_share) * len(TIME_S), abs=2)
     assert np.ptp(values) < 20
 
@@ -87,7 +87,7 @@ def test_the_dem_is_left_out_around_bridges_and_tunnels(tmp_path_factory: pytest
     drive = world.drive(1, duration_s=300.0)
     one = smoothed(log_of(csv_columns(drive)), drive.town.roads, world.dem(1))
     match = one.path.match
-    terrain = one.rows.along_m[one.rows.sensor == TERRAIN]
+    terrain = one.measured.along_m[one.measured.sensor == TERRAIN]
     assert len(terrain) > 30
     table = one.path.network.table
     structure = (table.bridge | table.tunnel)[match.segment]

@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from fusion.methods.profile.measurements import ALTITUDE, DOPPLER, FORCE, PITCH, Rows
+from fusion.methods.profile.measurements import ALTITUDE, DOPPLER, FORCE, PITCH, Measurements
 from fusion.methods.profile.model import (
     DRIFT,
     DRIFT_TAU_S,
     GRADE,
     MOUNT,
     Noise,
-    Steps,
+    SmootherEpochs,
     decorrelated,
     linear_model,
     pitch_partner,
-    row_variance,
+    white_variance,
 )
 from fusion.methods.profile.noise import Learned, learn, prior_noise
 
@@ -31,12 +31,12 @@ BIAS_GRADE = 0.005
 class Simulated:
     """Rows of a drive at constant speed, and the true grade at its steps."""
 
-    rows: Rows
-    steps: Steps
+    measured: Measurements
+    epochs: SmootherEpochs
     grade: np.ndarray
 
     def learned(self) -> Learned:
-        return learn(self.rows, self.steps, prior_noise(self.rows))
+        return learn(self.measured, self.epochs, prior_noise(self.measured))
 
 
 def simulate(
@@ -85,21 +85,21 @@ def simulate(
     order = np.repeat(np.arange(n), len(sensors))
     sensor = np.tile(np.array(sorted(sensors)), n)
     value = np.array([values[s][k] for s, k in zip(sensor.tolist(), order.tolist(), strict=True)])
-    hint = np.where(sensor == DOPPLER, 0.01, np.where(sensor == ALTITUDE, 3.0, np.nan))
+    stated_sigma = np.where(sensor == DOPPLER, 0.01, np.where(sensor == ALTITUDE, 3.0, np.nan))
     zero = np.zeros(m)
-    rows = Rows(
+    measured = Measurements(
         time_s=time[order],
         along_m=SPEED_MPS * time[order],
         run=np.zeros(m, np.int64),
         sensor=sensor,
         value=value,
-        hint=hint,
+        stated_sigma=stated_sigma,
         speed_mps=np.full(m, SPEED_MPS),
         acceleration_mps2=zero,
         turn=zero,
     )
-    steps = Steps(time, SPEED_MPS * time, np.zeros(n, np.int64), np.zeros(n), order)
-    return Simulated(rows, steps, grade)
+    epochs = SmootherEpochs(time, SPEED_MPS * time, np.zeros(n, np.int64), np.zeros(n), order)
+    return Simulated(measured, epochs, grade)
 
 
 TRUTHS = (
@@ -128,9 +128,9 @@ def test_what_the_log_states_does_not_decide() -> None:
     found = []
     for factor in (0.1, 1.0, 10.0):
         noise = learn(
-            replace(one.rows, hint=factor * one.rows.hint),
-            one.steps,
-            prior_noise(replace(one.rows, hint=factor * one.rows.hint)),
+            replace(one.measured, stated_sigma=factor * one.measured.stated_sigma),
+            one.epochs,
+            prior_noise(replace(one.measured, stated_sigma=factor * one.measured.stated_sigma)),
         ).noise
         found.append((noise.altitude_m, noise.doppler * factor, np.sqrt(noise.drift), noise.pitch))
     assert np.all(np.abs(np.log(np.array(found) / found[1])) < np.log(1.35)), found
@@ -158,8 +158,8 @@ def test_errors_that_pitch_and_force_share_count_once(springs: float, low: float
         noise = learned.noise
         level = float(np.hypot(springs, own))
         for sigmas, known in ((both, noise), (one, noise.with_(shared=0.0, pitch=level, force=1e3))):
-            variance = row_variance(drive.rows, known)
-            covariance = linear_model(drive.rows, drive.steps, known, variance).smooth().covariance
+            variance = white_variance(drive.measured, known)
+            covariance = linear_model(drive.measured, drive.epochs, known, variance).smooth().covariance
             sigmas.append(float(np.sqrt(np.median(covariance[:, GRADE, GRADE]))))
     assert low < np.mean(both) / np.mean(one) < high
     assert np.mean(np.concatenate(inside)) > 0.8
@@ -173,23 +173,23 @@ def test_independent_errors_are_not_taken_for_shared_ones() -> None:
 def test_decorrelated_rows_have_independent_errors() -> None:
     one = simulate(3, Noise(pitch=0.004, force=0.004), springs=0.01)
     noise = Noise(shared=0.01**2 / (0.01**2 + 0.004**2))
-    clean, share = decorrelated(one.rows, noise)
-    partner = pitch_partner(one.rows)
-    force = np.flatnonzero(one.rows.sensor == FORCE)
-    np.testing.assert_array_equal(partner[one.rows.sensor != FORCE], -1)
-    np.testing.assert_array_equal(one.rows.sensor[partner[force]], PITCH)
-    np.testing.assert_array_equal(one.rows.time_s[partner[force]], one.rows.time_s[force])
+    clean, share = decorrelated(one.measured, noise)
+    partner = pitch_partner(one.measured)
+    force = np.flatnonzero(one.measured.sensor == FORCE)
+    np.testing.assert_array_equal(partner[one.measured.sensor != FORCE], -1)
+    np.testing.assert_array_equal(one.measured.sensor[partner[force]], PITCH)
+    np.testing.assert_array_equal(one.measured.time_s[partner[force]], one.measured.time_s[force])
     np.testing.assert_array_equal(share[force], noise.shared)
-    assert not share[one.rows.sensor != FORCE].any()
+    assert not share[one.measured.sensor != FORCE].any()
     error = clean.value[force] - (1 - noise.shared) * (one.grade + MOUNT_GRADE) - BIAS_GRADE
-    pitch = one.rows.value[partner[force]] - one.grade - MOUNT_GRADE
+    pitch = one.measured.value[partner[force]] - one.grade - MOUNT_GRADE
     assert abs(np.corrcoef(error, pitch)[0, 1]) < 0.1
     assert np.corrcoef(error + noise.shared * pitch, pitch)[0, 1] > 0.7
 
 
 @pytest.mark.parametrize(("lag_s", "apart_m"), [(0.4, 0.0), (0.1, 20.0)])
 def test_a_pitch_too_far_away_is_no_partner(lag_s: float, apart_m: float) -> None:
-    two = simulate(1, TRUTHS[1], sensors=(PITCH, FORCE), seconds=50).rows
+    two = simulate(1, TRUTHS[1], sensors=(PITCH, FORCE), seconds=50).measured
     later = two.sensor == FORCE
     moved = replace(two, time_s=two.time_s + lag_s * later, along_m=two.along_m + apart_m * later)
     assert np.all(pitch_partner(moved) == -1)
@@ -201,7 +201,7 @@ def test_a_pitch_too_far_away_is_no_partner(lag_s: float, apart_m: float) -> Non
 def test_a_mount_that_moves_is_found_where_it_does(share: float, degrees: float) -> None:
     moved = simulate(7, TRUTHS[1], mount_step=(share, float(np.tan(np.radians(degrees)))))
     learned = moved.learned()
-    times = [moved.steps.time_s[k] for k, state in learned.jumps if state == MOUNT]
+    times = [moved.epochs.time_s[k] for k, state in learned.jumps if state == MOUNT]
     assert len(times) == 1
     assert abs(times[0] - share * 600) <= 4
     before, after = learned.smoothed.mean[[int(share * 600) - 20, int(share * 600) + 20], MOUNT]
@@ -213,7 +213,7 @@ def test_a_mount_that_moves_is_found_where_it_does(share: float, degrees: float)
 def test_a_height_that_jumps_is_found_where_it_does() -> None:
     moved = simulate(8, TRUTHS[1], height_step=(0.5, 30.0))
     learned = moved.learned()
-    times = [moved.steps.time_s[k] for k, state in learned.jumps if state == DRIFT]
+    times = [moved.epochs.time_s[k] for k, state in learned.jumps if state == DRIFT]
     assert any(abs(t - 300) <= 2 for t in times)
     assert np.mean(np.abs(scores(moved, learned)) < 1.96) > 0.85
 
@@ -228,15 +228,15 @@ def test_steady_drives_have_no_sudden_changes(tails: bool, allowed: int) -> None
 def test_wild_values_are_outliers_and_do_little() -> None:
     one = simulate(5, TRUTHS[1])
     rng = np.random.default_rng(0)
-    wild = rng.choice(np.flatnonzero(one.rows.sensor == DOPPLER), 30, replace=False)
-    value = one.rows.value.copy()
+    wild = rng.choice(np.flatnonzero(one.measured.sensor == DOPPLER), 30, replace=False)
+    value = one.measured.value.copy()
     value[wild] += rng.choice([-1, 1], 30) * 0.3
     before = one.learned()
-    after = learn(replace(one.rows, value=value), one.steps, prior_noise(one.rows))
+    after = learn(replace(one.measured, value=value), one.epochs, prior_noise(one.measured))
     assert np.mean(after.outlier[wild]) > 0.9
-    assert before.outlier.sum() < 0.01 * len(one.rows)
-    others = np.setdiff1d(np.arange(len(one.rows)), wild)
-    assert after.outlier[others].sum() < 0.01 * len(one.rows)
+    assert before.outlier.sum() < 0.01 * len(one.measured)
+    others = np.setdiff1d(np.arange(len(one.measured)), wild)
+    assert after.outlier[others].sum() < 0.01 * len(one.measured)
     moved = after.smoothed.mean[:, GRADE] - before.smoothed.mean[:, GRADE]
     assert np.sqrt(np.mean(moved**2)) < np.sqrt(np.mean(before.smoothed.covariance[:, GRADE, GRADE]))
 
@@ -244,16 +244,16 @@ def test_wild_values_are_outliers_and_do_little() -> None:
 def test_errors_that_repeat_weigh_less() -> None:
     """At two epochs a second springs and filters let neighbouring errors repeat: two rows are hardly more than one."""
     one = simulate(6, Noise(roughness=1e-6, pitch=0.004, force=0.006))
-    quick = replace(one.rows, time_s=0.5 * one.rows.time_s)
-    steps = replace(one.steps, time_s=0.5 * one.steps.time_s)
+    quick = replace(one.measured, time_s=0.5 * one.measured.time_s)
+    epochs = replace(one.epochs, time_s=0.5 * one.epochs.time_s)
     doppler = np.flatnonzero(quick.sensor == DOPPLER)
     white = 0.01 * np.random.default_rng(1).normal(size=len(doppler) + 1)
     found = []
     for error in (white[1:], (white[1:] + white[:-1]) / np.sqrt(2)):
         value = quick.value.copy()
-        value[doppler] = one.grade[one.steps.step[doppler]] + error
-        rows = replace(quick, value=value)
-        learned = learn(rows, steps, prior_noise(rows))
+        value[doppler] = one.grade[one.epochs.of_measurement[doppler]] + error
+        measured = replace(quick, value=value)
+        learned = learn(measured, epochs, prior_noise(measured))
         found.append(float(np.mean(learned.variance[doppler]) / learned.noise.doppler**2))
     assert found[1] > 1.7 * found[0]
 
@@ -261,7 +261,7 @@ def test_errors_that_repeat_weigh_less() -> None:
 def test_a_short_drive_stays_near_where_learning_starts() -> None:
     """Ten rows prove nothing: levels keep within a factor of two of the log's word."""
     short = simulate(9, TRUTHS[1], seconds=5, sensors=(ALTITUDE, DOPPLER))
-    start, found = prior_noise(short.rows), short.learned().noise
+    start, found = prior_noise(short.measured), short.learned().noise
     for name in ("altitude_m", "doppler"):
         assert 0.5 < getattr(found, name) / getattr(start, name) < 2, name
     assert not short.learned().jumps
