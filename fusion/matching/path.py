@@ -1,4 +1,7 @@
-"""The result of matching a whole drive: the path driven, and where on it each sample lies."""
+"""The result of matching a whole drive: the path driven, and where on it each sample lies.
+
+Knows nothing of how it was found.
+"""
 
 from __future__ import annotations
 

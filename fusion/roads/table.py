@@ -1,4 +1,4 @@
-"""Road segments in degrees, as a file or a database holds them."""
+"""Road segments in degrees, as a file or a database holds them. Knows no plane and no index: that is ``network``."""
 
 from __future__ import annotations
 
