@@ -1,19 +1,21 @@
-"""What a method is: options, result, protocol, registry. It does not know which methods there are."""
+"""What a method is: the protocol, the registry, and options every method shares."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from fusion.errors import UnknownNameError
-from fusion.network.pass_factor import PassFactor
 from fusion.registry import Registry
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.types import DrawnMeasurements, DriveLog, Progress, SegmentSlope, Track
+
+if TYPE_CHECKING:
+    from fusion.network.pass_factor import PassFactor
 
 
 class Options(BaseModel):
@@ -81,21 +83,6 @@ def _allowed(schema: dict[str, Any]) -> str:
     return ", ".join(part for part in parts if part)
 
 
-@dataclass(frozen=True)
-class DriveResult:
-    """Everything a method says about a drive. ``report`` is JSON-serialisable.
-
-    ``factors``: what the drive contributes to the network adjustment, one a pass; empty for methods that give only
-    slopes. ``measurements``: what the estimate is drawn over, where the method offers it.
-    """
-
-    track: Track
-    slopes: tuple[SegmentSlope, ...]
-    report: dict[str, Any]
-    factors: tuple[PassFactor, ...] = ()
-    measurements: DrawnMeasurements | None = None
-
-
 class Method(Protocol):
     """A named estimator: a drive log and its surroundings in, a track and segment slopes out."""
 
@@ -138,4 +125,18 @@ class Method(Protocol):
 
 
 METHODS: Registry[Method] = Registry("method")
-"""Filled by ``fusion.methods``."""
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """Everything a method says about a drive. ``report`` is JSON-serialisable.
+
+    ``factors``: what the drive contributes to the network adjustment, one a pass; empty for methods that give only
+    slopes. ``measurements``: what the estimate is drawn over, where the method offers it.
+    """
+
+    track: Track
+    slopes: tuple[SegmentSlope, ...]
+    report: dict[str, Any]
+    factors: tuple[PassFactor, ...] = ()
+    measurements: DrawnMeasurements | None = None

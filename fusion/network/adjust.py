@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from fusion.filters.sparse_inverse import NormalEquations
 from fusion.network.curve import slope_rows, smoothness_block
@@ -153,7 +153,7 @@ def _solve(system: EquationSystem, roughness: _RoughnessPrior) -> tuple[NormalEq
     return equations, solution
 
 
-def _factorised(matrix: sparse.csc_matrix, order: Ints | None) -> NormalEquations:
+def _factorised(matrix: scipy.sparse.csc_matrix, order: Ints | None) -> NormalEquations:
     """The factorised equations; rounding in long sums of factors may ask for a hair more."""
     try:
         return NormalEquations(matrix, order)

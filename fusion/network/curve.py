@@ -2,8 +2,8 @@
 
 Between two knots at distance d, with the grade a random walk of variance q per metre, the cubic of Hermite is the
 conditional mean of the road's height, and what is left of it is known in closed form. The knots depend on the
-segment's length alone, so that everything which was ever said about a segment speaks of the same numbers. Neither drives nor
-neighbouring segments are known here.
+segment's length alone, so that everything which was ever said about a segment speaks of the same numbers. Neither
+drives nor neighbouring segments are known here.
 """
 
 from __future__ import annotations

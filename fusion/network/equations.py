@@ -6,8 +6,7 @@ Knows where things stand, not what is believed or measured of them (``adjust``).
 from __future__ import annotations
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from fusion.network.curve import interval_count, knot_length
 from fusion.roads.table import RoadTable
@@ -70,11 +69,11 @@ class EquationSystem:
         other.vector, other._parts = self.vector.copy(), list(self._parts)
         return other
 
-    def matrix(self) -> sparse.csc_matrix:
+    def matrix(self) -> scipy.sparse.csc_matrix:
         """The sum, with a weak hold on the level of each connected part, which no difference of heights fixes."""
         rows, columns, values = (np.concatenate(part) for part in zip(*self._parts, strict=True))
-        matrix = sparse.csc_matrix((values, (rows, columns)), shape=(self.size, self.size))
-        _, part = connected_components(matrix, directed=False)
+        matrix = scipy.sparse.csc_matrix((values, (rows, columns)), shape=(self.size, self.size))
+        _, part = scipy.sparse.csgraph.connected_components(matrix, directed=False)
         _, first = np.unique(part, return_index=True)
         # In place: a sum of sparse matrices would drop entries that happen to be 0, and their covariances with them.
         diagonal = matrix.diagonal()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solveh_banded
+import scipy
 
 from fusion.frames import wrap_angle
 from fusion.matching.drive import DriveMatcher, MatchOptions
@@ -215,7 +215,7 @@ def _smoothed_run(
         _add_speeds(bands, vector, time, slack, speed_time, speed)
         _add_inertia(bands, np.diff(time), slack)
         bands[2] += 1e-9
-        along = np.maximum.accumulate(np.clip(solveh_banded(bands, vector), low, high))
+        along = np.maximum.accumulate(np.clip(scipy.linalg.solveh_banded(bands, vector), low, high))
         slack = _corner_slack(along, match.start_m[rows], corners[rows])
     return time, along, np.full(n, number)
 
