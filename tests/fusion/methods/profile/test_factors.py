@@ -1,4 +1,4 @@
-"""The factor of a pass against one dense Gaussian over knots, drifting errors and constants, by their definitions."""
+"""The factor of a pass (``factors`` and ``likelihood``) against one dense Gaussian over knots, drifting errors and constants, by their definitions."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def drive_log(kind: str, seed: int = 3) -> DriveLog:
         return street_log(time, along, hills, rng, nose=np.where(time < TIME_S[-1] + 0.5, 1.0, -1.0))
     if kind == "outage":
         log = street_log(TIME_S, ALONG_M, hills, rng)
-        heard = np.abs(np.arange(len(TIME_S)) - 22.5) > 12.5
-        return replace(log, fix=log.fix.take(heard), velocity=log.velocity.take(heard))
+        outside = np.abs(np.arange(len(TIME_S)) - 22.5) > 12.5
+        return replace(log, fix=log.fix.take(outside), velocity=log.velocity.take(outside))
     if kind == "jump":
         log = street_log(TIME_S, ALONG_M, hills, rng)
         late = np.arange(len(TIME_S)) > 50

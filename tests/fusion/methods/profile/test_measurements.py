@@ -1,4 +1,4 @@
-"""Which measurements become rows, where they lie, and what they say."""
+"""Which measurements a log yields, where they lie, and what they say."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Noise levels are learned from the drive: rows with known levels, springs that two sensors share, sudden changes."""
+"""Noise levels are learned from the drive: measurements with known levels, springs that two sensors share, sudden changes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BIAS_GRADE = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """Rows of a drive at constant speed, and the true grade at its steps."""
+    """Measurements of a drive at constant speed, and the true grade at its epochs."""
 
     measured: Measurements
     epochs: SmootherEpochs
@@ -50,7 +50,7 @@ def simulate(
     height_step: tuple[float, float] = (0.0, 0.0),
     tails: bool = False,
 ) -> Simulated:
-    """One row a sensor and second, drawn from the model; ``springs`` move pitch and force alike.
+    """One measurement a sensor and second, drawn from the model; ``springs`` move pitch and force alike.
 
     ``mount_step`` and ``height_step``: (share of the drive, size). ``tails``: errors follow Student's t of 3 degrees of
     freedom instead of Gauss.
@@ -242,7 +242,7 @@ def test_wild_values_are_outliers_and_do_little() -> None:
 
 
 def test_errors_that_repeat_weigh_less() -> None:
-    """At two epochs a second springs and filters let neighbouring errors repeat: two rows are hardly more than one."""
+    """At two epochs a second springs and filters let neighbouring errors repeat: two are hardly more than one."""
     one = simulate(6, Noise(roughness=1e-6, pitch=0.004, force=0.006))
     quick = replace(one.measured, time_s=0.5 * one.measured.time_s)
     epochs = replace(one.epochs, time_s=0.5 * one.epochs.time_s)
@@ -259,7 +259,7 @@ def test_errors_that_repeat_weigh_less() -> None:
 
 
 def test_a_short_drive_stays_near_where_learning_starts() -> None:
-    """Ten rows prove nothing: levels keep within a factor of two of the log's word."""
+    """Ten measurements prove nothing: levels keep within a factor of two of the log's word."""
     short = simulate(9, TRUTHS[1], seconds=5, sensors=(ALTITUDE, DOPPLER))
     start, found = prior_noise(short.measured), short.learned().noise
     for name in ("altitude_m", "doppler"):
