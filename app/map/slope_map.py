@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from app.map.segment import SegmentFeature
+from app.map.segment import Segment
 from fusion.frames import LocalProjection
 from fusion.roads.table import RoadTable
 from fusion.types import Floats
@@ -283,7 +283,7 @@ def _scale_bar(axes: Axes, lines: Floats) -> None:
 def slope_map_png(
     path: Path,
     roads: RoadTable,
-    features: Iterable[SegmentFeature],
+    features: Iterable[Segment],
     *,
     title: str,
     credit: str,
@@ -292,7 +292,7 @@ def slope_map_png(
     draw_slope_map(path, map_segments(roads, features), title=title, credit=credit.replace("$", r"\$"))
 
 
-def map_segments(roads: RoadTable, features: Iterable[SegmentFeature]) -> MapSegments:
+def map_segments(roads: RoadTable, features: Iterable[Segment]) -> MapSegments:
     """The roads with the slopes of those of the features that are among them."""
     known = {(f.osm_way_id, f.from_node, f.to_node): f for f in features}
     slope, sigma = np.full(len(roads), np.nan), np.full(len(roads), np.nan)

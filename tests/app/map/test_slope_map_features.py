@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from factor_support import street
 
-from app.map.segment import SegmentFeature
+from app.map.segment import Segment
 from app.map.slope_map import map_segments, slope_map_png
 from fusion.roads.table import RoadTable
 
@@ -18,8 +18,8 @@ def roads() -> RoadTable:
     return street(50.0, 60.0, 70.0, bridge=[False, True, False])
 
 
-def feature(roads: RoadTable, row: int, slope: float | None, sigma: float | None) -> SegmentFeature:
-    return SegmentFeature(
+def feature(roads: RoadTable, row: int, slope: float | None, sigma: float | None) -> Segment:
+    return Segment(
         id=None,
         osm_way_id=int(roads.osm_way_id[row]),
         from_node=int(roads.from_node[row]),
