@@ -52,7 +52,7 @@ def _statement(
 
 def _segment(row: Row[Any]) -> Segment:
     """The segment of a row that begins with ``_COLUMNS``."""
-    return Segment(*row[: len(COLUMNS)], coordinates=((row.lon0, row.lat0), (row.lon1, row.lat1)))
+    return Segment(*row[: len(COLUMNS)], ((row.lon0, row.lat0), (row.lon1, row.lat1)))
 
 
 _PAGE = """

@@ -44,7 +44,8 @@ class GeoParquetOutput:
 
 
 def _grown(bounds: Floats, more: Floats) -> Floats:
-    return np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
+    grown: Floats = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
+    return grown
 
 
 def _metadata(geometry: str, bounds: Floats) -> dict[str, Any]:
