@@ -52,7 +52,8 @@ def _statement(
 
 def _segment(row: Row[Any]) -> Segment:
     """The segment of a row that begins with ``_COLUMNS``."""
-    return Segment(*row[: len(COLUMNS)], ((row.lon0, row.lat0), (row.lon1, row.lat1)))
+    properties = dict(zip(COLUMNS, row, strict=False))
+    return Segment(**properties, coordinates=((row.lon0, row.lat0), (row.lon1, row.lat1)))
 
 
 _PAGE = """

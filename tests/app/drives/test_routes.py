@@ -285,7 +285,7 @@ def test_an_uploaded_drive_through_the_town_ends_as_slopes_on_the_map(
     web: Any, town: Any, tmp_path: Path
 ) -> None:
     from app.roads.imports import import_roads  # noqa: PLC0415 - beside their only use
-    from app.terrain.store import import_dem  # noqa: PLC0415 - beside their only use
+    from app.terrain.imports import import_dem  # noqa: PLC0415 - beside their only use
 
     town.write_osm(tmp_path / "town.osm")
     town.write_dem(tmp_path / "town.tif")

@@ -22,7 +22,7 @@ from app.network import versions
 from app.network import versions as locks
 from app.roads import imports as roads
 from app.roads import store as road_store
-from app.roads.store import ImportCounts
+from app.roads.imports import ImportCounts
 from fusion.network import window
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
