@@ -185,7 +185,8 @@ class DriveSegmentRow:
 
 
 # A drive's own estimates beside the combination of all drives.
-_OF_DRIVE = """
+_OF_DRIVE = _statement(
+    """
     SELECT {columns}, e.slope_percent AS own_slope, e.slope_sigma_percent AS own_sigma,
            e.observations AS own_observations, e.passes, e.first_at, e.last_at, e.in_network, h.accepted
     FROM drive_segments AS e
@@ -195,7 +196,8 @@ _OF_DRIVE = """
                GROUP BY segment_id) AS h ON h.segment_id = s.id
     WHERE e.drive_id = :drive_id
     ORDER BY e.first_at, s.id
-"""
+    """
+)
 
 
 def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegmentRow]:
@@ -212,7 +214,7 @@ def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegme
             in_network=row.in_network,
             accepted=row.accepted,
         )
-        for row in session.execute(_statement(_OF_DRIVE), {"drive_id": drive_id})
+        for row in session.execute(_OF_DRIVE, {"drive_id": drive_id})
     ]
 
 
@@ -247,12 +249,14 @@ _MVT = text(
 )
 
 # The segments that the vector tile shows, whole.
-_TILE = """
+_TILE = _statement(
+    """
     SELECT {columns} FROM {segments}
     WHERE ST_Intersects(s.geom_3857, ST_TileEnvelope(:z, :x, :y))
         AND (CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL)
     ORDER BY s.id
-"""
+    """
+)
 
 
 def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM) -> bytes:
@@ -268,7 +272,7 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM)
 def geojson_tile(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM) -> list[Segment]:
     """The segments that meet the tile, whole and with all properties, by ascending id."""
     values = {"z": z, "x": x, "y": y, "classes": _classes(z, full_zoom)}
-    return [_segment(row) for row in session.execute(_statement(_TILE), values)]
+    return [_segment(row) for row in session.execute(_TILE, values)]
 
 
 def _classes(z: int, full_zoom: int) -> list[str] | None:

@@ -40,8 +40,8 @@ class RunProvenance:
     dem_version_id: int | None
 
 
-# A drive of the network has its part in the network's slopes; the published slope of other segments has to be made
-# again without it.
+# The segments whose published slope holds the drive's own estimate; what a drive of the network says is heard by
+# its passes.
 _SLOPE_ONLY = text("SELECT segment_id FROM drive_segments WHERE drive_id = :drive_id AND NOT in_network")
 
 _DELETE_PROVENANCE = text("DELETE FROM provenances WHERE drive_id = :drive_id")

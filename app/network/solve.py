@@ -26,8 +26,10 @@ TOLERANCE_PERCENT = 1e-6
 """Smaller changes are not written: a solution differs from the last by rounding wherever nothing happened."""
 
 SETTLED_PERCENT = 0.002
+"""Slopes just outside of what is published may move by so much; if they move farther, the window was too small."""
+
 SCALES = (1.0, 2.0, 4.0)
-"""The library's radii are multiplied by these in turn, while slopes just outside move more than the above."""
+"""The library's radii are multiplied by these in turn until the slopes are settled."""
 
 REGION_DEG = 0.02
 """Side of the squares in which a whole network is solved: a town's part of some thousand segments."""
