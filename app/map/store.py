@@ -19,7 +19,7 @@ from app.core.db import Bounds
 from app.map.segment import COLUMNS, Segment
 
 # What a ``Segment`` is made of, in its order, then its ends.
-_COLUMNS = (
+_SEGMENT_COLUMNS = (
     ", ".join(f"{column.sql} AS {name}" for name, column in COLUMNS.items())
     + ", ST_X(ST_StartPoint(s.geom)) AS lon0, ST_Y(ST_StartPoint(s.geom)) AS lat0"
     + ", ST_X(ST_EndPoint(s.geom)) AS lon1, ST_Y(ST_EndPoint(s.geom)) AS lat1"
@@ -47,11 +47,13 @@ def _statement(
     """The statement with its parts from the constants above; what a caller gives stays a parameter of it."""
     in_box = _ANYWHERE if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
     segments = _SEGMENTS_AND_GAPS if gaps else _SEGMENTS
-    return text(template.format(columns=_COLUMNS, segments=segments, driven=_DRIVEN[driven], in_box=in_box))
+    return text(
+        template.format(columns=_SEGMENT_COLUMNS, segments=segments, driven=_DRIVEN[driven], in_box=in_box)
+    )
 
 
 def _segment(row: Row[Any]) -> Segment:
-    """The segment of a row that begins with ``_COLUMNS``."""
+    """The segment of a row that begins with ``_SEGMENT_COLUMNS``."""
     properties = dict(zip(COLUMNS, row, strict=False))
     return Segment(**properties, coordinates=((row.lon0, row.lat0), (row.lon1, row.lat1)))
 

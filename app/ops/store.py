@@ -96,7 +96,10 @@ def driven_km_by_highway(session: Session) -> dict[str, float]:
 
 
 def totals(session: Session) -> Row[Any]:
-    """What is counted over whole tables, by the names in ``_TOTALS``; lengths in kilometres."""
+    """What is counted over whole tables, by the names in ``_TOTALS``; lengths in kilometres.
+
+    ``driven_distance_km`` is the sum over the drives: a road counts as often as it was driven.
+    """
     return session.execute(_TOTALS).one()
 
 
