@@ -23,10 +23,10 @@ from app.drives import routes as drives
 from app.drives.process import code_version
 from app.map import features, segments, tiles
 from app.map.features import BIND_NOTE
-from app.ops import admin, health
+from app.ops import health, stats
 from app.ops import problems as problem_kinds
-from app.ops.metrics import Metrics, MetricsMiddleware
-from app.ops.store import Gauges, read_gauges
+from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
+from app.ops.metrics import router as metrics_router
 
 ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
@@ -37,8 +37,9 @@ ROUTERS: tuple[APIRouter, ...] = (
     segments.router,
     features.router,
     tiles.router,
-    admin.router,
+    stats.router,
     health.router,
+    metrics_router,
     problem_kinds.router,
 )
 

@@ -15,7 +15,7 @@ from app.cli.options import Box, DataDir, JsonFile, in_a_folder, parse_box
 from app.map import store as segments
 from app.map.attribution import attribution
 from app.map.outputs import output_for, write
-from app.map.segment import SegmentFeature
+from app.map.segment import Segment
 from app.terrain import store as dem
 from fusion.errors import UnknownNameError
 from fusion.types import Progress
@@ -62,14 +62,13 @@ def export(
 
 def _features(
     session: Session, box: Box | None, driven: bool, gaps: bool, progress: Progress
-) -> Iterator[SegmentFeature]:
+) -> Iterator[Segment]:
     wanted = True if driven else None
     total = max(segments.count_segments(session, bbox=box, driven=wanted), 1)
     after, done = 0, 0
     while rows := segments.segment_items(
         session, bbox=box, after_id=after, limit=PAGE, driven=wanted, gaps=gaps
     ):
-        for row in rows:
-            yield SegmentFeature(**vars(row))
-        after, done = rows[-1].id, done + len(rows)
+        yield from rows
+        after, done = rows[-1].stored_id, done + len(rows)
         progress("writing", done / total)

@@ -19,8 +19,7 @@ from app.drives.outputs.track import track_chunks
 from app.map.attribution import attribution
 from app.map.outputs import output_for, write
 from app.map.outputs.geojson import collection_chunks
-from app.map.segment import SegmentFeature
-from app.map.slope_map import slope_map_png
+from app.map.segment import Segment
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.methods import DEFAULT_METHOD
 from fusion.methods.base import Options
@@ -164,9 +163,9 @@ def _one(fusion: Fusion, path: Path, console: Console, bars: Bars) -> dict[str, 
         return {"file": str(path), "status": "failed", "reason": reason, "segments": 0}
 
 
-def _map(
-    fusion: Fusion, features: Sequence[SegmentFeature], path: Path, source: str, console: Console
-) -> None:
+def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, console: Console) -> None:
+    from app.map.slope_picture import slope_map_png  # noqa: PLC0415 - it draws with matplotlib
+
     count = len(fusion.fused)
     title = f"Slopes from {fusion.fused[0].path.name}" if count == 1 else f"Slopes from {count} drives"
     slope_map_png(path, fusion.surroundings(), features, title=printable(title), credit=source)

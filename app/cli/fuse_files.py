@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from app.map.segment import SegmentFeature
+from app.map.segment import Segment
 from fusion.formats import read_log
 from fusion.methods.base import DriveResult, Options
 from fusion.network.combine import SlopePart, published_slope
@@ -38,7 +38,7 @@ class FusedLog:
 class Together(NamedTuple):
     """What the logs of a ``Fusion`` say together."""
 
-    features: list[SegmentFeature]
+    features: list[Segment]
     rejected: list[int]
     """For each log, on how many segments it contradicts the others and is not heard."""
 
@@ -73,7 +73,7 @@ class Fusion:
         self.fused.append(fused)
         return fused
 
-    def features(self, now: datetime | None = None, *, gaps: bool = False) -> list[SegmentFeature]:
+    def features(self, now: datetime | None = None, *, gaps: bool = False) -> list[Segment]:
         """Every segment with a slope, in the order of the road file; sigma and counts as in the service.
 
         ``gaps``: also undriven segments between driven ones, with 0 drives.
@@ -101,10 +101,10 @@ class Fusion:
 
 def _feature(
     table: RoadTable, row: int, parts: Sequence[SlopePart], dem_slope: float, now: datetime
-) -> SegmentFeature:
+) -> Segment:
     total = published_slope(parts)
     name = table.name[row]
-    return SegmentFeature(
+    return Segment(
         id=None,
         osm_way_id=int(table.osm_way_id[row]),
         from_node=int(table.from_node[row]),

@@ -13,8 +13,8 @@ from app.cli.console import Console, write_json
 from app.cli.database import sessions
 from app.cli.options import DataDir, JsonFile
 from app.roads import imports as road_imports
-from app.roads.store import ImportCounts
-from app.terrain import store as dem_store
+from app.roads.imports import ImportCounts
+from app.terrain import imports as dem_imports
 from fusion.terrain.quality import pair
 
 app = typer.Typer(add_completion=False)
@@ -86,7 +86,7 @@ def import_dem(
     console: Console = ctx.obj
     started = time.perf_counter()
     with sessions(data_dir) as (settings, factory), console.progress() as bars:
-        active = dem_store.import_dem(factory, files, settings.dem_dir, bars.work("elevation"))
+        active = dem_imports.import_dem(factory, files, settings.dem_dir, bars.work("elevation"))
     seconds = time.perf_counter() - started
     with_quality = [path.name for path, quality in pair(active.paths) if quality is not None]
     typer.echo(

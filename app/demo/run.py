@@ -22,7 +22,7 @@ from app.demo.baselines import baselines, feature_key
 from app.demo.score import Estimate, Score, SegmentKey, Truth, by_kind, by_structure, score
 from app.embedded.cluster import EmbeddedPostgres
 from app.roads import imports as road_imports
-from app.terrain import store as dem_store
+from app.terrain import imports as dem_imports
 from fusion.errors import FusionError
 from fusion.simulate.bundle import Bundle, write_all
 from fusion.simulate.write.truth_file import LEAST_DRIVEN_M
@@ -153,7 +153,7 @@ def _import(settings: Settings, bundle: Bundle, bars: Bars) -> None:
     try:
         sessions = session_factory(engine)
         road_imports.import_roads(sessions, bundle.osm, settings.dem_dir, bars.work(bundle.osm.name))
-        dem_store.import_dem(sessions, [bundle.dem], settings.dem_dir, bars.work(bundle.dem.name))
+        dem_imports.import_dem(sessions, [bundle.dem], settings.dem_dir, bars.work(bundle.dem.name))
     finally:
         engine.dispose()
 

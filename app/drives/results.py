@@ -36,8 +36,7 @@ from app.drives.outputs.track import track_chunks
 from app.drives.store import DriveRow
 from app.drives.tracks import StoredTrack
 from app.map.attribution import attribution
-from app.map.examples import SEGMENT_EXAMPLE
-from app.map.segment import feature_of
+from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import DriveSegmentRow
 
 PNG = "image/png"
@@ -150,9 +149,9 @@ def _drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[DriveRow, S
 
 
 def _profile(stored: StoredTrack, estimates: list[DriveSegmentRow]) -> Profile:
-    slopes = {e.segment.id: (e.slope_percent, e.slope_sigma_percent) for e in estimates}
+    slopes = {e.segment.stored_id: (e.slope_percent, e.slope_sigma_percent) for e in estimates}
     roads = {
-        e.segment.id: RoadFacts.between(
+        e.segment.stored_id: RoadFacts.between(
             *e.segment.coordinates, bridge=e.segment.bridge, tunnel=e.segment.tunnel
         )
         for e in estimates
@@ -163,7 +162,7 @@ def _profile(stored: StoredTrack, estimates: list[DriveSegmentRow]) -> Profile:
 def _estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:
     combined = estimate.segment
     own = replace(
-        feature_of(combined),
+        combined,
         slope_percent=estimate.slope_percent,
         slope_sigma_percent=estimate.slope_sigma_percent,
         drives=1,

@@ -32,12 +32,9 @@ from app.core.query import check_datetime, parse_bbox, refuse_unknown
 from app.core.text import GEO_JSON, utc_text
 from app.map import store as segments
 from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
-from app.map.examples import FEATURE_EXAMPLE, ITEMS_EXAMPLE
-from app.map.extent import cached_extent
-from app.map.segment import feature_of
-from app.map.segments import MAX_ID, GapsQuery, SegmentId
+from app.map.coverage import cached_extent, dem_names
+from app.map.segments import EXAMPLE_ADDRESS, FEATURE_EXAMPLE, MAX_ID, GapsQuery, SegmentId
 from app.network.versions import data_version_tag
-from app.terrain import store as dem
 
 COLLECTION = "segments"
 CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
@@ -58,6 +55,18 @@ BIND_NOTE = (
 ITEMS_SCHEMA = 1
 """Raise it whenever items change without their data changing, so that caches notice."""
 ITEM_PARAMETERS = frozenset({"bbox", "limit", "driven", "gaps", "datetime", "after", "f"})
+
+ITEMS_EXAMPLE: dict[str, Any] = {
+    "type": "FeatureCollection",
+    "attribution": attribution(),
+    "timeStamp": "2026-11-20T09:14:00.000Z",
+    "numberReturned": 1,
+    "links": [
+        {"href": f"{EXAMPLE_ADDRESS}?limit=1", "rel": "self", "type": GEO_JSON},
+        {"href": f"{EXAMPLE_ADDRESS}?limit=1&after=17", "rel": "next", "type": GEO_JSON},
+    ],
+    "features": [FEATURE_EXAMPLE],
+}
 
 FormatQuery = Annotated[str | None, Query(description="Only `json`; for clients that ask for it.")]
 
@@ -183,7 +192,7 @@ def items(
         rows = segments.segment_items(
             session, bbox=box, after_id=after, limit=size + 1, driven=driven, gaps=bool(gaps)
         )
-        source = _attribution(service, session)
+        source = attribution(dem_names(service, session))
     shown, more = rows[:size], len(rows) > size
     query = {"bbox": bbox, "limit": size, "driven": driven, "gaps": gaps, "datetime": datetime_}
     here = f"{base}/collections/{COLLECTION}/items"
@@ -200,7 +209,7 @@ def items(
         **({"numberMatched": len(shown)} if not more and not after else {}),
         "numberReturned": len(shown),
         "links": link_documents(links),
-        "features": [feature_of(row).geojson() for row in shown],
+        "features": [row.geojson() for row in shown],
     }
     return geojson_response(document, headers)
 
@@ -229,13 +238,13 @@ def item(
         link(f"{base}/collections/{COLLECTION}", "collection"),
         link(f"{base}/v1/segments/{segment_id}/observations", "observations", title="The drives behind it"),
     ]
-    return geojson_response({**feature_of(row).geojson(), "links": link_documents(links)})
+    return geojson_response({**row.geojson(), "links": link_documents(links)})
 
 
 def _collection(service: Service, base: str) -> dict[str, Any]:
     with service.reading() as session:
         bounds = cached_extent(service, session)
-        source = _attribution(service, session)
+        source = attribution(dem_names(service, session))
     here = f"{base}/collections/{COLLECTION}"
     links: list[Link] = [
         link(here, "self"),
@@ -255,11 +264,6 @@ def _collection(service: Service, base: str) -> dict[str, Any]:
     if bounds is not None:
         description["extent"] = {"spatial": {"bbox": [list(bounds)], "crs": CRS84}}
     return description
-
-
-def _attribution(service: Service, session: Any) -> str:
-    active = dem.current_dem(session, service.settings.dem_dir)
-    return attribution(active.names if active else ())
 
 
 def _only_json(request: Request, f: str | None, known: frozenset[str] = frozenset({"f"})) -> None:

@@ -1,89 +1,81 @@
-"""What every route needs: the service's parts, links that work from outside, conditional answers."""
+"""One road segment with its slope: the record that is read from the database and written to every output.
+
+Each field says by which expression it is read, of which type its column is in a file and with how many digits it is
+written; the columns of queries, the properties and the schemas of files follow from that. Nothing here knows the
+statements (``app.map.store``) or the files (``app.map.outputs``).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Annotated, Any, get_origin, get_type_hints
 
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS, rounded, utc_text
 
-
-def feature_of(row: SegmentRow) -> SegmentFeature:
-    """A row of the store as what the outputs write."""
-    return SegmentFeature(**vars(row))
-
-
-PROPERTIES = (
-    "id",
-    "osm_way_id",
-    "from_node",
-    "to_node",
-    "length_m",
-    "highway",
-    "name",
-    "oneway",
-    "bridge",
-    "tunnel",
-    "slope_percent",
-    "slope_sigma_percent",
-    "drives",
-    "observations",
-    "dem_slope_percent",
-    "updated_at",
-)
-"""The segment properties of the contract, in its order."""
-
 Position = tuple[float, float]
+"""Longitude, latitude, degrees."""
 
 
 @dataclass(frozen=True)
-class SegmentFeature:
+class Column:
+    """How a property of a segment is read and written."""
+
+    sql: str
+    """The expression that reads it: s is the segment, a what is published of it, which may be missing."""
+    arrow: str
+    """Its type in columnar files, by Arrow's name."""
+    digits: int | None = None
+    """Decimal places in every output, for fractions."""
+
+
+@dataclass(frozen=True)
+class Segment:
     """A segment and its slope. Unknown is None or NaN here and null in every output, never 0.
 
-    ``id`` is the service's number (None outside a database), ``coordinates`` are (longitude, latitude) pairs
-    in degrees from from_node to to_node, ``oneway`` is 1 along the way, -1 against it, 0 both. Slopes and
-    sigma are in percent, positive uphill from from_node to to_node; ``updated_at`` is aware.
+    An undriven segment has neither slope nor ``updated_at``, and counts 0; a gap between driven ones, where gaps are
+    asked for, has a slope and counts 0.
     """
 
-    id: int | None
-    osm_way_id: int
-    from_node: int
-    to_node: int
-    length_m: float
-    highway: str
-    name: str | None
-    oneway: int
-    bridge: bool
-    tunnel: bool
-    slope_percent: float | None
-    slope_sigma_percent: float | None
-    drives: int
-    observations: int
-    dem_slope_percent: float | None
-    updated_at: datetime | None
+    id: Annotated[int | None, Column("s.id", "int64")]
+    """The service's number; None outside of a database."""
+    osm_way_id: Annotated[int, Column("s.osm_way_id", "int64")]
+    from_node: Annotated[int, Column("s.from_node", "int64")]
+    to_node: Annotated[int, Column("s.to_node", "int64")]
+    length_m: Annotated[float, Column("s.length_m", "double", LENGTH_DIGITS)]
+    highway: Annotated[str, Column("s.highway", "string")]
+    name: Annotated[str | None, Column("s.name", "string")]
+    oneway: Annotated[int, Column("s.oneway", "int16")]
+    """1 along the way, -1 against it, 0 both."""
+    bridge: Annotated[bool, Column("s.bridge", "bool")]
+    tunnel: Annotated[bool, Column("s.tunnel", "bool")]
+    slope_percent: Annotated[float | None, Column("a.slope_percent", "double", SLOPE_DIGITS)]
+    """Positive uphill from from_node to to_node."""
+    slope_sigma_percent: Annotated[float | None, Column("a.slope_sigma_percent", "double", SLOPE_DIGITS)]
+    """One standard deviation."""
+    drives: Annotated[int, Column("coalesce(a.drives, 0)", "int32")]
+    observations: Annotated[int, Column("coalesce(a.observations, 0)", "int32")]
+    dem_slope_percent: Annotated[float | None, Column("s.dem_slope_percent", "double", SLOPE_DIGITS)]
+    """By the elevation model alone."""
+    updated_at: Annotated[datetime | None, Column("a.updated_at", "timestamp[ms, tz=UTC]")]
+    """When what is published of it last changed; aware."""
     coordinates: tuple[Position, ...]
+    """The line, from_node first; its ends where it comes from the database."""
+
+    @property
+    def stored_id(self) -> int:
+        """The service's number of a segment from its database; ValueError for any other segment."""
+        if self.id is None:
+            raise ValueError("a segment that comes from no database has no number")
+        return self.id
 
     def properties(self) -> dict[str, Any]:
-        """The 16 properties in the contract's order, rounded, JSON-serialisable; NaN is None."""
-        return {
-            "id": self.id,
-            "osm_way_id": self.osm_way_id,
-            "from_node": self.from_node,
-            "to_node": self.to_node,
-            "length_m": rounded(self.length_m, LENGTH_DIGITS),
-            "highway": self.highway,
-            "name": self.name,
-            "oneway": self.oneway,
-            "bridge": self.bridge,
-            "tunnel": self.tunnel,
-            "slope_percent": rounded(self.slope_percent, SLOPE_DIGITS),
-            "slope_sigma_percent": rounded(self.slope_sigma_percent, SLOPE_DIGITS),
-            "drives": self.drives,
-            "observations": self.observations,
-            "dem_slope_percent": rounded(self.dem_slope_percent, SLOPE_DIGITS),
-            "updated_at": utc_text(self.updated_at),
-        }
+        """The properties of the contract in its order, rounded, JSON-serialisable; NaN is None."""
+        values = {name: getattr(self, name) for name in PROPERTIES}
+        for name, digits in _DIGITS.items():
+            values[name] = rounded(values[name], digits)
+        values["updated_at"] = utc_text(self.updated_at)
+        return values
 
     def geometry(self) -> dict[str, Any]:
         """The GeoJSON LineString, from_node first."""
@@ -103,29 +95,12 @@ class SegmentFeature:
         return feature | {"geometry": self.geometry(), "properties": self.properties()}
 
 
-@dataclass(frozen=True)
-class SegmentRow:
-    """A segment with its combined slope; undriven: slope, sigma and ``updated_at`` None, counts 0.
+def _columns() -> dict[str, Column]:
+    hints = get_type_hints(Segment, include_extras=True)
+    return {name: hint.__metadata__[0] for name, hint in hints.items() if get_origin(hint) is Annotated}
 
-    A gap between driven segments, where gaps are asked for, has a slope and counts 0.
-    ``coordinates`` are ((lon, lat) of from_node, (lon, lat) of to_node), degrees; ``oneway`` is 1 along the
-    way, -1 against it, 0 both.
-    """
 
-    id: int
-    osm_way_id: int
-    from_node: int
-    to_node: int
-    length_m: float
-    highway: str
-    name: str | None
-    oneway: int
-    bridge: bool
-    tunnel: bool
-    slope_percent: float | None
-    slope_sigma_percent: float | None
-    drives: int
-    observations: int
-    dem_slope_percent: float | None
-    updated_at: datetime | None
-    coordinates: tuple[tuple[float, float], tuple[float, float]]
+COLUMNS = _columns()
+"""The segment properties of the contract, in its order: all fields but the line."""
+PROPERTIES = tuple(COLUMNS)
+_DIGITS = {name: column.digits for name, column in COLUMNS.items() if column.digits is not None}

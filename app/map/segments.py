@@ -1,13 +1,20 @@
-"""One segment, and the drives behind it."""
+"""Routes to one segment and to the drives behind it, with their documents.
+
+What the other routes of the map have in common with these is here as well: parameters and examples.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+import uuid
+from datetime import UTC, datetime
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query, Response
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from app.core.http import (
     BaseUrl,
+    Link,
     ServiceDep,
     found,
     geojson_answer,
@@ -17,11 +24,12 @@ from app.core.http import (
     problems,
     with_query,
 )
-from app.core.text import GEO_JSON
+from app.core.text import GEO_JSON, SLOPE_DIGITS, Moment, rounded
+from app.drives.documents import EXAMPLE_ID
 from app.map import store as segments
-from app.map.documents import Observation, ObservationList
-from app.map.examples import FEATURE_EXAMPLE
-from app.map.segment import feature_of
+from app.map.attribution import attribution
+from app.map.segment import Segment
+from app.map.store import ObservationRow
 
 MAX_ID = 2**63 - 1
 
@@ -30,6 +38,103 @@ GapsQuery = Annotated[
     bool | None,
     Query(description="With true, undriven segments between driven ones come with the slope that follows."),
 ]
+
+EXAMPLE_ADDRESS = "http://127.0.0.1:8000/collections/segments/items"
+FEATURE_EXAMPLE = Segment(
+    id=17,
+    osm_way_id=23_456_789,
+    from_node=1001,
+    to_node=1002,
+    length_m=41.374,
+    highway="residential",
+    name="Turmbergstraße",
+    oneway=0,
+    bridge=False,
+    tunnel=False,
+    slope_percent=6.8214,
+    slope_sigma_percent=0.3127,
+    drives=3,
+    observations=24,
+    dem_slope_percent=4.1,
+    updated_at=datetime(2026, 11, 20, 9, 13, 2, 4000, UTC),
+    coordinates=((8.4812345, 48.9912345), (8.4815678, 48.9915432)),
+).geojson()
+
+SEGMENT_EXAMPLE: dict[str, Any] = {
+    "type": "FeatureCollection",
+    "attribution": attribution(),
+    "numberReturned": 1,
+    "links": [{"href": EXAMPLE_ADDRESS, "rel": "self", "type": GEO_JSON}],
+    "features": [FEATURE_EXAMPLE],
+}
+OBSERVATION_EXAMPLE: dict[str, Any] = {
+    "drive_id": EXAMPLE_ID,
+    "drive_time": "2026-11-20T07:55:10.000Z",
+    "slope_percent": 6.75,
+    "slope_sigma_percent": 0.41,
+    "observations": 8,
+    "passes": 1,
+    "first_at": "2026-11-20T07:55:31.000Z",
+    "last_at": "2026-11-20T07:55:38.000Z",
+    "in_network": True,
+    "accepted": True,
+    "weight": 0.5316,
+    "method": "profile",
+    "options": {"doppler": True, "match_radius_m": 50.0},
+    "code_version": "0.1.0",
+    "road_version_id": 2,
+    "dem_version_id": 1,
+    "estimated_at": "2026-11-20T09:13:02.004Z",
+}
+
+Percent = Annotated[float, BeforeValidator(lambda value: rounded(value, SLOPE_DIGITS))]
+Share = Annotated[float, BeforeValidator(lambda value: rounded(value, 4))]
+
+
+class Observation(BaseModel):
+    """What one drive says about a segment, and how that estimate was made."""
+
+    drive_id: uuid.UUID
+    drive_time: Moment | None
+    slope_percent: Percent
+    slope_sigma_percent: Percent
+    observations: int = Field(description="Epochs used.")
+    passes: int = Field(description="How often the drive went over the segment.")
+    first_at: Moment
+    last_at: Moment
+    in_network: bool = Field(description="Solved together with all drives, rather than averaged with them.")
+    accepted: bool | None = Field(
+        description="Whether the drive is heard here, or contradicts the others; null unless in_network."
+    )
+    weight: Share = Field(
+        description="Its share in the segment's slope, 0..1, by the inverse variance of its own estimate."
+    )
+    method: str
+    options: dict[str, Any]
+    code_version: str
+    road_version_id: int
+    dem_version_id: int | None
+    estimated_at: Moment
+
+    @classmethod
+    def of(cls, row: ObservationRow) -> Observation:
+        """Build from what the store returns."""
+        return cls(**vars(row))
+
+
+class ObservationList(BaseModel):
+    """All drives behind a segment's slope, latest first."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"segment_id": 17, "observations": [OBSERVATION_EXAMPLE], "links": []}]
+        }
+    )
+
+    segment_id: int
+    observations: list[Observation]
+    links: list[Link]
+
 
 router = APIRouter(prefix="/v1/segments", tags=["segments"])
 
@@ -57,7 +162,7 @@ def get_segment(
         link(f"{here}/observations", "observations", title="The drives behind it"),
         link(with_query(item, gaps=gaps), "alternate", GEO_JSON),
     ]
-    return geojson_response({**feature_of(row).geojson(), "links": link_documents(links)})
+    return geojson_response({**row.geojson(), "links": link_documents(links)})
 
 
 @router.get("/{segment_id}/observations", summary="The drives behind a segment", responses=problems(404, 503))

@@ -1,44 +1,25 @@
-"""A picture of the slopes of a road network: colour is steepness, arrows point uphill, width is certainty."""
+"""What a map of slopes shows: every road with its slope, lines wide where sure, arrows where the sign is certain.
+
+How that is drawn is in ``app.map.slope_picture``: here is no matplotlib.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from app.map.segment import SegmentFeature
-from fusion.frames import LocalProjection
+from app.map.segment import Segment
 from fusion.roads.table import RoadTable
 from fusion.types import Floats
 
-# Lightness falls steadily with steepness, so that colour-blind people and grey printers see the order; the flat end,
-# without viridis' palest tenth, is well visible on white: flat is a measurement, and must not look like the grey of
-# an unknown road.
-STEEPNESS = LinearSegmentedColormap.from_list("steepness", colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
-UNKNOWN_COLOUR = "#a9a9a9"
-UNKNOWN_WIDTH_PT, UNKNOWN_DASHES = 0.8, (0, (3, 2.5))
-OSM_CREDIT = "© OpenStreetMap contributors"
 SURE_SIGMA_PERCENT, UNSURE_SIGMA_PERCENT = 0.3, 3.0
 SURE_WIDTH_PT, UNSURE_WIDTH_PT = 5.0, 1.2
-SCALE_FLOOR_PERCENT = 4.0  # a colour scale of a flat town must not dramatise tenths of a percent
+"""Lines are widest at the first sigma and below, narrowest at the second and above."""
 DOUBT = 1.96  # an arrow needs a slope whose sign is beyond 95 % doubt
 ARROW_PERCENT = 1.0  # and steeper than this
-ARROW_COLOUR, INK = "white", "#20262b"
-ARROWS_ACROSS = 28
-MAP_IN, LEAST_IN, BESIDE_IN, BELOW_IN = 9.0, 6.5, 1.1, 1.4
-"""Longer side of the map, least width, room for the colour bar, room for title and key."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +39,28 @@ class MapSegments:
     def known(self) -> NDArray[np.bool_]:
         """Which segments have a slope."""
         return np.isfinite(self.slope_percent)
+
+
+def map_segments(roads: RoadTable, segments: Iterable[Segment]) -> MapSegments:
+    """The roads with the slopes of those of the segments that are among them."""
+    known = {(s.osm_way_id, s.from_node, s.to_node): s for s in segments}
+    slope, sigma = np.full(len(roads), np.nan), np.full(len(roads), np.nan)
+    keys = zip(roads.osm_way_id.tolist(), roads.from_node.tolist(), roads.to_node.tolist(), strict=True)
+    for row, key in enumerate(keys):
+        segment = known.get(key)
+        if segment is not None and segment.slope_percent is not None:
+            slope[row] = segment.slope_percent
+            sigma[row] = np.nan if segment.slope_sigma_percent is None else segment.slope_sigma_percent
+    return MapSegments(
+        lon0_deg=roads.lon0_deg,
+        lat0_deg=roads.lat0_deg,
+        lon1_deg=roads.lon1_deg,
+        lat1_deg=roads.lat1_deg,
+        slope_percent=slope,
+        slope_sigma_percent=sigma,
+        bridge=roads.bridge,
+        tunnel=roads.tunnel,
+    )
 
 
 def line_widths(sigma_percent: Floats) -> Floats:
@@ -86,229 +89,3 @@ def arrow_choice(
         if not chosen or apart.min() >= spacing_m:
             chosen.append(int(i))
     return np.array(chosen, np.int64)
-
-
-def draw_slope_map(
-    out: Path | BinaryIO,
-    segments: MapSegments,
-    *,
-    title: str = "Road slopes",
-    credit: str = OSM_CREDIT,
-    dpi: int = 130,
-) -> None:
-    """Write a PNG of the segments to ``out``; see ``slope_figure``."""
-    slope_figure(segments, title=title, credit=credit, dpi=dpi).savefig(out, format="png")
-
-
-def slope_figure(
-    segments: MapSegments, *, title: str = "Road slopes", credit: str = OSM_CREDIT, dpi: int = 130
-) -> Figure:
-    """The map; an unknown slope is a thin dashed grey line, never a colour.
-
-    ``credit`` is the attribution printed below the map. Raises ``ValueError`` when there is no segment.
-    """
-    if not len(segments.lon0_deg):
-        raise ValueError("There is no segment to draw.")
-    lines = _lines_m(segments)
-    figure = Figure(figsize=_size_in(lines), dpi=dpi, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    scale = _colour_scale(segments)
-    _draw_unknown(axes, lines[~segments.known])
-    _draw_known(axes, lines, segments, scale)
-    _dress(axes, lines, title, credit)
-    bar = figure.colorbar(
-        ScalarMappable(scale, STEEPNESS), ax=axes, shrink=0.6, pad=0.02, aspect=28, extend="max"
-    )
-    bar.set_label("Steepness, % (arrows point uphill)")
-    return figure
-
-
-def _size_in(lines: Floats) -> tuple[float, float]:
-    """Width and height of a figure in which the map, of the roads' own shape, leaves no empty margins."""
-    width, height = np.maximum(np.ptp(lines.reshape(-1, 2), axis=0), 0.4 * max(_extent_m(lines), 1.0))
-    scale = MAP_IN / max(width, height)
-    return max(width * scale, LEAST_IN) + BESIDE_IN, height * scale + BELOW_IN
-
-
-def _lines_m(segments: MapSegments) -> Floats:
-    """Ends of every segment in local metres, shape (n, 2, 2)."""
-    lon = np.column_stack([segments.lon0_deg, segments.lon1_deg])
-    lat = np.column_stack([segments.lat0_deg, segments.lat1_deg])
-    x, y = LocalProjection.around(lon, lat).to_xy(lon, lat)
-    return np.stack([x, y], axis=-1)
-
-
-def _colour_scale(segments: MapSegments) -> Normalize:
-    steep = np.abs(segments.slope_percent[segments.known])
-    top = float(np.quantile(steep, 0.97)) if len(steep) else 0.0
-    return Normalize(0.0, max(SCALE_FLOOR_PERCENT, float(np.ceil(top))))
-
-
-def _draw_unknown(axes: Axes, lines: Floats) -> None:
-    axes.add_collection(
-        LineCollection(
-            list(lines),
-            colors=UNKNOWN_COLOUR,
-            linewidths=UNKNOWN_WIDTH_PT,
-            linestyles=UNKNOWN_DASHES,
-            zorder=1,
-            label="unknown",
-        )
-    )
-
-
-def _draw_known(axes: Axes, lines: Floats, segments: MapSegments, scale: Normalize) -> None:
-    known = np.flatnonzero(segments.known)
-    # Narrow first, so that what is sure lies on top where roads cross.
-    known = known[np.argsort(-np.nan_to_num(segments.slope_sigma_percent[known], nan=np.inf), kind="stable")]
-    slope, sigma = segments.slope_percent[known], segments.slope_sigma_percent[known]
-    widths = line_widths(sigma)
-    for structure, style in ((segments.bridge[known], "solid"), (segments.tunnel[known], (0, (1.2, 0.8)))):
-        axes.add_collection(
-            LineCollection(
-                list(lines[known][structure]),
-                colors="black",
-                linewidths=widths[structure] + 2.6,
-                linestyles=style,
-                capstyle="butt",
-                zorder=2,
-            )
-        )
-    colours = STEEPNESS(scale(np.abs(slope)))
-    axes.add_collection(
-        LineCollection(
-            list(lines[known]), colors=colours, linewidths=widths, capstyle="round", zorder=3, label="known"
-        )
-    )
-    _draw_arrows(axes, lines[known], slope, sigma, _extent_m(lines) / ARROWS_ACROSS)
-
-
-def _draw_arrows(axes: Axes, lines: Floats, slope: Floats, sigma: Floats, spacing_m: float) -> None:
-    middle = lines.mean(axis=1)
-    chosen = arrow_choice(middle, slope, sigma, spacing_m)
-    if not len(chosen):
-        return
-    along = lines[chosen, 1] - lines[chosen, 0]
-    uphill = along / np.maximum(np.hypot(*along.T), 1e-9)[:, None] * np.sign(slope[chosen])[:, None]
-    # The shafts must not lie over the road's own colour, so that only heads are drawn, of one size on paper.
-    axes.quiver(
-        *middle[chosen].T,
-        *uphill.T,
-        angles="xy",
-        pivot="middle",
-        units="dots",
-        scale_units="dots",
-        scale=1 / 12,
-        width=1.0,
-        headwidth=12,
-        headlength=12,
-        headaxislength=9,
-        facecolor=ARROW_COLOUR,
-        edgecolor=INK,
-        linewidth=0.8,
-        zorder=4,
-    )
-
-
-def _extent_m(lines: Floats) -> float:
-    corners = lines.reshape(-1, 2)
-    return float(np.max(np.ptp(corners, axis=0)))
-
-
-def _dress(axes: Axes, lines: Floats, title: str, credit: str) -> None:
-    axes.set_aspect("equal")
-    axes.autoscale_view()
-    axes.margins(0.03)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    axes.set_title(title, loc="left", fontsize=12)
-    axes.set_xlabel(credit, fontsize=8, loc="left")
-    for side in axes.spines.values():
-        side.set_color("#dddddd")
-    _scale_bar(axes, lines)
-    axes.figure.legend(  # below the map: any corner inside it may hold roads
-        handles=_keys(),
-        loc="outside lower left",
-        fontsize=8,
-        frameon=False,
-        handlelength=3,
-        ncols=3,
-        title="Width: how certain the slope is (1 sigma)",
-        title_fontsize=8,
-        alignment="left",
-    )
-
-
-def _keys() -> list[Line2D]:
-    """What the legend explains, column by column."""
-    widths = [
-        Line2D([], [], color="#777777", lw=float(line_widths(np.array([s]))[0]), label=label)
-        for s, label in (
-            (SURE_SIGMA_PERCENT, f"{SURE_SIGMA_PERCENT:g} % or less"),
-            (1.0, "1 %"),
-            (UNSURE_SIGMA_PERCENT, f"{UNSURE_SIGMA_PERCENT:g} % or more"),
-        )
-    ]
-    unknown = Line2D(
-        [], [], color=UNKNOWN_COLOUR, lw=UNKNOWN_WIDTH_PT, ls=UNKNOWN_DASHES, label="slope unknown"
-    )
-    uphill = Line2D(
-        [],
-        [],
-        ls="none",
-        marker=">",
-        ms=7,
-        mfc=ARROW_COLOUR,
-        mec=INK,
-        label=f"uphill, above {ARROW_PERCENT:g} %",
-    )
-    bridge = Line2D([], [], color="black", lw=6, label="bridge (cased)")
-    tunnel = Line2D([], [], color="black", lw=6, ls=(0, (0.5, 0.35)), label="tunnel (dashed case)")
-    return [*widths, unknown, uphill, bridge, tunnel]
-
-
-def _scale_bar(axes: Axes, lines: Floats) -> None:
-    extent = _extent_m(lines)
-    length = 10 ** np.floor(np.log10(max(extent, 1.0) / 4))
-    length *= max(m for m in (1, 2, 5) if m * length <= extent / 4 or m == 1)
-    x, y = lines.reshape(-1, 2).min(axis=0) - [0.0, 0.03 * extent]
-    label = f"{length / 1000:g} km" if length >= 1000 else f"{length:g} m"
-    axes.plot([x, x + length], [y, y], color="black", lw=2, solid_capstyle="butt", zorder=5)
-    axes.annotate(
-        label, (x + length / 2, y), (0, 4), textcoords="offset points", ha="center", fontsize=8, zorder=5
-    )
-
-
-def slope_map_png(
-    path: Path,
-    roads: RoadTable,
-    features: Iterable[SegmentFeature],
-    *,
-    title: str,
-    credit: str,
-) -> None:
-    """Draw all ``roads``; those that no feature gives a slope are unknown. Raises ``ValueError`` without any road."""
-    draw_slope_map(path, map_segments(roads, features), title=title, credit=credit.replace("$", r"\$"))
-
-
-def map_segments(roads: RoadTable, features: Iterable[SegmentFeature]) -> MapSegments:
-    """The roads with the slopes of those of the features that are among them."""
-    known = {(f.osm_way_id, f.from_node, f.to_node): f for f in features}
-    slope, sigma = np.full(len(roads), np.nan), np.full(len(roads), np.nan)
-    keys = zip(roads.osm_way_id.tolist(), roads.from_node.tolist(), roads.to_node.tolist(), strict=True)
-    for row, key in enumerate(keys):
-        feature = known.get(key)
-        if feature is not None and feature.slope_percent is not None:
-            slope[row] = feature.slope_percent
-            sigma[row] = np.nan if feature.slope_sigma_percent is None else feature.slope_sigma_percent
-    return MapSegments(
-        lon0_deg=roads.lon0_deg,
-        lat0_deg=roads.lat0_deg,
-        lon1_deg=roads.lon1_deg,
-        lat1_deg=roads.lat1_deg,
-        slope_percent=slope,
-        slope_sigma_percent=sigma,
-        bridge=roads.bridge,
-        tunnel=roads.tunnel,
-    )

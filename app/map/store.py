@@ -1,36 +1,109 @@
-"""What the store returns: plain frozen rows, detached from any session."""
+"""Segments with their published slopes out of the database: one, a page of them, a tile, and the drives behind one.
+
+Every statement about what is shown of segments stands here, in full, with its parts in braces. This file knows nothing
+of requests and formats; how a segment's properties are read is said in ``app.map.segment``.
+"""
 
 from __future__ import annotations
 
 import uuid
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Row, text
+from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
-from app.map.segment import SegmentRow
+from app.map.segment import COLUMNS, Segment
+
+# What a ``Segment`` is made of, in its order, then its ends.
+_SEGMENT_COLUMNS = (
+    ", ".join(f"{column.sql} AS {name}" for name, column in COLUMNS.items())
+    + ", ST_X(ST_StartPoint(s.geom)) AS lon0, ST_Y(ST_StartPoint(s.geom)) AS lat0"
+    + ", ST_X(ST_EndPoint(s.geom)) AS lon1, ST_Y(ST_EndPoint(s.geom)) AS lat1"
+)
+
+# A gap's slope comes from the driven segments on both its sides: only who asks for gaps sees it.
+_SEGMENTS_AND_GAPS = "segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id"
+_SEGMENTS = _SEGMENTS_AND_GAPS + " AND a.drives > 0"
+
+_DRIVEN = {None: "true", True: "a.drives > 0", False: "coalesce(a.drives, 0) = 0"}
+
+_ANYWHERE = "true"
+_IN_BOX = "ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, :east, :north, 4326))"
+
+# A box whose west is east of its east crosses the antimeridian (RFC 7946, section 5.2).
+_IN_BOX_ACROSS = """(
+        ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, 180, :north, 4326))
+        OR ST_Intersects(s.geom, ST_MakeEnvelope(-180, :south, :east, :north, 4326)))
+"""
 
 
-@dataclass(frozen=True)
-class DriveSegmentRow:
-    """One drive's estimate of one segment; ``segment`` carries the combination of all drives.
+def _statement(
+    template: str, *, gaps: bool = False, driven: bool | None = None, bbox: Bounds | None = None
+) -> TextClause:
+    """The statement with its parts from the constants above; what a caller gives stays a parameter of it."""
+    in_box = _ANYWHERE if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
+    segments = _SEGMENTS_AND_GAPS if gaps else _SEGMENTS
+    return text(
+        template.format(columns=_SEGMENT_COLUMNS, segments=segments, driven=_DRIVEN[driven], in_box=in_box)
+    )
 
-    ``in_network`` and ``accepted``: as in ``ObservationRow``.
+
+def _segment(row: Row[Any]) -> Segment:
+    """The segment of a row that begins with ``_SEGMENT_COLUMNS``."""
+    properties = dict(zip(COLUMNS, row, strict=False))
+    return Segment(**properties, coordinates=((row.lon0, row.lat0), (row.lon1, row.lat1)))
+
+
+_PAGE = """
+    SELECT {columns} FROM {segments}
+    WHERE s.id > :after_id AND {driven} AND {in_box}
+    ORDER BY s.id LIMIT :limit
+"""
+_COUNT = "SELECT count(*) FROM {segments} WHERE {driven} AND {in_box}"
+_ONE = "SELECT {columns} FROM {segments} WHERE s.id = :id"
+
+
+def segment_items(
+    session: Session,
+    *,
+    bbox: Bounds | None = None,
+    after_id: int = 0,
+    limit: int = 100,
+    driven: bool | None = None,
+    gaps: bool = False,
+) -> list[Segment]:
+    """At most ``limit`` segments with an id above ``after_id``, by ascending id.
+
+    ``bbox`` keeps those that meet the box (degrees; west > east: across the antimeridian), ``driven`` those
+    that were (True) or were not (False) driven. With ``gaps`` undriven segments between driven ones come with
+    the slope that the network gives them, else without one, like all undriven segments. Going on from the last
+    id reaches every segment once.
     """
+    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox)
+    return [
+        _segment(row)
+        for row in session.execute(page, {"after_id": after_id, "limit": limit, **_corners(bbox)})
+    ]
 
-    segment: SegmentRow
-    slope_percent: float
-    slope_sigma_percent: float
-    observations: int
-    passes: int
-    first_at: datetime
-    last_at: datetime
-    in_network: bool
-    accepted: bool | None
+
+def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:
+    """How many segments ``segment_items`` reaches with these filters. Reads all of them."""
+    count = _statement(_COUNT, driven=driven, bbox=bbox)
+    return int(session.execute(count, _corners(bbox)).scalar_one())
+
+
+def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> Segment | None:
+    """The segment, or None; ``gaps`` as in ``segment_items``."""
+    row = session.execute(_statement(_ONE, gaps=gaps), {"id": segment_id}).one_or_none()
+    return None if row is None else _segment(row)
+
+
+def _corners(bbox: Bounds | None) -> dict[str, float]:
+    return {} if bbox is None else dict(zip(("west", "south", "east", "north"), bbox, strict=True))
 
 
 @dataclass(frozen=True)
@@ -61,69 +134,21 @@ class ObservationRow:
     estimated_at: datetime
 
 
-_PROPERTIES = tuple(spec.name for spec in fields(SegmentRow) if spec.name != "coordinates")
-
-# What a SegmentRow is made of, in its order, then its ends; the tables are called s (segments) and a
-# (segment_slopes, may be missing).
-SEGMENT_COLUMNS = """
-    s.id, s.osm_way_id, s.from_node, s.to_node, s.length_m, s.highway, s.name, s.oneway, s.bridge, s.tunnel,
-    a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives,
-    coalesce(a.observations, 0) AS observations, s.dem_slope_percent, a.updated_at,
-    ST_X(ST_StartPoint(s.geom)) AS lon0, ST_Y(ST_StartPoint(s.geom)) AS lat0,
-    ST_X(ST_EndPoint(s.geom)) AS lon1, ST_Y(ST_EndPoint(s.geom)) AS lat1
-"""
-FROM_SEGMENTS_AND_GAPS = " FROM segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id "
-
-# A gap's slope comes from the driven segments on both its sides: only who asks for gaps sees it.
-FROM_SEGMENTS = FROM_SEGMENTS_AND_GAPS + "AND a.drives > 0 "
-
-_IN_BOX = " AND ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, :east, :north, 4326))"
-
-# A box whose west is east of its east crosses the antimeridian (RFC 7946, section 5.2).
-_IN_BOX_ACROSS = (
-    " AND (ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, 180, :north, 4326))"
-    " OR ST_Intersects(s.geom, ST_MakeEnvelope(-180, :south, :east, :north, 4326)))"
-)
-_DRIVEN = {None: "", True: " AND a.drives > 0", False: " AND coalesce(a.drives, 0) = 0"}
-
-
-def segment_items(
-    session: Session,
-    *,
-    bbox: Bounds | None = None,
-    after_id: int = 0,
-    limit: int = 100,
-    driven: bool | None = None,
-    gaps: bool = False,
-) -> list[SegmentRow]:
-    """At most ``limit`` segments with an id above ``after_id``, by ascending id.
-
-    ``bbox`` keeps those that meet the box (degrees; west > east: across the antimeridian), ``driven`` those
-    that were (True) or were not (False) driven. With ``gaps`` undriven segments between driven ones come with
-    the slope that the network gives them, else without one, like all undriven segments. Going on from the last
-    id reaches every segment once.
+# The drives behind a segment, each with how its estimate was made, and whether any pass of it is heard.
+_OBSERVATIONS = text(
     """
-    where, values = _filters(bbox, driven)
-    source = FROM_SEGMENTS_AND_GAPS if gaps else FROM_SEGMENTS
-    query = "SELECT" + SEGMENT_COLUMNS + source + "WHERE s.id > :after_id" + where
-    query += " ORDER BY s.id LIMIT :limit"
-    found = session.execute(text(query), {"after_id": after_id, "limit": limit, **values})
-    return [segment_row(row) for row in found]
-
-
-def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:
-    """How many segments ``segment_items`` reaches with these filters. Reads all of them."""
-    where, values = _filters(bbox, driven)
-    query = "SELECT count(*)" + FROM_SEGMENTS + "WHERE true" + where
-    return int(session.execute(text(query), values).scalar_one())
-
-
-def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> SegmentRow | None:
-    """The segment, or None; ``gaps`` as in ``segment_items``."""
-    source = FROM_SEGMENTS_AND_GAPS if gaps else FROM_SEGMENTS
-    query = text("SELECT" + SEGMENT_COLUMNS + source + "WHERE s.id = :id")
-    row = session.execute(query, {"id": segment_id}).one_or_none()
-    return None if row is None else segment_row(row)
+    SELECT d.id AS drive_id, d.drive_time, e.slope_percent, e.slope_sigma_percent, e.observations, e.passes,
+           e.first_at, e.last_at, e.in_network, h.accepted, p.method, p.options, p.code_version,
+           p.road_version_id, p.dem_version_id, p.created_at AS estimated_at
+    FROM drive_segments AS e
+    JOIN drives AS d ON d.id = e.drive_id
+    JOIN provenances AS p ON p.id = e.provenance_id
+    LEFT JOIN (SELECT drive_id, bool_or(accepted) AS accepted FROM drive_passes WHERE segment_id = :id
+               GROUP BY drive_id) AS h ON h.drive_id = e.drive_id
+    WHERE e.segment_id = :id
+    ORDER BY e.first_at DESC, d.id
+    """
+)
 
 
 def segment_observations(session: Session, segment_id: int) -> list[ObservationRow]:
@@ -143,11 +168,45 @@ def _information(row: Mapping[str, Any]) -> float:
     return float(row["slope_sigma_percent"]) ** -2 if heard else 0.0
 
 
+@dataclass(frozen=True)
+class DriveSegmentRow:
+    """One drive's estimate of one segment; ``segment`` carries the combination of all drives.
+
+    ``in_network`` and ``accepted``: as in ``ObservationRow``.
+    """
+
+    segment: Segment
+    slope_percent: float
+    slope_sigma_percent: float
+    observations: int
+    passes: int
+    first_at: datetime
+    last_at: datetime
+    in_network: bool
+    accepted: bool | None
+
+
+# A drive's own estimates beside the combination of all drives.
+_OF_DRIVE = _statement(
+    """
+    SELECT {columns}, e.slope_percent AS own_slope, e.slope_sigma_percent AS own_sigma,
+           e.observations AS own_observations, e.passes, e.first_at, e.last_at, e.in_network, h.accepted
+    FROM drive_segments AS e
+    JOIN segments AS s ON s.id = e.segment_id
+    LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
+    LEFT JOIN (SELECT segment_id, bool_or(accepted) AS accepted FROM drive_passes WHERE drive_id = :drive_id
+               GROUP BY segment_id) AS h ON h.segment_id = s.id
+    WHERE e.drive_id = :drive_id
+    ORDER BY e.first_at, s.id
+    """
+)
+
+
 def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegmentRow]:
     """A drive's estimates in the order of their first observation."""
     return [
         DriveSegmentRow(
-            segment=segment_row(row),
+            segment=_segment(row),
             slope_percent=row.own_slope,
             slope_sigma_percent=row.own_sigma,
             observations=row.own_observations,
@@ -161,55 +220,13 @@ def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegme
     ]
 
 
-def segment_row(row: Row[Any]) -> SegmentRow:
-    """The row that ``SEGMENT_COLUMNS`` selected; further columns are ignored."""
-    ends = ((row.lon0, row.lat0), (row.lon1, row.lat1))
-    return SegmentRow(**dict(zip(_PROPERTIES, row, strict=False)), coordinates=ends)
-
-
-# The drives behind a segment, each with how its estimate was made, and whether any pass of it is heard.
-_OBSERVATIONS = text(
-    """
-    SELECT d.id AS drive_id, d.drive_time, e.slope_percent, e.slope_sigma_percent, e.observations, e.passes,
-           e.first_at, e.last_at, e.in_network, h.accepted, p.method, p.options, p.code_version,
-           p.road_version_id, p.dem_version_id, p.created_at AS estimated_at
-    FROM drive_segments AS e
-    JOIN drives AS d ON d.id = e.drive_id
-    JOIN provenances AS p ON p.id = e.provenance_id
-    LEFT JOIN (SELECT drive_id, bool_or(accepted) AS accepted FROM drive_passes WHERE segment_id = :id
-               GROUP BY drive_id) AS h ON h.drive_id = e.drive_id
-    WHERE e.segment_id = :id
-    ORDER BY e.first_at DESC, d.id
-    """
-)
-
-# A drive's own estimates beside the combination of all drives.
-_OWN = """, e.slope_percent AS own_slope, e.slope_sigma_percent AS own_sigma,
-    e.observations AS own_observations, e.passes, e.first_at, e.last_at, e.in_network, h.accepted
-    FROM drive_segments AS e
-    JOIN segments AS s ON s.id = e.segment_id
-    LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
-    LEFT JOIN (SELECT segment_id, bool_or(accepted) AS accepted FROM drive_passes WHERE drive_id = :drive_id
-               GROUP BY segment_id) AS h ON h.segment_id = s.id
-    WHERE e.drive_id = :drive_id
-    ORDER BY e.first_at, s.id
-"""
-_OF_DRIVE = text("SELECT" + SEGMENT_COLUMNS + _OWN)
-
-
-def _filters(bbox: Bounds | None, driven: bool | None) -> tuple[str, dict[str, float]]:
-    where = _DRIVEN[driven]
-    if bbox is None:
-        return where, {}
-    west, south, east, north = bbox
-    box = _IN_BOX if west <= east else _IN_BOX_ACROSS
-    return where + box, {"west": west, "south": south, "east": east, "north": north}
-
-
 LAYER = "segments"
 EXTENT = 4096
+"""Units across a vector tile."""
 BUFFER = 64
+"""Units by which lines go on beyond a tile's edge, so that it does not cut wide strokes short."""
 FULL_ZOOM = 13
+"""From this zoom on all roads are shown; below, only the greater ones and whatever was driven."""
 
 _MOTORWAYS = ("motorway", "trunk", "motorway_link", "trunk_link")
 _PRIMARY = (*_MOTORWAYS, "primary", "primary_link")
@@ -233,11 +250,10 @@ _MVT = text(
     """
 )
 
-_GEOJSON = text(
-    "SELECT"
-    + SEGMENT_COLUMNS
-    + FROM_SEGMENTS
-    + """
+# The segments that the vector tile shows, whole.
+_TILE = _statement(
+    """
+    SELECT {columns} FROM {segments}
     WHERE ST_Intersects(s.geom_3857, ST_TileEnvelope(:z, :x, :y))
         AND (CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL)
     ORDER BY s.id
@@ -255,10 +271,10 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM)
     return bytes(session.execute(_MVT, {**values, "classes": _classes(z, full_zoom)}).scalar_one() or b"")
 
 
-def geojson_tile(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM) -> list[SegmentRow]:
+def geojson_tile(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM) -> list[Segment]:
     """The segments that meet the tile, whole and with all properties, by ascending id."""
     values = {"z": z, "x": x, "y": y, "classes": _classes(z, full_zoom)}
-    return [segment_row(row) for row in session.execute(_GEOJSON, values)]
+    return [_segment(row) for row in session.execute(_TILE, values)]
 
 
 def _classes(z: int, full_zoom: int) -> list[str] | None:

@@ -22,11 +22,9 @@ from app.core.http import (
 from app.core.text import GEO_JSON, dumps
 from app.map import store as tiles
 from app.map.attribution import attribution, attribution_html
-from app.map.examples import SEGMENT_EXAMPLE
-from app.map.extent import cached_extent
-from app.map.segment import feature_of
+from app.map.coverage import cached_extent, dem_names
+from app.map.segments import SEGMENT_EXAMPLE
 from app.network.versions import data_version_tag
-from app.terrain import store as dem
 
 MVT = "application/vnd.mapbox-vector-tile"
 TILE_SCHEMA = 1
@@ -102,8 +100,8 @@ def geojson_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, servi
         rows = tiles.geojson_tile(session, z, x, y, full_zoom=full_zoom) if shown else []
         document = {
             "type": "FeatureCollection",
-            "attribution": attribution(_dem_names(service, session)),
-            "features": [feature_of(row).geojson() for row in rows],
+            "attribution": attribution(dem_names(service, session)),
+            "features": [row.geojson() for row in rows],
         }
         return Response(dumps(document), media_type=GEO_JSON)
 
@@ -118,7 +116,7 @@ def tile_json(service: ServiceDep, base: BaseUrl) -> dict[str, Any]:
     settings = service.settings
     with service.reading() as session:
         bounds = cached_extent(service, session)
-        names = _dem_names(service, session)
+        names = dem_names(service, session)
     zooms = {"minzoom": settings.tile_min_zoom, "maxzoom": settings.tile_max_zoom}
     document: dict[str, Any] = {
         "tilejson": "3.0.0",
@@ -160,8 +158,3 @@ def _check_tile(tile: tuple[int, int, int], max_zoom: int) -> None:
             raise NotFoundError(
                 f"At zoom {z}, {name} goes from 0 to {2**z - 1}; {number} is outside.", field=name
             )
-
-
-def _dem_names(service: Service, session: Session) -> tuple[str, ...]:
-    active = dem.current_dem(session, service.settings.dem_dir)
-    return active.names if active else ()

@@ -30,6 +30,8 @@ Evidence = dict[int, SegmentEvidence | None]
 
 _SEGMENTS_PER_READ = 50  # a thousand passes each are some 20 MB
 
+# Statements with %(name)s are executed by psycopg itself, which takes and gives bytes as they are (``app.core.db``).
+
 _OWN_SEGMENTS = text("SELECT DISTINCT segment_id FROM drive_passes WHERE drive_id = :drive_id")
 _DELETE_PASSES = text("DELETE FROM drive_passes WHERE drive_id = :drive_id")
 
@@ -47,12 +49,14 @@ _INSERT_PASSES = """
          AS t (id, segment_id, segments, factor, slope, sigma, accepted)
 """
 
+# Read by segment to build its evidence, or by id where only some factors are wanted.
 _PASSES_OVER = """
     SELECT segment_id, id, segments, factor, accepted FROM drive_passes
     WHERE segment_id = ANY(%(ids)s::bigint[])
 """
 _PASSES = "SELECT id, segments, factor FROM drive_passes WHERE id = ANY(%(ids)s::bigint[])"
 
+# A pass that comes can turn the verdict over those of other drives.
 _SET_VERDICTS = text(
     """
     UPDATE drive_passes AS p SET accepted = t.accepted
@@ -70,6 +74,7 @@ _WRITE_EVIDENCE = """
 """
 _CLEAR_EVIDENCE = text("DELETE FROM segment_evidence WHERE segment_id = ANY(CAST(:ids AS bigint[]))")
 
+# A segment is heard where any of the drive's passes over it is.
 _HEARD = text(
     """
     SELECT count(*) AS segments, count(*) FILTER (WHERE NOT heard) AS rejected

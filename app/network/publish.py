@@ -1,4 +1,8 @@
-"""What is published of a segment: the network's slope and the estimates of slope-only drives, made into one."""
+"""What is published of a segment: the network's slope and the estimates of slope-only drives, made into one.
+
+``network_slopes`` and ``drive_segments`` -> ``segment_slopes``, the one table of slopes that the map is read from. How
+the parts are put together is the library's business.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The whole network from the stored passes: evidence, slopes, aggregates, as if everything had just come in.
 
 What it makes is what the drives made one by one. It is wanted after an elevation import, which changes no slope
-by itself, after a change of the library's adjustment, and to be sure.
+by itself, after a change of the library's adjustment, and to be sure. No drive is read again: what each says stands.
 """
 
 from __future__ import annotations
@@ -12,20 +12,24 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.network import versions as locks
 from app.network.passes import rebuild_evidence
 from app.network.publish import refresh_aggregates
 from app.network.solve import refresh_region, regions
-from app.network.versions import bump_data_version
+from app.network.versions import bump_data_version, own_network
 from fusion.types import Progress, no_progress
 
-_PART = 500
+_PART = 500  # segments in a transaction: so long do drives that come and go wait
 
+# Each stage is made anew wherever it is or ought to be: what lost its ground must go.
 _WITH_PASSES = text(
-    "SELECT segment_id FROM drive_passes UNION SELECT segment_id FROM segment_evidence ORDER BY segment_id"
+    """
+    SELECT segment_id FROM drive_passes UNION SELECT segment_id FROM segment_evidence ORDER BY segment_id
+    """
 )
 _IN_NETWORK = text(
-    "SELECT segment_id FROM segment_evidence UNION SELECT segment_id FROM network_slopes ORDER BY segment_id"
+    """
+    SELECT segment_id FROM segment_evidence UNION SELECT segment_id FROM network_slopes ORDER BY segment_id
+    """
 )
 _PUBLISHED = text(
     """
@@ -69,7 +73,7 @@ def _in_parts(
     for done, part in enumerate(parts):
         progress(stage, done / len(parts))
         with sessions.begin() as session:
-            locks.own_network(session)
+            own_network(session)
             work(session, part)
             bump_data_version(session)
     progress(stage, 1.0)

@@ -1,6 +1,6 @@
 """What one drive says of the segments: stored, replaced, taken back, with all that follows from it.
 
-Reading segments is in ``segments.py``, the data's version in ``version.py``; both are offered here as well.
+How a drive comes to say so is not known here, nor what is shown of a segment (``app.map.store``).
 
 The rule that keeps aggregates right whatever runs at the same time: whoever changes what drives say owns the
 network (``app.network.versions``), and recomputes from everything that is stored. PostgreSQL's READ COMMITTED makes
@@ -40,8 +40,8 @@ class RunProvenance:
     dem_version_id: int | None
 
 
-_ESTIMATED = text("SELECT segment_id FROM drive_segments WHERE drive_id = :drive_id")
-
+# The segments whose published slope holds the drive's own estimate; what a drive of the network says is heard by
+# its passes.
 _SLOPE_ONLY = text("SELECT segment_id FROM drive_segments WHERE drive_id = :drive_id AND NOT in_network")
 
 _DELETE_PROVENANCE = text("DELETE FROM provenances WHERE drive_id = :drive_id")
@@ -67,11 +67,6 @@ _INSERT_ESTIMATES = text(
          AS t (segment_id, slope, sigma, observations, passes, first_at, last_at)
     """
 )
-
-
-def estimated_segments(session: Session, drive_id: uuid.UUID) -> list[int]:
-    """Ids of the segments of which the drive has an estimate."""
-    return list(session.execute(_ESTIMATED, {"drive_id": drive_id}).scalars())
 
 
 def save_result(

@@ -1,6 +1,6 @@
 """The slopes of the network: solved again around the segments whose passes changed, and nowhere else.
 
-``segment_evidence`` -> ``network_slopes`` (here) -> ``segment_slopes`` (``aggregates.py``). Callers own the
+``segment_evidence`` -> ``network_slopes`` (here) -> ``segment_slopes`` (``publish.py``). Callers own the
 network (``app.network.versions``), so that what is read here stays as it is until the result is written.
 """
 
@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from app.network.passes import Evidence, count_drives, read_evidence
 from app.network.publish import refresh_aggregates
-from app.roads.store import BY_IDENTITY, ROAD_COLUMNS, road_table
+from app.roads.store import ROAD_COLUMNS, ROAD_ORDER, road_table
 from fusion.network.adjust import Adjustment, adjust
 from fusion.network.evidence import SegmentEvidence
 from fusion.network.window import WINDOW_RADIUS_M, Window, boxes_around, window_around
@@ -26,8 +26,10 @@ TOLERANCE_PERCENT = 1e-6
 """Smaller changes are not written: a solution differs from the last by rounding wherever nothing happened."""
 
 SETTLED_PERCENT = 0.002
+"""Slopes just outside of what is published may move by so much; if they move farther, the window was too small."""
+
 SCALES = (1.0, 2.0, 4.0)
-"""The library's radii are multiplied by these in turn, while slopes just outside move more than the above."""
+"""The library's radii are multiplied by these in turn until the slopes are settled."""
 
 REGION_DEG = 0.02
 """Side of the squares in which a whole network is solved: a town's part of some thousand segments."""
@@ -46,22 +48,22 @@ _CELLS = text(
     """
 )
 
-_KNOWN = """, s.dem_slope_percent, e.segment_id IS NOT NULL AS driven, n.drives, n.slope_percent
+# Through the index on the geometry: the cost is that of the roads around the touched ones, however large the
+# map.
+SURROUNDINGS = text(
+    f"""
+    SELECT {ROAD_COLUMNS}, s.dem_slope_percent, e.segment_id IS NOT NULL AS driven, n.drives, n.slope_percent
     FROM segments AS s
     LEFT JOIN segment_evidence AS e ON e.segment_id = s.id
     LEFT JOIN network_slopes AS n ON n.segment_id = s.id
-"""
-
-# Through the index on the geometry: the cost is that of the roads around the touched ones, however large the
-# map.
-_IN_BOXES = """
     WHERE s.id IN (
         SELECT i.id
         FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
                     CAST(:north AS float8[])) AS box (west, south, east, north)
         JOIN segments AS i ON i.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326))
-"""
-SURROUNDINGS = text("SELECT" + ROAD_COLUMNS + _KNOWN + _IN_BOXES + BY_IDENTITY)
+    ORDER BY {ROAD_ORDER}
+    """  # noqa: S608 - constants
+)
 
 _WRITE = text(
     """

@@ -1,22 +1,32 @@
-"""Liveness, readiness, metrics."""
+"""Liveness and readiness: whether the process runs, and whether it can answer."""
 
 from __future__ import annotations
 
 import logging
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.core import migrate
 from app.core.errors import FieldError, NotReadyError
 from app.core.http import Service, ServiceDep, problems
-from app.ops.documents import Health
-from app.ops.metrics import CONTENT_TYPE, Metrics
 from app.ops.store import schema_revision
 
 log = logging.getLogger(__name__)
 
 router = APIRouter(tags=["operation"])
+
+
+class Health(BaseModel):
+    """The service's own state."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"status": "ready", "checks": {"database": "ok", "blobs": "ok"}}]}
+    )
+
+    status: str
+    checks: dict[str, str] = Field(default={}, description="Each thing needed: ok, or what is wrong with it.")
 
 
 @router.get("/healthz", summary="Liveness")
@@ -33,28 +43,6 @@ def readyz(service: ServiceDep) -> Health:
     if bad:
         raise NotReadyError(" ".join(error.message for error in bad), errors=bad)
     return Health(status="ready", checks=checks)
-
-
-@router.get(
-    "/metrics",
-    summary="Prometheus metrics",
-    response_class=Response,
-    responses={
-        200: {
-            "description": "Text exposition format.",
-            "content": {
-                "text/plain": {
-                    "schema": {"type": "string"},
-                    "example": 'versant_drives{status="done"} 12.0\n',
-                }
-            },
-        }
-    },
-)
-def metrics(request: Request) -> Response:
-    """Requests by route and status with their durations, drives by status, the queue."""
-    figures: Metrics = request.app.state.metrics
-    return Response(figures.exposition(), headers={"Content-Type": CONTENT_TYPE})
 
 
 def _database(service: Service) -> str:

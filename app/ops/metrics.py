@@ -1,18 +1,49 @@
-"""What happens to every request: HEAD as GET without a body, no changes from other sites, counting."""
+"""What Prometheus scrapes: requests as they are answered, the drives and the queue as they stand at each scrape."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
+from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Histogram
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from prometheus_client.metrics_core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
+from sqlalchemy.orm import Session
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.tables import DRIVE_STATUSES
-from app.ops.store import Gauges
+from app.network.versions import data_version
+from app.ops import store
+
+BUCKETS_S = (0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
+METHODS = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS", "PUT", "PATCH"})
+
+router = APIRouter(tags=["operation"])
+
+
+@router.get(
+    "/metrics",
+    summary="Prometheus metrics",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Text exposition format.",
+            "content": {
+                "text/plain": {
+                    "schema": {"type": "string"},
+                    "example": 'versant_drives{status="done"} 12.0\n',
+                }
+            },
+        }
+    },
+)
+def metrics(request: Request) -> Response:
+    """Requests by route and status with their durations, drives by status, the queue."""
+    figures: Metrics = request.app.state.metrics
+    return Response(figures.exposition(), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
 class MetricsMiddleware:
@@ -43,11 +74,6 @@ class MetricsMiddleware:
             self.metrics.observe(scope["method"], template, status, time.perf_counter() - started)
 
 
-CONTENT_TYPE = CONTENT_TYPE_LATEST
-BUCKETS_S = (0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
-METHODS = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS", "PUT", "PATCH"})
-
-
 class Metrics:
     """One application's registry; two applications in a process do not meet in it."""
 
@@ -76,6 +102,28 @@ class Metrics:
     def exposition(self) -> bytes:
         """The text that Prometheus scrapes."""
         return generate_latest(self.registry)
+
+
+@dataclass(frozen=True)
+class Gauges:
+    """Figures of one moment."""
+
+    drives_by_status: dict[str, int]
+    queue_depth: int
+    oldest_wait_s: float
+    """0 while none waits."""
+    data_version: int
+
+
+def read_gauges(session: Session) -> Gauges:
+    """The figures of this moment."""
+    queue = store.queue(session)
+    return Gauges(
+        drives_by_status=store.drives_by_status(session),
+        queue_depth=queue.depth,
+        oldest_wait_s=queue.oldest_wait_s or 0.0,
+        data_version=data_version(session),
+    )
 
 
 class _DatabaseCollector(Collector):

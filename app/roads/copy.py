@@ -44,6 +44,8 @@ _FIELDS: dict[str, Any] = {
     "dem_slope_percent": ">f8",
 }
 
+_DROP = text("DROP TABLE IF EXISTS pg_temp.road_import, pg_temp.road_import_tags")
+
 # NaN stands for "unknown" here, because a NULL would change the width of its row.
 _CREATE = text(
     """
@@ -67,13 +69,16 @@ _FILL_TAGS = text(
 )
 _COPY = "COPY road_import FROM STDIN (FORMAT BINARY)"
 
+# The planner knows nothing of a table that was just filled.
+_ANALYZE = text("ANALYZE road_import")
+
 
 def copy_roads(session: Session, table: RoadTable, dem_slope_percent: Floats, progress: Progress) -> None:
     """Fill the temporary tables ``road_import`` and ``road_import_tags`` (gone when the transaction ends).
 
     ``dem_slope_percent`` has shape (n,), NaN unknown.
     """
-    session.execute(text("DROP TABLE IF EXISTS pg_temp.road_import, pg_temp.road_import_tags"))
+    session.execute(_DROP)
     session.execute(_CREATE)
     session.execute(_CREATE_TAGS)
     codes = _copy_tags(session, table)
@@ -84,7 +89,7 @@ def copy_roads(session: Session, table: RoadTable, dem_slope_percent: Floats, pr
             copy.write(rows.tobytes())
             progress("copying", done / max(len(table), 1))
         copy.write(_TRAILER)
-    session.execute(text("ANALYZE road_import"))
+    session.execute(_ANALYZE)
 
 
 def _copy_tags(session: Session, table: RoadTable) -> NDArray[np.int32]:

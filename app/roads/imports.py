@@ -1,8 +1,14 @@
-"""What comes in: uploads (row and job in one transaction), reruns, removals, roads, elevation."""
+"""Roads come in: the roads of an OpenStreetMap file take the place of the stored network, in one transaction.
+
+The file's roads are copied beside the stored ones (``app.roads.copy``), what that costs is noted and repaired
+(``app.roads.losses``), and the statements here merge the two. How a file is read is the library's business.
+"""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +17,38 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.network import versions as locks
-from app.network.versions import bump_data_version
+from app.network.versions import bump_data_version, own_network
 from app.roads.copy import copy_roads
 from app.roads.losses import note_losses, repair_network
-from app.roads.store import ImportCounts
-from app.terrain import store as dem
+from app.terrain.imports import slopes_of
 from fusion.errors import RoadsError
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Progress, no_progress
 
 
+@dataclass(frozen=True)
+class ImportCounts:
+    """What a road import did: ``kept + moved + added`` is the size of the new network.
+
+    ``measured_lost`` segments lose what ``drives_affected`` drives had measured on them: moved and dropped ones,
+    and such as were measured in dependence on one of those.
+    ``skipped`` counts, by reason, the node pairs of the file that are no segment (``RoadTable.skipped``).
+    """
+
+    kept: int
+    moved: int
+    dropped: int
+    added: int
+    measured_lost: int = 0
+    drives_affected: int = 0
+    skipped: Mapping[str, int] = field(default_factory=dict)
+
+
 def import_roads(
     sessions: Sessions, path: Path, dem_dir: Path, progress: Progress = no_progress
 ) -> ImportCounts:
-    """Make the drivable roads of an OpenStreetMap file the whole network (``app.roads.imports.replace_roads``).
+    """Make the drivable roads of an OpenStreetMap file the whole network (``replace_roads``).
 
     Raises ``RoadsError`` for a file that cannot be used, also for one without a single drivable road: it is
     taken for a mistake, since it would drop every segment.
@@ -41,8 +63,8 @@ def import_roads(
     with path.open("rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     with sessions.begin() as session:
-        locks.own_network(session)  # before the elevation set is read, so that it is the one that stays
-        slope = dem.slopes_of(session, table, dem_dir)
+        own_network(session)  # before the elevation set is read, so that it is the one that stays
+        slope = slopes_of(session, table, dem_dir)
         return replace_roads(session, table, path.name, sha256, progress, dem_slope_percent=slope)
 
 
@@ -120,7 +142,6 @@ _ADD = text(
     """
 )
 
-
 # The planner must not go by the figures of an empty table until autovacuum comes round.
 _ANALYZE = text("ANALYZE segments")
 
@@ -142,7 +163,7 @@ def replace_roads(
     ``dem_slope_percent`` has shape (n,), NaN unknown; None: unknown everywhere. Waits for running writers of
     estimates and keeps new ones out until the caller commits.
     """
-    locks.own_network(session)
+    own_network(session)
     unknown = np.full(len(table), np.nan)
     copy_roads(session, table, unknown if dem_slope_percent is None else dem_slope_percent, progress)
     values: dict[str, Any] = {"source_name": source_name, "sha256": sha256, "segments": len(table)}

@@ -2,6 +2,9 @@
 
 A segment that is dropped or moved loses all that was measured on it. A pass over a segment that stays is lost
 as well where the factor is conditional on a segment that does not: it speaks of heights that no longer exist.
+
+``road_import``, ``road_lost`` and ``road_stray`` are temporary tables of the import's transaction (``app.roads.copy``,
+and here). How the roads themselves are merged is in ``app.roads.imports``.
 """
 
 from __future__ import annotations
@@ -25,6 +28,10 @@ _NOTE_LOST = text(
     WHERE i.osm_way_id IS NULL OR NOT s.geom = i.geom
     """
 )
+# The planner knows nothing of a table that was just filled.
+_ANALYZE_LOST = text("ANALYZE road_lost")
+
+# Passes over segments that stay, conditional on one that does not.
 _NOTE_STRAY = text(
     """
     CREATE TEMPORARY TABLE road_stray ON COMMIT DROP AS
@@ -33,6 +40,7 @@ _NOTE_STRAY = text(
     WHERE cardinality(p.segments) > 1 AND p.segment_id NOT IN (SELECT id FROM road_lost)
     """
 )
+
 _COUNT = text(
     """
     SELECT count(DISTINCT segment_id), count(DISTINCT drive_id)
@@ -73,7 +81,7 @@ def note_losses(session: Session) -> tuple[int, int]:
     """
     session.execute(_FORGET)
     session.execute(_NOTE_LOST)
-    session.execute(text("ANALYZE road_lost"))
+    session.execute(_ANALYZE_LOST)
     session.execute(_NOTE_STRAY)
     segments, drives = session.execute(_COUNT).one()
     return int(segments), int(drives)

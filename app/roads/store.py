@@ -1,9 +1,12 @@
-"""What the store returns: plain frozen rows, detached from any session."""
+"""The stored roads: read as the library's tables, whole or around a place, with their extent and the last import.
+
+How they came into the database is in ``app.roads.imports``; what was measured on them is not known here.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -17,21 +20,6 @@ from fusion.types import Ints
 
 
 @dataclass(frozen=True)
-class RoadVersionRow:
-    """One import of the road network."""
-
-    id: int
-    source_name: str
-    sha256: str
-    imported_at: datetime
-    segments: int
-    kept: int
-    moved: int
-    dropped: int
-    added: int
-
-
-@dataclass(frozen=True)
 class StoredRoads:
     """An extract of one road version; ``ids`` holds the database's id of each row, shape (n,)."""
 
@@ -40,40 +28,21 @@ class StoredRoads:
     ids: Ints
 
 
-@dataclass(frozen=True)
-class ImportCounts:
-    """What a road import did: ``kept + moved + added`` is the size of the new network.
-
-    ``measured_lost`` segments lose what ``drives_affected`` drives had measured on them: moved and dropped ones,
-    and such as were measured in dependence on one of those.
-    ``skipped`` counts, by reason, the node pairs of the file that are no segment (``RoadTable.skipped``).
-    """
-
-    kept: int
-    moved: int
-    dropped: int
-    added: int
-    measured_lost: int = 0
-    drives_affected: int = 0
-    skipped: Mapping[str, int] = field(default_factory=dict)
-
-
 _LINE_HEADER_BYTES = 9  # WKB: byte order, type, number of points
 _METRES_PER_DEGREE = 110_000.0  # a little less than any degree of latitude, so that boxes come out wider
 
 # What ``road_table`` reads, of the table that is called s (segments), and the order of its rows.
-ROAD_COLUMNS = """
-    s.id, s.osm_way_id, s.from_node, s.to_node, ST_AsBinary(s.geom, 'NDR') AS line, s.oneway, s.bridge, s.tunnel,
-    s.layer, s.highway, s.name
-"""
-BY_IDENTITY = " ORDER BY s.osm_way_id, s.from_node, s.to_node"
+ROAD_COLUMNS = """s.id, s.osm_way_id, s.from_node, s.to_node, ST_AsBinary(s.geom, 'NDR') AS line,
+           s.oneway, s.bridge, s.tunnel, s.layer, s.highway, s.name"""
+ROAD_ORDER = "s.osm_way_id, s.from_node, s.to_node"
 
-_ALL = text("SELECT" + ROAD_COLUMNS + "FROM segments AS s" + BY_IDENTITY)
+_ALL = text(f"SELECT {ROAD_COLUMNS} FROM segments AS s ORDER BY {ROAD_ORDER}")  # noqa: S608 - constants
 _IN_BOX = text(
-    "SELECT"
-    + ROAD_COLUMNS
-    + "FROM segments AS s WHERE s.geom && ST_MakeEnvelope(:west, :south, :east, :north, 4326)"
-    + BY_IDENTITY
+    f"""
+    SELECT {ROAD_COLUMNS} FROM segments AS s
+    WHERE s.geom && ST_MakeEnvelope(:west, :south, :east, :north, 4326)
+    ORDER BY {ROAD_ORDER}
+    """  # noqa: S608 - constants
 )
 
 
@@ -110,7 +79,7 @@ def all_roads(session: Session) -> tuple[RoadTable, Ints]:
 
 
 def road_table(rows: Sequence[Row[Any]]) -> tuple[RoadTable, Ints]:
-    """Rows of ``ROAD_COLUMNS`` in the order ``BY_IDENTITY`` as a table, and their ids, shape (n,)."""
+    """Rows of ``ROAD_COLUMNS`` in ``ROAD_ORDER`` as a table, and their ids, shape (n,)."""
     lines = b"".join(bytes(row.line)[_LINE_HEADER_BYTES:] for row in rows)
     lon0, lat0, lon1, lat1 = np.frombuffer(lines, "<f8").reshape(-1, 4).astype(np.float64).T.copy()
     table = RoadTable(
@@ -131,16 +100,11 @@ def road_table(rows: Sequence[Row[Any]]) -> tuple[RoadTable, Ints]:
     return table, np.array([row.id for row in rows], np.int64)
 
 
-_ROAD_VERSION = text("SELECT coalesce(max(id), 0) FROM road_versions")
 _EXTENT = text(
-    "SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e) "
-    "FROM (SELECT ST_Extent(geom) AS e FROM segments) AS x"
+    """
+    SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e) FROM (SELECT ST_Extent(geom) AS e FROM segments) AS x
+    """
 )
-
-
-def road_version_id(session: Session) -> int:
-    """Id of the newest road import, 0 before the first."""
-    return int(session.execute(_ROAD_VERSION).scalar_one())
 
 
 def road_extent(session: Session) -> Bounds | None:
@@ -149,12 +113,33 @@ def road_extent(session: Session) -> Bounds | None:
     return None if west is None else (float(west), float(south), float(east), float(north))
 
 
+@dataclass(frozen=True)
+class RoadVersionRow:
+    """One import of the road network."""
+
+    id: int
+    source_name: str
+    sha256: str
+    imported_at: datetime
+    segments: int
+    kept: int
+    moved: int
+    dropped: int
+    added: int
+
+
+_ROAD_VERSION = text("SELECT coalesce(max(id), 0) FROM road_versions")
 _CURRENT = text(
     """
     SELECT id, source_name, sha256, imported_at, segments, kept, moved, dropped, added
     FROM road_versions ORDER BY id DESC LIMIT 1
     """
 )
+
+
+def road_version_id(session: Session) -> int:
+    """Id of the newest road import, 0 before the first."""
+    return int(session.execute(_ROAD_VERSION).scalar_one())
 
 
 def current_road_version(session: Session) -> RoadVersionRow | None:

@@ -1,79 +1,21 @@
-"""What the store returns: plain frozen rows, detached from any session."""
+"""The active set of elevation rasters in the database, and the slopes of segments by them.
+
+The files themselves lie in a folder and are ``app.terrain.imports``' business: no raster is opened here.
+"""
 
 from __future__ import annotations
 
-import gzip
-import hashlib
 import json
-import shutil
-import uuid
-import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-import rasterio
-import rasterio.shutil
-from rasterio.errors import RasterioError
-from rasterio.warp import transform_bounds
-from sqlalchemy import text
+from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
-from app.core.db import Sessions
-from app.network import versions as locks
-from app.network.versions import bump_data_version
-from app.roads import store as roads
-from fusion.errors import TerrainError
-from fusion.roads.table import RoadTable
-from fusion.terrain.dem import Dem
-from fusion.terrain.quality import pair, quality_name
-from fusion.terrain.raster import open_raster, refuse_void
-from fusion.terrain.windows import dem_slopes
-from fusion.types import Floats, Progress, no_progress
-
-
-@dataclass(frozen=True)
-class DemSet:
-    """The active elevation rasters; ``paths`` are on this machine's disk."""
-
-    version_id: int
-    datum: str
-    imported_at: datetime
-    names: tuple[str, ...]
-    paths: tuple[Path, ...]
-
-
-def import_dem(
-    sessions: Sessions, paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress
-) -> DemSet:
-    """Add elevation rasters to the active set; ``TerrainError`` for one that cannot be used."""
-    if not paths:
-        raise TerrainError("No elevation raster was named. Give one or more GeoTIFF, VRT or .hgt files.")
-    sources = store_files(paths, dem_dir, progress)
-    with sessions.begin() as session:
-        return add_dem(session, sources, dem_dir, progress)
-
-
-_CHUNK_BYTES = 1 << 20
-
-_ACTIVE = text("SELECT id, sources, datum, imported_at FROM dem_versions WHERE active")
-_RETIRE = text("UPDATE dem_versions SET active = false WHERE active")
-_ADD = text(
-    "INSERT INTO dem_versions (sources, datum, active) VALUES (CAST(:sources AS jsonb), :datum, true)"
-)
-
-# Only rows whose value changes are written; NaN stands for unknown in the arrays.
-_SET_SLOPES = text(
-    """
-    UPDATE segments AS s SET dem_slope_percent = t.slope
-    FROM (SELECT id, nullif(slope, 'NaN') AS slope
-          FROM unnest(CAST(:ids AS bigint[]), CAST(:slopes AS float8[])) AS u (id, slope)) AS t
-    WHERE s.id = t.id AND s.dem_slope_percent IS DISTINCT FROM t.slope
-    """
-)
-_ROWS_PER_UPDATE = 50_000
+from fusion.types import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -89,157 +31,67 @@ class DemSource:
     sha256: str
 
 
+@dataclass(frozen=True)
+class DemSet:
+    """The active elevation rasters; their files are in ``folder``, on this machine's disk."""
+
+    version_id: int
+    datum: str
+    imported_at: datetime
+    sources: tuple[DemSource, ...]
+    folder: Path
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The rasters' names, as attributions give them."""
+        return tuple(source.name for source in self.sources)
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The rasters' files."""
+        return tuple(self.folder / source.uri for source in self.sources)
+
+
+_ACTIVE = text("SELECT id, datum, imported_at, sources FROM dem_versions WHERE active")
+
+# At most one set is active (a unique index sees to it), so the old one retires before the new one comes.
+_RETIRE = text("UPDATE dem_versions SET active = false WHERE active")
+_ADD = text(
+    """
+    INSERT INTO dem_versions (sources, datum, active) VALUES (CAST(:sources AS jsonb), :datum, true)
+    RETURNING id, datum, imported_at, sources
+    """
+)
+
+# Only rows whose value changes are written; NaN stands for unknown in the arrays.
+_SET_SLOPES = text(
+    """
+    UPDATE segments AS s SET dem_slope_percent = t.slope
+    FROM (SELECT id, nullif(slope, 'NaN') AS slope
+          FROM unnest(CAST(:ids AS bigint[]), CAST(:slopes AS float8[])) AS u (id, slope)) AS t
+    WHERE s.id = t.id AND s.dem_slope_percent IS DISTINCT FROM t.slope
+    """
+)
+
+
 def current_dem(session: Session, dem_dir: Path) -> DemSet | None:
     """The active rasters, or None before the first import."""
     row = session.execute(_ACTIVE).one_or_none()
-    if row is None:
-        return None
-    return DemSet(
-        version_id=row.id,
-        datum=row.datum,
-        imported_at=row.imported_at,
-        names=tuple(source["name"] for source in row.sources),
-        paths=tuple(dem_dir / source["uri"] for source in row.sources),
-    )
+    return None if row is None else _set(row, dem_dir)
 
 
-def store_files(paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress) -> list[DemSource]:
-    """Copy rasters into the folder; ``TerrainError`` for one that cannot be read. No database is involved.
-
-    A gzipped raster is unpacked. One that consists of one file is copied as it is, streaming; one that refers
-    to others (a VRT, a file with a header beside it) is written anew as one GeoTIFF, since the references would
-    break. The quality layer of a raster (``fusion.terrain.quality``) goes with it.
-    """
-    stored = []
-    pairs = pair(paths)
-    for k, (path, quality) in enumerate(pairs):
-        progress("copying", k / len(pairs))
-        stored.append(_store(path, quality, dem_dir))
-    return stored
+def replace_dem(session: Session, sources: Sequence[DemSource], datum: str, dem_dir: Path) -> DemSet:
+    """Make ``sources`` the active set, as a new version. The caller owns the network."""
+    session.execute(_RETIRE)
+    listed = json.dumps([asdict(source) for source in sources])
+    return _set(session.execute(_ADD, {"sources": listed, "datum": datum}).one(), dem_dir)
 
 
-def add_dem(
-    session: Session, sources: Sequence[DemSource], dem_dir: Path, progress: Progress = no_progress
-) -> DemSet:
-    """Add stored rasters to the active set and renew ``dem_slope_percent`` of the segments that they cover.
-
-    A raster that is in the set already changes nothing; one with the name of an active raster but other bytes
-    takes its place. Names are compared without regard to case: N50E007.hgt and n50e007.HGT are one tile.
-    Drives processed before keep their estimates; the network takes the new slopes into account where later
-    drives pass, or by ``rebuild_network``. Waits for running writers of estimates.
-    """
-    locks.own_network(session)
-    active = session.execute(_ACTIVE).one_or_none()
-    former = [DemSource(**source) for source in active.sources] if active else []
-    new = [source for source in sources if source not in former]
-    if active and not new:
-        found = current_dem(session, dem_dir)
-        assert found is not None  # noqa: S101  (it was there a statement ago, under the lock)
-        return found
-    replaced = {source.name.casefold() for source in new}
-    gone = [source for source in former if source.name.casefold() in replaced]
-    whole = [source for source in former if source not in gone] + list(dict.fromkeys(new))
-    with Dem.open([dem_dir / source.uri for source in whole]) as dem:
-        session.execute(_RETIRE)
-        listed = json.dumps([asdict(source) for source in whole])
-        session.execute(_ADD, {"sources": listed, "datum": dem.datum})
-        _renew_slopes(session, dem, [dem_dir / source.uri for source in [*new, *gone]], progress)
-    bump_data_version(session)
-    found = current_dem(session, dem_dir)
-    assert found is not None  # noqa: S101  (inserted above)
-    return found
+def set_dem_slopes(session: Session, segment_ids: Ints, slope_percent: Floats) -> None:
+    """Write the slopes of segments by the elevation model, both of shape (n,), NaN unknown."""
+    session.execute(_SET_SLOPES, {"ids": segment_ids.tolist(), "slopes": slope_percent.tolist()})
 
 
-def slopes_of(session: Session, table: RoadTable, dem_dir: Path) -> Floats:
-    """Each segment's slope by the active rasters, percent, NaN unknown, shape (n,)."""
-    active = current_dem(session, dem_dir)
-    if active is None or not len(table):
-        return np.full(len(table), np.nan)
-    with Dem.open(active.paths) as dem:
-        return dem_slopes(dem, table)
-
-
-def _renew_slopes(session: Session, dem: Dem, changed: Sequence[Path], progress: Progress) -> None:
-    """Write the slopes of all segments that the changed rasters cover."""
-    for done, path in enumerate(changed):
-        table, ids = roads.roads_within(session, _bounds_deg(path))
-        for start in range(0, len(ids), _ROWS_PER_UPDATE):
-            progress("slopes", (done + start / len(ids)) / len(changed))
-            part = np.arange(start, min(start + _ROWS_PER_UPDATE, len(ids)))
-            slope = dem_slopes(dem, table.subset(part))
-            session.execute(_SET_SLOPES, {"ids": ids[part].tolist(), "slopes": slope.tolist()})
-    progress("slopes", 1.0)
-
-
-def _store(path: Path, quality: Path | None, dem_dir: Path) -> DemSource:
-    incoming = dem_dir / "incoming" / uuid.uuid4().hex
-    incoming.mkdir(parents=True)
-    try:
-        copied = _copy(path, incoming)
-        folder = sha256 = _sha256(copied)
-        refuse_void(copied)  # and what cannot serve as elevation at all, before it is referred to
-        parts = [copied]
-        if quality is not None:
-            layer = _copy(quality, incoming)
-            parts.insert(0, layer.rename(incoming / quality_name(copied)))
-            Dem.open([copied]).close()  # does the layer fit?
-            folder = hashlib.sha256(f"{sha256} {_sha256(parts[0])}".encode()).hexdigest()
-        final = dem_dir / folder
-        final.mkdir(exist_ok=True)
-        for part in parts:
-            # Renamed within one file system: the file is there complete or not at all, and after its quality layer.
-            part.replace(final / part.name)
-        return DemSource(copied.name, f"{folder}/{copied.name}", sha256)
-    finally:
-        shutil.rmtree(incoming)
-
-
-def _copy(path: Path, folder: Path) -> Path:
-    if path.suffix.lower() == ".gz":
-        return _unpack(path, folder / path.stem)
-    dataset = open_raster(path)[1]
-    with dataset:
-        several = len(dataset.files) > 1
-    try:
-        target = folder / (f"{path.stem}.tif" if several else path.name)
-        if several:
-            rasterio.shutil.copy(
-                path, target, driver="GTiff", tiled=True, compress="deflate", bigtiff="if_safer"
-            )
-        else:
-            shutil.copyfile(path, target)
-    except (RasterioError, OSError) as error:
-        raise TerrainError(
-            f"{path.name} cannot be copied to {folder.parent.parent}: {str(error).rstrip('.')}. Check the file and "
-            "that there is room, and import it again."
-        ) from error
-    return target
-
-
-def _unpack(path: Path, target: Path) -> Path:
-    try:
-        with gzip.open(path) as packed, target.open("wb") as plain:
-            shutil.copyfileobj(packed, plain, _CHUNK_BYTES)
-    except (OSError, EOFError, zlib.error) as error:
-        raise TerrainError(
-            f"{path.name} cannot be unpacked: {str(error).rstrip('.')}. Download it again, or give the raster "
-            "itself."
-        ) from error
-    return target
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _bounds_deg(path: Path) -> tuple[float, float, float, float]:
-    """(west, south, east, north) of a raster, widened by two of its posts, degrees."""
-    with rasterio.open(path) as raster:
-        across, down = 2 * abs(raster.transform.a), 2 * abs(raster.transform.e)
-        left, bottom, right, top = raster.bounds
-        box = (left - across, bottom - down, right + across, top + down)
-        bounds: tuple[float, float, float, float] = transform_bounds(
-            raster.crs or "EPSG:4326", "EPSG:4326", *box
-        )
-        return bounds
+def _set(row: Row[Any], dem_dir: Path) -> DemSet:
+    sources = tuple(DemSource(**source) for source in row.sources)
+    return DemSet(row.id, row.datum, row.imported_at, sources, dem_dir)

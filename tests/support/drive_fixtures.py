@@ -14,7 +14,7 @@ from app.drives import intake as ingest
 from app.drives.process import Workbench
 from app.drives.store import DriveRow
 from app.roads import imports as road_imports
-from app.terrain import store as dem_store
+from app.terrain import imports as dem_imports
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import write_csv
@@ -39,7 +39,7 @@ def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def bench(sessions: Sessions, files: Path, tmp_path: Path) -> Workbench:
     """A workbench whose database knows the town."""
     road_imports.import_roads(sessions, files / "town.osm", tmp_path / "dem")
-    dem_store.import_dem(sessions, [files / "town.tif"], tmp_path / "dem")
+    dem_imports.import_dem(sessions, [files / "town.tif"], tmp_path / "dem")
     return Workbench(sessions, BlobStore(str(tmp_path / "blobs")), tmp_path / "dem")
 
 

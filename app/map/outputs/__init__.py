@@ -1,4 +1,7 @@
-"""The files that segments are written to. A new kind of file is one new module and one line here."""
+"""The files that segments are written to. A new kind of file is one new module and one line here.
+
+Modules import what they write with where they write: to list the outputs must cost nothing.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from app.map.outputs.csv_table import CsvOutput
 from app.map.outputs.geojson import GeoJsonOutput
 from app.map.outputs.geoparquet import GeoParquetOutput
 from app.map.outputs.gpkg import GeoPackageOutput
-from app.map.segment import SegmentFeature
+from app.map.segment import Segment
 from fusion.errors import UnknownNameError
 from fusion.registry import Registry
 
@@ -25,8 +28,8 @@ class Output(Protocol):
     """With its dot, lower case; a file's suffix chooses the output."""
     description: str
 
-    def write(self, features: Iterable[SegmentFeature], path: Path, source: str) -> int:
-        """Write all features, replacing ``path``; returns their number. ``source`` says whose data it is.
+    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
+        """Write all segments, replacing ``path``; returns their number. ``source`` says whose data it is.
 
         The iterable is consumed once and never held whole.
         """
@@ -47,7 +50,7 @@ def output_for(path: Path) -> Output:
     raise UnknownNameError(f"No output is called {path.suffix!r}. Choose one of: {known}.")
 
 
-def write(features: Iterable[SegmentFeature], path: Path, *, source: str | None = None) -> int:
+def write(segments: Iterable[Segment], path: Path, *, source: str | None = None) -> int:
     """Write segments to ``path`` in the format of its suffix; returns how many were written.
 
     The file appears complete or not at all: it is written beside its place and moved there at the end.
@@ -59,7 +62,7 @@ def write(features: Iterable[SegmentFeature], path: Path, *, source: str | None 
         raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
     partial = path.with_name(f".{path.stem}.partial{output.suffix}")
     try:
-        count = output.write(features, partial, source or attribution())
+        count = output.write(segments, partial, source or attribution())
         partial.replace(path)
     except OSError as error:
         if error.filename == str(partial):  # a name that nobody gave

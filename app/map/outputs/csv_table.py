@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from app.map.segment import PROPERTIES, SegmentFeature
+from app.map.segment import PROPERTIES, Segment
 
 
 class CsvOutput:
@@ -17,14 +17,14 @@ class CsvOutput:
     suffix = ".csv"
     description = "CSV table, geometry as WKT in the last column, WGS 84; an empty cell is unknown"
 
-    def write(self, features: Iterable[SegmentFeature], path: Path, source: str) -> int:
+    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
         """Write the table. CSV has no place for ``source``: a comment line would break readers."""
         count = 0
         with path.open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file)
             table.writerow([*PROPERTIES, "wkt"])
-            for feature in features:
-                table.writerow([*map(_cell, feature.properties().values()), _wkt(feature)])
+            for segment in segments:
+                table.writerow([*map(_cell, segment.properties().values()), _wkt(segment)])
                 count += 1
         return count
 
@@ -33,5 +33,5 @@ def _cell(value: Any) -> Any:
     return str(value).lower() if isinstance(value, bool) else value
 
 
-def _wkt(feature: SegmentFeature) -> str:
-    return f"LINESTRING ({', '.join(f'{lon} {lat}' for lon, lat in feature.rounded_coordinates())})"
+def _wkt(segment: Segment) -> str:
+    return f"LINESTRING ({', '.join(f'{lon} {lat}' for lon, lat in segment.rounded_coordinates())})"

@@ -1,4 +1,4 @@
-"""One road segment with its slope, as every output shows it: the contract's 16 properties in one order."""
+"""GeoJSON FeatureCollections, written piece by piece: to a file, or wherever a stream goes."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from app.core.text import dumps
-from app.map.segment import SegmentFeature
+from app.map.segment import Segment
 
 
-def collection_chunks(
-    features: Iterable[SegmentFeature], members: dict[str, Any] | None = None
-) -> Iterator[str]:
+def collection_chunks(segments: Iterable[Segment], members: dict[str, Any] | None = None) -> Iterator[str]:
     """The text of a FeatureCollection piece by piece, in constant memory.
 
     ``members`` are further top-level members such as ``links``; they come before ``features``.
@@ -20,8 +18,8 @@ def collection_chunks(
     head = dumps({"type": "FeatureCollection"} | (members or {}))
     yield head[:-1] + ',"features":['
     separator = ""
-    for feature in features:
-        yield separator + dumps(feature.geojson())
+    for segment in segments:
+        yield separator + dumps(segment.geojson())
         separator = ",\n"
     yield "]}\n"
 
@@ -33,15 +31,15 @@ class GeoJsonOutput:
     suffix = ".geojson"
     description = "GeoJSON FeatureCollection (RFC 7946), WGS 84"
 
-    def write(self, features: Iterable[SegmentFeature], path: Path, source: str) -> int:
+    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
         """Write the collection with ``source`` as its ``attribution`` member."""
         count = 0
 
-        def counted() -> Iterator[SegmentFeature]:
+        def counted() -> Iterator[Segment]:
             nonlocal count
-            for feature in features:
+            for segment in segments:
                 count += 1
-                yield feature
+                yield segment
 
         with path.open("w", encoding="utf-8") as file:
             file.writelines(collection_chunks(counted(), {"attribution": source}))

@@ -11,12 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
-import shapely
 
-from app.map.outputs.arrow import GEOMETRY, SCHEMA, arrow_tables
-from app.map.segment import SegmentFeature
+from app.map.segment import Segment
+from fusion.types import Floats
 
 NO_BOUNDS = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
@@ -28,25 +25,32 @@ class GeoParquetOutput:
     suffix = ".parquet"
     description = "GeoParquet 1.1, WKB lines, WGS 84"
 
-    def write(self, features: Iterable[SegmentFeature], path: Path, source: str) -> int:
+    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
         """Write the file with ``source`` under the key ``attribution`` of its metadata."""
+        # Imported where a file is written: every command that only names the outputs would wait for it.
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        from app.map.outputs.arrow import GEOMETRY, SCHEMA, arrow_tables, bounds_deg  # noqa: PLC0415
+
         count, bounds = 0, NO_BOUNDS
         with pq.ParquetWriter(path, SCHEMA, compression="zstd") as writer:
-            for table in arrow_tables(features):
+            for table in arrow_tables(segments):
                 writer.write_table(table)
                 count += len(table)
-                bounds = _grown(bounds, table)
-            writer.add_key_value_metadata({"geo": json.dumps(_geo(bounds)), "attribution": source})
+                bounds = _grown(bounds, bounds_deg(table))
+            geo = json.dumps(_metadata(GEOMETRY, bounds))
+            writer.add_key_value_metadata({"geo": geo, "attribution": source})
         return count
 
 
-def _grown(bounds: Any, table: pa.Table) -> Any:
-    found = shapely.total_bounds(shapely.from_wkb(table[GEOMETRY].to_numpy()))
-    return np.r_[np.minimum(bounds[:2], found[:2]), np.maximum(bounds[2:], found[2:])]
+def _grown(bounds: Floats, more: Floats) -> Floats:
+    grown: Floats = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
+    return grown
 
 
-def _geo(bounds: Any) -> dict[str, Any]:
+def _metadata(geometry: str, bounds: Floats) -> dict[str, Any]:
+    """What the standard wants under the key ``geo``."""
     column: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
     if np.all(np.isfinite(bounds)):
         column["bbox"] = [float(value) for value in bounds]
-    return {"version": "1.1.0", "primary_column": GEOMETRY, "columns": {GEOMETRY: column}}
+    return {"version": "1.1.0", "primary_column": geometry, "columns": {geometry: column}}

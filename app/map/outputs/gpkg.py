@@ -6,10 +6,7 @@ from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 
-import pyogrio
-
-from app.map.outputs.arrow import GEOMETRY, SCHEMA, arrow_tables
-from app.map.segment import SegmentFeature
+from app.map.segment import Segment
 
 LAYER = "segments"
 
@@ -21,11 +18,16 @@ class GeoPackageOutput:
     suffix = ".gpkg"
     description = "OGC GeoPackage, layer segments, WGS 84"
 
-    def write(self, features: Iterable[SegmentFeature], path: Path, source: str) -> int:
+    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
         """Write the layer with ``source`` in its description."""
+        # Imported where a file is written: every command that only names the outputs would wait for it.
+        import pyogrio  # noqa: PLC0415
+
+        from app.map.outputs.arrow import GEOMETRY, SCHEMA, arrow_tables  # noqa: PLC0415
+
         path.unlink(missing_ok=True)  # GDAL would add to it
         count = 0
-        for table in chain([SCHEMA.empty_table()], arrow_tables(features)):
+        for table in chain([SCHEMA.empty_table()], arrow_tables(segments)):
             pyogrio.write_arrow(
                 table,
                 path,

@@ -22,8 +22,8 @@ from app.drives.store import DriveRow
 from app.map import store as slopes
 from app.roads import imports as road_imports
 from app.roads import store as roads
+from app.terrain import imports as dem_imports
 from app.terrain import store as dem
-from app.terrain import store as dem_store
 from fusion.errors import BadOptionsError, RoadsError, TerrainError, UnknownNameError
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import write_dem
@@ -192,7 +192,7 @@ def test_roads_and_elevation_in_either_order(sessions: Sessions, town: Town, tmp
         road_imports.import_roads(sessions, tmp_path / "town.osm", tmp_path / "dem")
 
     def import_dem() -> None:
-        dem_store.import_dem(sessions, [tmp_path / "town.tif"], tmp_path / "dem")
+        dem_imports.import_dem(sessions, [tmp_path / "town.tif"], tmp_path / "dem")
 
     def stored() -> dict[tuple[int, int, int], float | None]:
         with sessions() as session:
@@ -222,6 +222,6 @@ def test_a_map_without_roads_is_refused(sessions: Sessions, tmp_path: Path, town
 
 def test_an_elevation_import_of_nothing_is_refused(sessions: Sessions, tmp_path: Path) -> None:
     with pytest.raises(TerrainError):
-        dem_store.import_dem(sessions, [], tmp_path)
+        dem_imports.import_dem(sessions, [], tmp_path)
     with sessions() as session:
         assert dem.current_dem(session, tmp_path) is None

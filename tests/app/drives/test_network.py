@@ -159,7 +159,7 @@ def test_a_killed_publication_leaves_nothing_and_the_next_run_all(
     assert process.is_connection_loss(caught.value)
     assert (rows_of(sessions), rows_of(sessions, "network_slopes")) == before
     with sessions() as session:
-        assert slopes.estimated_segments(session, drive.id) == []
+        assert segments.drive_segment_rows(session, drive.id) == []
     assert process_drive(bench, drive.id, 1) is Outcome.DONE
     assert rows_of(sessions) != before[0]
 

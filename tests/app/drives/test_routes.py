@@ -289,7 +289,7 @@ def test_an_uploaded_drive_through_the_town_ends_as_slopes_on_the_map(
     web: Any, town: Any, tmp_path: Path
 ) -> None:
     from app.roads.imports import import_roads  # noqa: PLC0415 - beside their only use
-    from app.terrain.store import import_dem  # noqa: PLC0415 - beside their only use
+    from app.terrain.imports import import_dem  # noqa: PLC0415 - beside their only use
 
     write_osm(town, tmp_path / "town.osm")
     write_dem(town, tmp_path / "town.tif")

@@ -80,7 +80,7 @@ def test_a_second_run_replaces_the_first(sessions: Sessions, segment_ids: Ints, 
         provenance = slopes.RunProvenance("dem", {}, "1.1", version.id, None)
         slopes.save_result(session, drive, segment_ids, [], provenance)
     with sessions() as session:
-        assert slopes.estimated_segments(session, drive) == []
+        assert map_store.drive_segment_rows(session, drive) == []
         assert session.execute(text("SELECT method FROM provenances")).scalars().all() == ["dem"]
     assert aggregates(sessions) == {}
 
@@ -90,7 +90,8 @@ def test_an_estimate_that_is_not_finite_is_left_out(
 ) -> None:
     drive = add_drive(segment_ids, {0: (np.nan, 1.0), 1: (2.0, np.inf), 2: (3.0, 1.0)})
     with sessions() as session:
-        assert slopes.estimated_segments(session, drive) == [segment_ids[2]]
+        (estimate,) = map_store.drive_segment_rows(session, drive)
+    assert estimate.segment.id == segment_ids[2]
 
 
 def test_many_drives_at_once_end_in_the_right_aggregates(

@@ -23,8 +23,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.network import solve as network
-from app.network import versions as locks
-from app.network import versions as slopes
+from app.network import versions
 from app.network.rebuild import rebuild_network
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
@@ -88,14 +87,14 @@ def test_only_what_changed_is_written(sessions: Sessions, streets: Driven, town:
         before = session.execute(query).all()
     rebuild_network(sessions)
     with sessions.begin() as session:
-        locks.own_network(session)
+        versions.own_network(session)
         network.refresh_network(session, rows_of(sessions).keys())
     with sessions() as session:
         after = session.execute(query).all()
     unchanged = len(set(before) & set(after))
     assert unchanged > 0.5 * len(before)
     with sessions.begin() as session:
-        locks.own_network(session)
+        versions.own_network(session)
         assert network.adjust_around(session, list(rows_of(sessions)), {}) == []
 
 
@@ -117,7 +116,7 @@ def test_the_window_is_found_by_the_index(sessions: Sessions, chain: Callable[..
 def test_the_data_version_rises_with_every_drive(sessions: Sessions, streets: Driven, town: Town) -> None:
     def version() -> int:
         with sessions() as session:
-            return slopes.data_version(session)
+            return versions.data_version(session)
 
     seen = [version()]
     drive = drive_over(sessions, *streets, walks(town, 1)[0])

@@ -17,12 +17,10 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.map import store as map_store
-from app.network import results as slopes
 from app.network import versions
-from app.network import versions as locks
 from app.roads import imports as roads
 from app.roads import store as road_store
-from app.roads.store import ImportCounts
+from app.roads.imports import ImportCounts
 from fusion.roads.table import RoadTable, rows_of
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
@@ -148,7 +146,8 @@ def test_a_dropped_segment_takes_its_estimates_along(
     drive = add_drive(segment_ids, {0: (1.0, 1.0), 9: (2.0, 1.0)})
     imported(sessions, chain(5))
     with sessions() as session:
-        assert slopes.estimated_segments(session, drive) == [segment_ids[0]]
+        (estimate,) = map_store.drive_segment_rows(session, drive)
+        assert estimate.segment.id == segment_ids[0]
         assert session.execute(text("SELECT count(*) FROM segment_slopes")).scalar_one() == 1
 
 
@@ -210,7 +209,7 @@ def test_an_import_waits_for_writers_of_estimates(
         done.set()
 
     with sessions.begin() as session:
-        locks.own_network(session)
+        versions.own_network(session)
         thread = threading.Thread(target=run)
         thread.start()
         assert not done.wait(0.5)

@@ -14,7 +14,7 @@ from app.map import store as segments
 from app.network.rebuild import rebuild_network
 from app.roads import imports as roads
 from app.roads import store as road_store
-from app.roads.store import ImportCounts
+from app.roads.imports import ImportCounts
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 

@@ -24,10 +24,10 @@ from app.core.text import utc_text
 from app.map.attribution import attribution, attribution_html
 from app.map.outputs import OUTPUTS, output_for, write
 from app.map.outputs.arrow import arrow_tables
-from app.map.segment import PROPERTIES, SegmentFeature
+from app.map.segment import PROPERTIES, Segment
 from fusion.errors import UnknownNameError
 
-EXAMPLE = SegmentFeature(
+EXAMPLE = Segment(
     id=1,
     osm_way_id=2**40,
     from_node=-7,
@@ -122,7 +122,7 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path, name: str) -> No
     path = tmp_path / f"slopes{OUTPUTS[name].suffix}"
     write(SOME, path)
 
-    def broken() -> Iterator[SegmentFeature]:
+    def broken() -> Iterator[Segment]:
         yield EXAMPLE
         raise RuntimeError("the database went away")
 

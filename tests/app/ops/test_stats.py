@@ -10,7 +10,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.drives import store as drives
-from app.ops import store as stats
+from app.ops import stats
 from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.roads.table import RoadTable
@@ -18,7 +18,7 @@ from fusion.roads.table import RoadTable
 
 def test_an_empty_service_counts_nothing(sessions: Sessions) -> None:
     with sessions() as session:
-        figures = stats.admin_stats(session)
+        figures = stats.read_stats(session)
     assert (figures.drives, figures.segments, figures.queue_depth, figures.running) == (0, 0, 0, 0)
     assert figures.queue_oldest_wait_s is None
     assert figures.drives_by_status == figures.failures_by_kind == figures.driven_km_by_highway == {}
@@ -58,10 +58,10 @@ def test_figures_of_a_busy_service(
             text("UPDATE drives SET created_at = now() - interval '400 days' WHERE id = :id"), {"id": made[0]}
         )
     with sessions() as session:
-        figures = stats.admin_stats(session, days=30)
+        figures = stats.read_stats(session, days=30)
     length_km = table.length_m / 1000
     assert figures.drives_by_status == {"done": 2, "failed": 3, "queued": 1}
-    assert sum(row["drives"] for row in figures.drives_by_day) == 5
+    assert sum(row.drives for row in figures.drives_by_day) == 5
     assert figures.queue_depth == 1
     assert figures.queue_oldest_wait_s == pytest.approx(3600, abs=60)
     assert figures.failures_by_kind == {"bad-log": 2, "no-match": 1}

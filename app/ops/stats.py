@@ -1,15 +1,20 @@
-"""The JSON documents of the API, with the examples that its OpenAPI document shows."""
+"""Figures for operators: what is counted, as a document, and the route to it. The statements are in ``store.py``."""
 
 from __future__ import annotations
 
 from datetime import date
-from typing import Any
+from typing import Annotated, Any
 
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.orm import Session
 
+from app.core.http import ServiceDep, problems
 from app.core.text import Moment
 from app.drives.documents import DriveStatus
-from app.ops.store import AdminStats
+from app.network.versions import data_version
+from app.ops import store
+from app.roads.store import current_road_version
 
 STATS_EXAMPLE: dict[str, Any] = {
     "drives": 13,
@@ -75,20 +80,36 @@ class Stats(BaseModel):
     road_version: RoadVersion | None
     dem_version_id: int | None
 
-    @classmethod
-    def of(cls, row: AdminStats) -> Stats:
-        """Build from what the store returns."""
-        values = dict(vars(row))
-        values["road_version"] = row.road_version and RoadVersion(**vars(row.road_version))
-        return cls(**values)
+
+router = APIRouter(prefix="/v1/admin", tags=["operation"])
 
 
-class Health(BaseModel):
-    """The service's own state."""
+@router.get("/stats", summary="Figures for operators", responses=problems(422, 503))
+def stats(
+    service: ServiceDep,
+    days: Annotated[
+        int, Query(ge=1, le=366, description="How many days back drives are counted by day.")
+    ] = 30,
+) -> Stats:
+    """Drives by status and day, the queue, failures by reason, kilometres covered by road class."""
+    with service.reading() as session:
+        return read_stats(session, days=days)
 
-    model_config = ConfigDict(
-        json_schema_extra={"examples": [{"status": "ready", "checks": {"database": "ok", "blobs": "ok"}}]}
+
+def read_stats(session: Session, *, days: int = 30) -> Stats:
+    """The figures of this moment; drives by day cover the last ``days`` days. Reads whole tables."""
+    by_status = store.drives_by_status(session)
+    queue = store.queue(session)
+    roads = current_road_version(session)
+    return Stats(
+        drives_by_status=by_status,
+        drives_by_day=[DayCount(**row) for row in store.drives_by_day(session, days)],
+        queue_depth=queue.depth,
+        queue_oldest_wait_s=queue.oldest_wait_s,
+        running=by_status.get("running", 0),
+        failures_by_kind=store.failures_by_kind(session),
+        driven_km_by_highway=store.driven_km_by_highway(session),
+        data_version=data_version(session),
+        road_version=roads and RoadVersion(**vars(roads)),
+        **store.totals(session)._mapping,
     )
-
-    status: str
-    checks: dict[str, str] = Field(default={}, description="Each thing needed: ok, or what is wrong with it.")

@@ -16,8 +16,8 @@ from app.core.db import Sessions
 from app.map import store as map_store
 from app.network import versions
 from app.roads import imports as roads
-from app.terrain import store as dem
-from app.terrain.store import DemSet
+from app.terrain import imports as dem
+from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
 
@@ -58,7 +58,7 @@ def test_slopes_of_the_covered_segments_are_renewed(
     sessions: Sessions, chain_in_db: RoadTable, tmp_path: Path
 ) -> None:
     with sessions() as session:
-        assert dem.current_dem(session, tmp_path) is None
+        assert current_dem(session, tmp_path) is None
         version = versions.data_version(session)
     assert stored_slopes(sessions) == [None] * 10
     east = write_raster(tmp_path / "east.tif", 8.5055, 49.01, 2.0)

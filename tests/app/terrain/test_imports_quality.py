@@ -11,8 +11,8 @@ import rasterio
 from affine import Affine
 
 from app.core.db import Sessions
-from app.terrain import store as dem
-from app.terrain.store import DemSet
+from app.terrain import imports as dem
+from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
 from fusion.terrain.dem import Dem
 
@@ -59,7 +59,7 @@ def test_the_quality_layer_goes_with_its_raster(sessions: Sessions, tmp_path: Pa
         file.unlink()
     assert most_scenes(found) == 7
     with sessions() as session:
-        again = dem.current_dem(session, tmp_path / "dem")
+        again = current_dem(session, tmp_path / "dem")
     assert again == found
 
 

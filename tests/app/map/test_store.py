@@ -13,8 +13,7 @@ import pytest
 from shapely.geometry import box
 
 from app.core.db import Sessions
-from app.map import store as slopes
-from app.map import store as tiles
+from app.map import store
 from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.roads.table import RoadTable
@@ -43,7 +42,7 @@ def read(tmp_path: Path) -> Callable[..., object]:
     def decode(data: bytes, z: int, x: int, y: int):  # type: ignore[no-untyped-def]
         path = tmp_path / f"{uuid.uuid4()}.mvt"
         path.write_bytes(data)
-        assert [name for name, _ in pyogrio.list_layers(path)] == [tiles.LAYER]
+        assert [name for name, _ in pyogrio.list_layers(path)] == [store.LAYER]
         return pyogrio.read_dataframe(path, Z=str(z), X=str(x), Y=str(y), CLIP="NO")
 
     return decode
@@ -55,7 +54,7 @@ def test_a_tile_carries_what_a_map_draws(
     add_drive(segment_ids, {2: (-4.25, 0.5)})
     tile = tile_of(8.5025, 49.0, 14)
     with sessions() as session:
-        frame = read(tiles.mvt(session, *tile), *tile)
+        frame = read(store.mvt(session, *tile), *tile)
     assert set(frame.columns) == {  # type: ignore[attr-defined]
         "mvt_id", "slope_percent", "slope_sigma_percent", "drives", "highway", "oneway", "geometry"
     }  # fmt: skip
@@ -73,11 +72,11 @@ def test_a_line_keeps_its_direction_and_place(
 ) -> None:
     tile = tile_of(8.5005, 49.0, 14)
     with sessions() as session:
-        frame = read(tiles.mvt(session, *tile), *tile)
+        frame = read(store.mvt(session, *tile), *tile)
     line = frame.set_index("mvt_id").geometry[segment_ids[0]]  # type: ignore[attr-defined]
     x = np.radians([8.5, 8.501]) * 6_378_137
     y = math.asinh(math.tan(math.radians(49))) * 6_378_137
-    unit_m = EARTH_M / 2**14 / tiles.EXTENT
+    unit_m = EARTH_M / 2**14 / store.EXTENT
     assert np.allclose(line.coords, [(x[0], y), (x[1], y)], atol=unit_m)
 
 
@@ -86,23 +85,23 @@ def test_a_line_just_outside_is_in_the_buffer(
 ) -> None:
     z, x, y = tile_of(8.5, 49.0, 14)
     edge_lon = x / 2**z * 360 - 180
-    unit_deg = 360 / 2**z / tiles.EXTENT
+    unit_deg = 360 / 2**z / store.EXTENT
     west = np.array([20.0, 100.0]) * unit_deg  # within and beyond the 64 units of the buffer
     table = chain(
         2, lon0_deg=edge_lon - west, lon1_deg=edge_lon - west, lat0_deg=[48.9999] * 2, lat1_deg=[49.0] * 2
     )
     with sessions.begin() as session:
         roads.replace_roads(session, table, "x", "0" * 64)
-        frame = read(tiles.mvt(session, z, x, y), z, x, y)
-        near = slopes.segment_items(session)[0]
-        assert tiles.geojson_tile(session, z, x, y) == []
+        frame = read(store.mvt(session, z, x, y), z, x, y)
+        near = store.segment_items(session)[0]
+        assert store.geojson_tile(session, z, x, y) == []
     assert frame.mvt_id.tolist() == [near.id]  # type: ignore[attr-defined]
 
 
 def test_a_tile_without_segments_is_empty(sessions: Sessions, segment_ids: Ints) -> None:
     with sessions() as session:
-        assert tiles.mvt(session, 14, 0, 0) == b""
-        assert tiles.geojson_tile(session, 14, 0, 0) == []
+        assert store.mvt(session, 14, 0, 0) == b""
+        assert store.geojson_tile(session, 14, 0, 0) == []
 
 
 def test_the_geojson_tiles_of_a_row_hold_every_segment_whole(sessions: Sessions, segment_ids: Ints) -> None:
@@ -110,8 +109,8 @@ def test_the_geojson_tiles_of_a_row_hold_every_segment_whole(sessions: Sessions,
     _, last, _ = tile_of(8.51, 49.0, 16)
     assert last > first
     with sessions() as session:
-        found = {x: tiles.geojson_tile(session, z, x, y) for x in range(first, last + 1)}
-        every = {row.id: row for row in slopes.segment_items(session)}
+        found = {x: store.geojson_tile(session, z, x, y) for x in range(first, last + 1)}
+        every = {row.id: row for row in store.segment_items(session)}
     assert {row.id for rows in found.values() for row in rows} == set(every)
     for x, rows in found.items():
         for row in rows:
@@ -146,7 +145,7 @@ def test_far_out_only_driven_or_major_roads_are_shown(
     add_drive(ids, {4: (1.0, 1.0)})
     tile = tile_of(8.5025, 49.0, zoom)
     with sessions() as session:
-        assert {row.highway for row in tiles.geojson_tile(session, *tile, full_zoom=13)} == shown
-        mvt = tiles.mvt(session, *tile, full_zoom=13)
+        assert {row.highway for row in store.geojson_tile(session, *tile, full_zoom=13)} == shown
+        mvt = store.mvt(session, *tile, full_zoom=13)
     if zoom >= 9:  # further out a segment of 73 m is less than a unit of the tile
         assert {name for name in classes if name.encode() in mvt} == shown

@@ -1,0 +1,181 @@
+"""Elevation rasters come in: their files into the folder, the set into the database, their slopes to the segments.
+
+What the database holds of them is in ``app.terrain.store``. How heights are read is the library's business.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import shutil
+import uuid
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rasterio
+import rasterio.shutil
+from rasterio.errors import RasterioError
+from rasterio.warp import transform_bounds
+from sqlalchemy.orm import Session
+
+from app.core.db import Bounds, Sessions
+from app.network.versions import bump_data_version, own_network
+from app.roads.store import roads_within
+from app.terrain.store import DemSet, DemSource, current_dem, replace_dem, set_dem_slopes
+from fusion.errors import TerrainError
+from fusion.roads.table import RoadTable
+from fusion.terrain.dem import Dem
+from fusion.terrain.quality import pair, quality_name
+from fusion.terrain.raster import open_raster, refuse_void
+from fusion.terrain.windows import dem_slopes
+from fusion.types import Floats, Progress, no_progress
+
+CHUNK_BYTES = 1 << 20
+SEGMENTS_PER_UPDATE = 50_000
+
+
+def import_dem(
+    sessions: Sessions, paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress
+) -> DemSet:
+    """Add elevation rasters to the active set; ``TerrainError`` for one that cannot be used."""
+    if not paths:
+        raise TerrainError("No elevation raster was named. Give one or more GeoTIFF, VRT or .hgt files.")
+    sources = store_files(paths, dem_dir, progress)
+    with sessions.begin() as session:
+        return add_dem(session, sources, dem_dir, progress)
+
+
+def store_files(paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress) -> list[DemSource]:
+    """Copy rasters into the folder; ``TerrainError`` for one that cannot be read. No database is involved.
+
+    A gzipped raster is unpacked. One that consists of one file is copied as it is, streaming; one that refers
+    to others (a VRT, a file with a header beside it) is written anew as one GeoTIFF, since the references would
+    break. The quality layer of a raster (``fusion.terrain.quality``) goes with it.
+    """
+    stored = []
+    pairs = pair(paths)
+    for k, (path, quality) in enumerate(pairs):
+        progress("copying", k / len(pairs))
+        stored.append(_store(path, quality, dem_dir))
+    return stored
+
+
+def add_dem(
+    session: Session, sources: Sequence[DemSource], dem_dir: Path, progress: Progress = no_progress
+) -> DemSet:
+    """Add stored rasters to the active set and renew ``dem_slope_percent`` of the segments that they cover.
+
+    A raster that is in the set already changes nothing; one with the name of an active raster but other bytes
+    takes its place. Names are compared without regard to case: N50E007.hgt and n50e007.HGT are one tile.
+    Drives processed before keep their estimates; the network takes the new slopes into account where later
+    drives pass, or by ``rebuild_network``. Waits for running writers of estimates.
+    """
+    own_network(session)
+    active = current_dem(session, dem_dir)
+    former = active.sources if active else ()
+    new = [source for source in sources if source not in former]
+    if active and not new:
+        return active
+    replaced = {source.name.casefold() for source in new}
+    gone = [source for source in former if source.name.casefold() in replaced]
+    whole = [source for source in former if source not in gone] + list(dict.fromkeys(new))
+    with Dem.open([dem_dir / source.uri for source in whole]) as dem:
+        found = replace_dem(session, whole, dem.datum, dem_dir)
+        _renew_slopes(session, dem, [dem_dir / source.uri for source in [*new, *gone]], progress)
+    bump_data_version(session)
+    return found
+
+
+def slopes_of(session: Session, table: RoadTable, dem_dir: Path) -> Floats:
+    """Each segment's slope by the active rasters, percent, NaN unknown, shape (n,)."""
+    active = current_dem(session, dem_dir)
+    if active is None or not len(table):
+        return np.full(len(table), np.nan)
+    with Dem.open(active.paths) as dem:
+        return dem_slopes(dem, table)
+
+
+def _renew_slopes(session: Session, dem: Dem, changed: Sequence[Path], progress: Progress) -> None:
+    """Write the slopes of all segments that the changed rasters cover."""
+    for done, path in enumerate(changed):
+        table, ids = roads_within(session, _bounds_deg(path))
+        for start in range(0, len(ids), SEGMENTS_PER_UPDATE):
+            progress("slopes", (done + start / len(ids)) / len(changed))
+            part = np.arange(start, min(start + SEGMENTS_PER_UPDATE, len(ids)))
+            slope = dem_slopes(dem, table.subset(part))
+            set_dem_slopes(session, ids[part], slope)
+    progress("slopes", 1.0)
+
+
+def _bounds_deg(path: Path) -> Bounds:
+    """(west, south, east, north) of a raster, widened by two of its posts, degrees."""
+    with rasterio.open(path) as raster:
+        across, down = 2 * abs(raster.transform.a), 2 * abs(raster.transform.e)
+        left, bottom, right, top = raster.bounds
+        box = (left - across, bottom - down, right + across, top + down)
+        bounds: Bounds = transform_bounds(raster.crs or "EPSG:4326", "EPSG:4326", *box)
+        return bounds
+
+
+def _store(path: Path, quality: Path | None, dem_dir: Path) -> DemSource:
+    incoming = dem_dir / "incoming" / uuid.uuid4().hex
+    incoming.mkdir(parents=True)
+    try:
+        copied = _copy(path, incoming)
+        folder = sha256 = _sha256(copied)
+        refuse_void(copied)  # and what cannot serve as elevation at all, before it is referred to
+        parts = [copied]
+        if quality is not None:
+            layer = _copy(quality, incoming)
+            parts.insert(0, layer.rename(incoming / quality_name(copied)))
+            Dem.open([copied]).close()  # does the layer fit?
+            folder = hashlib.sha256(f"{sha256} {_sha256(parts[0])}".encode()).hexdigest()
+        final = dem_dir / folder
+        final.mkdir(exist_ok=True)
+        for part in parts:
+            # Renamed within one file system: the file is there complete or not at all, and after its quality layer.
+            part.replace(final / part.name)
+        return DemSource(copied.name, f"{folder}/{copied.name}", sha256)
+    finally:
+        shutil.rmtree(incoming)
+
+
+def _copy(path: Path, folder: Path) -> Path:
+    if path.suffix.lower() == ".gz":
+        return _unpack(path, folder / path.stem)
+    dataset = open_raster(path)[1]
+    with dataset:
+        several = len(dataset.files) > 1
+    try:
+        target = folder / (f"{path.stem}.tif" if several else path.name)
+        if several:
+            rasterio.shutil.copy(
+                path, target, driver="GTiff", tiled=True, compress="deflate", bigtiff="if_safer"
+            )
+        else:
+            shutil.copyfile(path, target)
+    except (RasterioError, OSError) as error:
+        raise TerrainError(
+            f"{path.name} cannot be copied to {folder.parent.parent}: {str(error).rstrip('.')}. Check the file and "
+            "that there is room, and import it again."
+        ) from error
+    return target
+
+
+def _unpack(path: Path, target: Path) -> Path:
+    try:
+        with gzip.open(path) as packed, target.open("wb") as plain:
+            shutil.copyfileobj(packed, plain, CHUNK_BYTES)
+    except (OSError, EOFError, zlib.error) as error:
+        raise TerrainError(
+            f"{path.name} cannot be unpacked: {str(error).rstrip('.')}. Download it again, or give the raster "
+            "itself."
+        ) from error
+    return target
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
