@@ -275,9 +275,10 @@ def _field_error(item: Mapping[str, Any]) -> FieldError:
 
 
 async def _internal_error(request: Request, error: Exception) -> JSONResponse:
-    # Starlette raises the error again after this answer, so the server logs it with its traceback.
+    # Starlette raises the error again after this answer: the server logs it with its traceback and then closes
+    # the connection. An answer that does not say so would invite the next request onto it, which is then reset.
     detail = "The service failed on this request. The fault is in its log; trying again may help."
-    return problem_response(request, KINDS[Exception], detail)
+    return problem_response(request, KINDS[Exception], detail, headers={"Connection": "close"})
 
 
 async def _client_gone(request: Request, error: Exception) -> JSONResponse:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import re
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -149,6 +151,31 @@ def test_a_fault_of_the_service_tells_nothing_of_its_inside(
         check(answer, 500)
         assert "swordfish" not in answer.text
         assert 'route="/v1/drives",status="500"' in web.client.get("/metrics").text
+
+
+def test_a_fault_takes_no_other_request_with_it(
+    tmp_path: Path, server_maker: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The server closes the connection after it has logged the fault; a client must not send on it till then."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("a fault")
+
+    class SlowLog(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            time.sleep(0.1)
+
+    monkeypatch.setattr("app.drives.routes.drives.list_drives", fail)
+    nowhere = "postgresql://versant@/none?host=" + str(tmp_path / "no-socket")
+    with server_maker(Settings(database_url=nowhere, data_dir=tmp_path)) as web:
+        server_log = logging.getLogger("uvicorn.error")
+        monkeypatch.setattr(server_log, "handlers", [SlowLog()])
+        monkeypatch.setattr(server_log, "level", logging.ERROR)
+        for _ in range(3):
+            answer = web.client.get("/v1/drives")
+            check(answer, 500)
+            assert answer.headers["connection"] == "close"
+            assert web.client.get("/healthz").status_code == 200
 
 
 def test_without_a_database_the_service_lives_and_is_not_ready(
