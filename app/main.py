@@ -17,10 +17,10 @@ from app.core.http import Service
 from app.core.middleware import EarlyAnswers, HeadMiddleware, PublishedCors, SameOriginWrites, SmallBodies
 from app.core.openapi import TAGS, describe
 from app.core.settings import Settings, SettingsError, get_settings
+from app.core.version import code_version
 from app.drives import batches, events, upload
 from app.drives import results as drive_parts
 from app.drives import routes as drives
-from app.drives.process import code_version
 from app.map import features, segments, tiles
 from app.map.features import BIND_NOTE
 from app.ops import admin, health

@@ -35,8 +35,8 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 
 from app.cli.fuse_files import Fusion
+from fusion.defaults import DEFAULT_METHOD
 from fusion.errors import FusionError, MissingSensorError
-from fusion.methods import DEFAULT_METHOD
 from fusion.pipeline import parse_options
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from pydantic import ValidationError
 
+from fusion.defaults import DEFAULT_METHOD
 from fusion.errors import BadOptionsError, EmptyLogError, MethodError, NoMatchError
 from fusion.frames import LocalProjection
-from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
 from fusion.network.adjust import adjust
 from fusion.network.combine import Part

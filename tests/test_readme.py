@@ -22,11 +22,12 @@ from app.core.settings import ENV_PREFIX, Settings
 from app.main import create_app
 from app.map.outputs import OUTPUTS
 from app.map.segment import PROPERTIES
+from fusion.defaults import DEFAULT_METHOD
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
 from fusion.gnss import POSITIONINGS
-from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods import METHODS
 from fusion.methods.base import option_facts
 from fusion.terrain.windows import WINDOWS
 

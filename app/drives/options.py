@@ -10,7 +10,7 @@ from fastapi import Query
 
 from app.core.errors import BadRequestError
 from app.core.settings import Settings
-from fusion.methods import DEFAULT_METHOD
+from fusion.defaults import DEFAULT_METHOD
 from fusion.pipeline import parse_options
 
 MethodQuery = Annotated[

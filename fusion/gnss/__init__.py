@@ -8,6 +8,4 @@ from fusion.gnss.receiver import ReceiverPositioning
 
 POSITIONINGS.add(ReceiverPositioning.name, ReceiverPositioning())
 
-DEFAULT_POSITIONING = ReceiverPositioning.name
-
-__all__ = ["DEFAULT_POSITIONING", "POSITIONINGS", "Positioning"]
+__all__ = ["POSITIONINGS", "Positioning"]

@@ -205,7 +205,7 @@ def test_the_last_to_leave_stops_the_server(made: Path) -> None:
 USER = """
 import sys, time
 from pathlib import Path
-from app.embedded import EmbeddedPostgres
+from app.embedded.cluster import EmbeddedPostgres
 with EmbeddedPostgres(Path(sys.argv[1]), durable=False) as server:
     print(server.url, flush=True)
     sys.stdin.read()

@@ -10,8 +10,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from fusion.defaults import DEFAULT_METHOD
 from fusion.errors import BadOptionsError, EmptyLogError, MissingSensorError, NoMatchError
-from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods import METHODS
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, run_drive
 from fusion.simulate.scene.town import Town
