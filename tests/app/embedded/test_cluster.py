@@ -18,7 +18,7 @@ from app.core.settings import libpq_url
 from app.embedded.account import account_for
 from app.embedded.cluster import EmbeddedPostgres
 from app.embedded.errors import EmbeddedPostgresError
-from app.embedded.lockfile import running_postmaster
+from app.embedded.postmaster import running_postmaster
 from app.embedded.sockets import LONGEST_SOCKET_PATH_BYTES
 
 pytestmark = pytest.mark.db
