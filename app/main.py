@@ -12,10 +12,10 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from app.core.blobs import BlobStore
 from app.core.db import make_engine, session_factory
-from app.core.errors import install_error_handlers
 from app.core.http import Service
 from app.core.middleware import EarlyAnswers, HeadMiddleware, PublishedCors, SameOriginWrites, SmallBodies
 from app.core.openapi import TAGS, describe
+from app.core.problems import install_error_handlers
 from app.core.settings import Settings, SettingsError, get_settings
 from app.core.version import code_version
 from app.drives import batches, events, upload

@@ -15,7 +15,8 @@ from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
-from app.core.errors import PROBLEM_JSON, NotFoundError
+from app.core.errors import NotFoundError
+from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
 from app.core.text import GEO_JSON, dumps
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from app.core.errors import Problem
+from app.core.problems import Problem
 
 TAGS: list[dict[str, str]] = [
     {"name": "drives", "description": "Upload logs and look at what became of them."},
@@ -19,7 +19,7 @@ FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
 
 
 def describe(app: FastAPI) -> None:
-    """Make ``app.core.openapi`` (and /openapi.json) answer with the corrected document."""
+    """Make ``app.openapi`` (and /openapi.json) answer with the corrected document."""
     derive = app.openapi
 
     def corrected() -> dict[str, Any]:
