@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import Box, DataDir, JsonFile, in_a_folder, parse_box
+from app.cli.options import DataDir, JsonFile, in_a_folder, parse_box
 from fusion.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from sqlalchemy.orm import Session
 
+    from app.core.db import Bounds
     from app.map.segment import SegmentFeature
     from fusion.types import Progress
 
@@ -67,7 +68,7 @@ def export(
 
 
 def _features(
-    session: Session, box: Box | None, driven: bool, gaps: bool, progress: Progress
+    session: Session, box: Bounds | None, driven: bool, gaps: bool, progress: Progress
 ) -> Iterator[SegmentFeature]:
     from app.map import store as segments
     from app.map.segment import SegmentFeature

@@ -19,6 +19,7 @@ COLUMNS = ("time_s", "lat_deg", "lon_deg", "height_ell_m", "alt_msl_m", "h_acc_m
 _DIGITS = {"lat_deg": 9, "lon_deg": 9}  # degrees: a tenth of a millimetre
 _OTHER_DIGITS = 3  # milliseconds, millimetres
 GAP_S = 10.0
+"""Positions further apart in time are not joined by a line."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ TAGS: list[dict[str, str]] = [
     {"name": "operation", "description": "Health, metrics, figures for operators, kinds of problems."},
 ]
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
+"""FastAPI's own models, which no answer follows."""
 
 
 def describe(app: FastAPI) -> None:
