@@ -1,4 +1,4 @@
-"""The application: every subject's routes, and what wraps them. A new group of routes is one module and one line here."""
+"""The application: every subject's routes, and what wraps them. A new group is one module and one line here."""
 
 from __future__ import annotations
 

@@ -27,8 +27,11 @@ from fusion.errors import FusionError
 from fusion.simulate.bundle import Bundle, write_all
 
 DRIVES, SEED, DURATION_S = 6, 1, 600.0
+"""What is simulated; as ``versant simulate`` does by default."""
 DRIVE_TIMEOUT_S = 600.0
+"""After which a drive that is not done makes the demonstration fail."""
 LEAST_DRIVEN_M = 10.0
+"""Of a segment; one that was driven over less is not compared."""
 
 
 class DemoError(FusionError):
