@@ -1,4 +1,4 @@
-"""The routes of the API. A new group is one module and one line here."""
+"""The application: every subject's routes, and what wraps them. A new group is one module and one line here."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from app.core.blobs import BlobStore
 from app.core.db import make_engine, session_factory
-from app.core.errors import install_error_handlers
 from app.core.http import Service
 from app.core.middleware import EarlyAnswers, HeadMiddleware, PublishedCors, SameOriginWrites, SmallBodies
 from app.core.openapi import TAGS, describe
+from app.core.problems import install_error_handlers
 from app.core.settings import Settings, SettingsError, get_settings
+from app.core.version import code_version
 from app.drives import batches, events, upload
 from app.drives import results as drive_parts
 from app.drives import routes as drives
-from app.drives.process import code_version
 from app.map import features, segments, tiles
 from app.map.features import BIND_NOTE
 from app.ops import health, stats

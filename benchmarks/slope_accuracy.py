@@ -36,8 +36,8 @@ import numpy as np
 
 from app.cli.fuse_files import Fusion
 from fusion.errors import FusionError, MissingSensorError
-from fusion.methods import DEFAULT_METHOD
 from fusion.pipeline import parse_options
+from fusion.registry import DEFAULT_METHOD
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem

@@ -15,13 +15,14 @@ from pydantic import ValidationError
 
 from fusion.errors import BadOptionsError, EmptyLogError, MethodError, NoMatchError
 from fusion.frames import LocalProjection
-from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
 from fusion.network.evidence import SegmentEvidence, passes_by_segment
 from fusion.network.pass_factor import PassFactor
 from fusion.network.window import gap_rows
+from fusion.registry import DEFAULT_METHOD
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem

@@ -7,6 +7,12 @@ from fusion.errors import UnknownNameError
 
 T = TypeVar("T")
 
+# What is taken where nobody chooses. Here, so that whoever only shows these names loads no method for it.
+DEFAULT_METHOD = "profile"
+"""The estimator; one of ``fusion.methods.METHODS``."""
+DEFAULT_POSITIONING = "receiver"
+"""How positions are computed from a log; one of ``fusion.gnss.POSITIONINGS``."""
+
 
 class Registry(Generic[T]):
     """Name -> thing, in order of registration; a duplicate is refused, an unknown name answered with the known ones."""

@@ -26,8 +26,9 @@ from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
 from fusion.gnss import POSITIONINGS
-from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods import METHODS
 from fusion.methods.base import option_facts
+from fusion.registry import DEFAULT_METHOD
 from fusion.terrain.windows import WINDOWS
 
 REPOSITORY = Path(__file__).resolve().parents[1]

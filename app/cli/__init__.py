@@ -1,36 +1,80 @@
-"""The command line, ``versant``: one file per group of commands, loaded only when its command is named."""
+"""The command line, ``versant``: one file per group of commands, loaded only when its command is named.
+
+It answers at once: a file of commands imports at its head what describes them, and inside a command what that
+one needs to run (hence their ``noqa: PLC0415``). ``versant --help`` imports none of these files.
+"""
 
 from __future__ import annotations
 
 import importlib
 import os
 from collections.abc import Iterator, Mapping
-from importlib import metadata
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from app.cli.console import Console, sentence
 
+
+class Command(NamedTuple):
+    """Where a command stands, and the sentence that ``versant --help`` says of it."""
+
+    module: str
+    summary: str
+    """The first paragraph of the command's docstring (a test holds the two equal)."""
+
+
 COMMANDS = {
-    "demo": "app.cli.demo",
-    "up": "app.cli.up",
-    "api": "app.cli.service",
-    "worker": "app.cli.service",
-    "migrate": "app.cli.service",
-    "import-roads": "app.cli.imports",
-    "import-dem": "app.cli.imports",
-    "upload": "app.cli.upload",
-    "reprocess": "app.cli.reprocess",
-    "rebuild": "app.cli.rebuild",
-    "fuse": "app.cli.fuse",
-    "track": "app.cli.track",
-    "simulate": "app.cli.simulate",
-    "export": "app.cli.export",
-    "methods": "app.cli.methods",
+    "demo": Command(
+        "app.cli.demo",
+        "Simulate a town and drives, run them through a service of its own, and compare with the truth.",
+    ),
+    "up": Command(
+        "app.cli.service",
+        "Start everything: embedded PostgreSQL + PostGIS, migrations, API and worker. Ctrl-C stops it.",
+    ),
+    "api": Command("app.cli.service", "Serve the HTTP API."),
+    "worker": Command(
+        "app.cli.service", "Process uploaded drives. Any number of workers may share one database."
+    ),
+    "migrate": Command("app.cli.service", "Bring the database to the schema of this version."),
+    "import-roads": Command(
+        "app.cli.imports", "Make the drivable roads of an OpenStreetMap file the road network."
+    ),
+    "import-dem": Command(
+        "app.cli.imports", "Add elevation rasters to the terrain that drives and roads are compared with."
+    ),
+    "upload": Command(
+        "app.cli.remote", "Upload drive logs to a service; exit status 1 if any of them failed."
+    ),
+    "reprocess": Command(
+        "app.cli.remote",
+        "Let a service process every drive again that is of another method; exit status 1 if any failed.",
+    ),
+    "rebuild": Command(
+        "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."
+    ),
+    "fuse": Command(
+        "app.cli.fuse",
+        "Fuse logs with roads and terrain into segment slopes, without a server or a database.",
+    ),
+    "track": Command(
+        "app.cli.track", "Write the positions of logs, with their heights and stated accuracies."
+    ),
+    "simulate": Command(
+        "app.cli.simulate",
+        "Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv).",
+    ),
+    "export": Command(
+        "app.cli.export", "Write every segment with its slope, as it stands at one moment, to a file."
+    ),
+    "methods": Command(
+        "app.cli.methods",
+        "List methods with source, needs and options, then formats, windows, resamplers and the like.",
+    ),
 }
-"""Command -> module, in the order of ``versant --help``; the module's ``app`` (a Typer) holds the command."""
+"""In the order of ``versant --help``; the module's ``app`` (a Typer) holds the command."""
 
 GLOBAL_FLAGS = ("--debug", "--quiet")
 
@@ -39,7 +83,7 @@ class _LazyCommands(Mapping[str, Any]):
     """Imports a command's module when it is first looked up: ``versant upload`` need not wait for numba."""
 
     def __getitem__(self, name: str) -> Any:
-        commands = importlib.import_module(COMMANDS[name]).app
+        commands = importlib.import_module(COMMANDS[name].module).app
         loaded: Any = typer.main.get_command(commands)
         return loaded.commands[name] if isinstance(loaded, TyperGroup) else loaded
 
@@ -64,6 +108,15 @@ class VersantGroup(TyperGroup):
         flags = [a for a in args[:end] if a in GLOBAL_FLAGS]
         rest = [a for a in args[:end] if a not in GLOBAL_FLAGS]
         return super().parse_args(ctx, flags + rest + args[end:])
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help out of ``COMMANDS``: the commands themselves are not loaded for it."""
+        loading = self.commands
+        self.commands = {name: TyperCommand(name, help=it.summary) for name, it in COMMANDS.items()}
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            self.commands = loading
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; any error becomes one line on standard error and exit status 1."""
@@ -92,16 +145,10 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"versant {version()}")
+        from app.core.version import code_version  # noqa: PLC0415
+
+        typer.echo(f"versant {code_version()}")
         raise typer.Exit
-
-
-def version() -> str:
-    """The installed version, or ``unknown`` when run from a tree that was never installed."""
-    try:
-        return metadata.version("versant")
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 @app.callback()

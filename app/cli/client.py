@@ -1,4 +1,7 @@
-"""The service seen from outside: the few requests behind ``versant upload``, ``reprocess`` and the demo."""
+"""The service seen from outside: the few requests behind ``versant upload``, ``reprocess`` and the demo.
+
+Knows the API alone, nothing of what is behind it.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +12,19 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 import httpx
 
 from fusion.errors import FusionError
-from fusion.types import Progress
+
+if TYPE_CHECKING:
+    from fusion.types import Progress
 
 FINAL_STATUSES = frozenset({"done", "failed", "cancelled"})
-TIMEOUT = httpx.Timeout(60.0, connect=5.0)
+TIMEOUT_S = httpx.Timeout(60.0, connect=5.0)
 FIRST_POLL_S, LAST_POLL_S = 0.1, 2.0
+"""Pause between two looks at a drive or batch; it grows from the first to the last by halves."""
 
 BytesSent = Callable[[int], None]
 DriveSeen = Callable[["RemoteDrive"], None]
@@ -94,7 +100,7 @@ class Client:
         self.server = server.rstrip("/")
         # An address on this machine must never go through a proxy that the environment names for the world.
         self._http = httpx.Client(
-            base_url=self.server, timeout=TIMEOUT, transport=transport, trust_env=not _is_local(self.server)
+            base_url=self.server, timeout=TIMEOUT_S, transport=transport, trust_env=not _is_local(self.server)
         )
 
     def __enter__(self) -> Self:

@@ -8,14 +8,15 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import rich.console
 import typer
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn
 from rich.table import Table
 
-from fusion.types import Progress as ProgressCall
+if TYPE_CHECKING:
+    from fusion.types import Progress as ProgressCall
 
 PLAIN_WIDTH = 10_000  # columns of a table that goes into a file or a pipe: one line per row
 SHORT_CELL = 40  # characters that a terminal always has room for

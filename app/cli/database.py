@@ -1,4 +1,4 @@
-"""Where a command finds its database."""
+"""Where a command finds its database: a server that is named, or the embedded cluster, which comes migrated."""
 
 from __future__ import annotations
 
@@ -7,26 +7,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from app.core import migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings, load_settings
-from app.embedded.access import open_database
+from app.embedded.cluster import EmbeddedPostgres
 
 
 def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
     """The environment's settings with a command's options over them; an option not given is None."""
     given = {name: value for name, value in {"data_dir": data_dir, **changes}.items() if value is not None}
     return load_settings(lambda: Settings(**given))
-
-
-@contextmanager
-def database(settings: Settings, *, embedded: bool | None = None) -> Iterator[Settings]:
-    """Yield the settings with ``database_url`` set, for as long as the block lasts.
-
-    ``embedded``: see ``app.embedded.access.open_database``. The embedded cluster is started if it does not run, and
-    migrated.
-    """
-    with open_database(settings, embedded=embedded) as url:
-        yield settings.model_copy(update={"database_url": url})
 
 
 @contextmanager
@@ -39,3 +29,28 @@ def sessions(data_dir: Path | None) -> Iterator[tuple[Settings, Sessions]]:
             yield settings, session_factory(engine)
         finally:
             engine.dispose()
+
+
+@contextmanager
+def database(settings: Settings, *, embedded: bool | None = None) -> Iterator[Settings]:
+    """Yield the settings with ``database_url`` set, for as long as the block lasts.
+
+    ``embedded`` True means the cluster in ``settings.data_dir`` (a command given ``--data-dir``), False the
+    server of ``settings.database_url``, None that server if it is set and the cluster otherwise. The cluster
+    is started if it does not run, and migrated; another server is migrated by ``versant migrate`` alone.
+    """
+    if embedded is None:
+        embedded = settings.database_url is None
+    if not embedded and settings.database_url is not None:
+        yield settings
+        return
+    with open_cluster(settings) as cluster:
+        yield settings.model_copy(update={"database_url": cluster.url})
+
+
+@contextmanager
+def open_cluster(settings: Settings) -> Iterator[EmbeddedPostgres]:
+    """Yield the cluster in ``settings.data_dir``, started and migrated, for as long as the block lasts."""
+    with EmbeddedPostgres(settings.data_dir) as cluster:
+        migrate.upgrade(cluster.url)
+        yield cluster

@@ -1,21 +1,25 @@
 """``versant demo``: the whole job on data that it makes itself."""
 
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
 from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile
-from app.cli.supervisor import reach, stop_signals
-from app.demo.files import figures, write_files
-from app.demo.run import DemoResult, demo_service, run_demo
-from app.demo.score import Score, examples
+
+if TYPE_CHECKING:
+    from app.demo.run import DemoResult
+    from app.demo.score import Score
 
 EXAMPLES = 24
+"""Rows of the table of single segments."""
+
 LABELS = {
     "service": "Versant",
     "raw": "raw altitudes",
@@ -40,6 +44,10 @@ def demo(
 
     Needs PostgreSQL with PostGIS installed and nothing else; no database is touched but its own.
     """
+    from app.cli.supervisor import reach, stop_signals
+    from app.demo.files import figures, write_files
+    from app.demo.run import demo_service, run_demo
+
     console: Console = ctx.obj
     started = time.perf_counter()
     with stop_signals():
@@ -64,6 +72,8 @@ def demo(
 
 
 def _show(console: Console, result: DemoResult) -> None:
+    from app.demo.score import examples
+
     estimates, features = result.estimates, {}
     for feature in result.features:
         p = feature["properties"]

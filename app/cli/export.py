@@ -1,26 +1,28 @@
 """``versant export``: the map as one file."""
 
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sqlalchemy.orm import Session
 
 from app.cli.console import Console, write_json
-from app.cli.database import sessions
-from app.cli.options import Box, DataDir, JsonFile, in_a_folder, parse_box
-from app.map import store as segments
-from app.map.attribution import attribution
-from app.map.outputs import output_for, write
-from app.map.segment import Segment
-from app.terrain import store as dem
+from app.cli.options import DataDir, JsonFile, in_a_folder, parse_box
 from fusion.errors import UnknownNameError
-from fusion.types import Progress
+
+if TYPE_CHECKING:
+    from sqlalchemy.orm import Session
+
+    from app.core.db import Bounds
+    from app.map.segment import Segment
+    from fusion.types import Progress
 
 PAGE = 5000
+"""Segments that are read from the database at once."""
 
 app = typer.Typer(add_completion=False)
 
@@ -43,6 +45,11 @@ def export(
     json_file: JsonFile = None,
 ) -> None:
     """Write every segment with its slope, as it stands at one moment, to a file."""
+    from app.cli.database import sessions
+    from app.map.attribution import attribution
+    from app.map.outputs import output_for, write
+    from app.terrain import store as dem
+
     console: Console = ctx.obj
     box = parse_box(bbox)
     try:
@@ -61,8 +68,10 @@ def export(
 
 
 def _features(
-    session: Session, box: Box | None, driven: bool, gaps: bool, progress: Progress
+    session: Session, box: Bounds | None, driven: bool, gaps: bool, progress: Progress
 ) -> Iterator[Segment]:
+    from app.map import store as segments
+
     wanted = True if driven else None
     total = max(segments.count_segments(session, bbox=box, driven=wanted), 1)
     after, done = 0, 0

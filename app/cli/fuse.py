@@ -1,31 +1,26 @@
 """``versant fuse``: slopes from files, without a server and without a database."""
 
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.console import Bars, Console, write_json
-from app.cli.fuse_files import FusedLog, Fusion, summary
 from app.cli.options import JsonFile, in_a_folder, parse_assignments
-from app.drives.outputs.profile import build_profile, table_facts
-from app.drives.outputs.profile_picture import printable, profile_png
-from app.drives.outputs.track import track_chunks
-from app.map.attribution import attribution
-from app.map.outputs import output_for, write
-from app.map.outputs.geojson import collection_chunks
-from app.map.segment import Segment
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
-from fusion.methods import DEFAULT_METHOD
-from fusion.methods.base import Options
-from fusion.pipeline import parse_options
-from fusion.roads.osm import read_roads
-from fusion.terrain.dem import Dem
+from fusion.registry import DEFAULT_METHOD
+
+if TYPE_CHECKING:
+    from app.cli.fuse_files import FusedLog, Fusion
+    from app.map.segment import Segment
+    from fusion.methods.base import Options
 
 app = typer.Typer(add_completion=False)
 
@@ -97,6 +92,13 @@ def fuse(
 
     Gives the service's numbers for the same logs. A log that fails is reported, and the others go on.
     """
+    from app.cli.fuse_files import Fusion
+    from app.map.attribution import attribution
+    from app.map.outputs import write
+    from app.map.outputs.geojson import collection_chunks
+    from fusion.roads.osm import read_roads
+    from fusion.terrain.dem import Dem
+
     console: Console = ctx.obj
     chosen = _usable(method, option or [], out)
     logs, dem = _apart(logs, dem or [])
@@ -136,6 +138,9 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
 
 def _usable(method: str, option: list[str], out: Path | None) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
+    from app.map.outputs import output_for
+    from fusion.pipeline import parse_options
+
     try:
         if out is not None:
             output_for(out)
@@ -145,6 +150,8 @@ def _usable(method: str, option: list[str], out: Path | None) -> Options:
 
 
 def _one(fusion: Fusion, path: Path, console: Console, bars: Bars) -> dict[str, Any]:
+    from app.cli.fuse_files import summary
+
     try:
         twin = fusion.twin(path)
         if twin is not None:
@@ -164,7 +171,8 @@ def _one(fusion: Fusion, path: Path, console: Console, bars: Bars) -> dict[str, 
 
 
 def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, console: Console) -> None:
-    from app.map.slope_picture import slope_map_png  # noqa: PLC0415 - it draws with matplotlib
+    from app.drives.outputs.profile_picture import printable
+    from app.map.slope_picture import slope_map_png
 
     count = len(fusion.fused)
     title = f"Slopes from {fusion.fused[0].path.name}" if count == 1 else f"Slopes from {count} drives"
@@ -175,6 +183,11 @@ def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, c
 def _pictures(
     one: FusedLog, number: int | None, profile: Path | None, track: Path | None, console: Console
 ) -> None:
+    from app.drives.outputs.profile import build_profile, table_facts
+    from app.drives.outputs.profile_picture import profile_png
+    from app.drives.outputs.track import track_chunks
+    from app.map.attribution import attribution
+
     estimated = one.result.track
     if profile is not None:
         slopes = {s.segment: (s.slope_percent, s.slope_sigma_percent) for s in one.result.slopes}

@@ -1,21 +1,21 @@
-"""``versant import-roads`` and ``versant import-dem``."""
+"""What the service's slopes rest on: ``versant import-roads``, ``import-dem``, and ``rebuild`` after such a change."""
+
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
 
 from __future__ import annotations
 
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.database import sessions
 from app.cli.options import DataDir, JsonFile
-from app.roads import imports as road_imports
-from app.roads.imports import ImportCounts
-from app.terrain import imports as dem_imports
-from fusion.terrain.quality import pair
+
+if TYPE_CHECKING:
+    from app.roads.imports import ImportCounts
 
 app = typer.Typer(add_completion=False)
 
@@ -32,6 +32,9 @@ def import_roads(
     Slopes stay with every segment whose way, nodes and geometry are unchanged; segments that the file
     does not have are dropped.
     """
+    from app.cli.database import sessions
+    from app.roads import imports as road_imports
+
     console: Console = ctx.obj
     started = time.perf_counter()
     with sessions(data_dir) as (settings, factory), console.progress() as bars:
@@ -46,22 +49,6 @@ def import_roads(
         typer.echo(line)
     figures = {"file": str(file), "segments": segments, **asdict(counts), "seconds": round(seconds, 3)}
     write_json(json_file, figures)
-
-
-def remarks(counts: ImportCounts) -> list[str]:
-    """What a road import cost and what it could not use, a sentence each."""
-    lines = []
-    if counts.measured_lost:
-        lines.append(
-            f"{counts.measured_lost} segments lost measured slopes, because they or the roads that lead to them were "
-            f"moved or dropped, from {counts.drives_affected} drive(s); reprocess those drives to measure again."
-        )
-    if counts.skipped:
-        reasons = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.skipped.items()))
-        lines.append(
-            f"{sum(counts.skipped.values())} node pairs of the file's roads are no segments ({reasons})."
-        )
-    return lines
 
 
 @app.command("import-dem")
@@ -83,6 +70,10 @@ def import_dem(
     The rasters are copied. Drives processed before keep their estimates until they are processed again;
     `versant rebuild` lets the network as a whole take the new terrain into account.
     """
+    from app.cli.database import sessions
+    from app.terrain import imports as dem_imports
+    from fusion.terrain.quality import pair
+
     console: Console = ctx.obj
     started = time.perf_counter()
     with sessions(data_dir) as (settings, factory), console.progress() as bars:
@@ -97,3 +88,38 @@ def import_dem(
         typer.echo(f"With a quality layer (option dem_min_quality): {', '.join(with_quality)}.")
     figures = {"rasters": active.names, "datum": active.datum, "with_quality": with_quality}
     write_json(json_file, {**figures, "seconds": round(seconds, 3)})
+
+
+@app.command("rebuild")
+def rebuild(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+    """Compute the slopes of the whole network anew from what the drives contributed.
+
+    Wanted after an elevation import, which by itself changes no slope, and after an update of Versant that
+    changes how drives are put together. Drives are not processed again, and may come and go meanwhile.
+    """
+    from app.cli.database import sessions
+    from app.network.rebuild import rebuild_network
+
+    console: Console = ctx.obj
+    started = time.perf_counter()
+    with sessions(data_dir) as (_, factory), console.progress() as bars:
+        segments = rebuild_network(factory, bars.work("network"))
+    seconds = time.perf_counter() - started
+    typer.echo(f"{segments} segments of the network in {seconds:.1f} s.")
+    write_json(json_file, {"segments": segments, "seconds": round(seconds, 3)})
+
+
+def remarks(counts: ImportCounts) -> list[str]:
+    """What a road import cost and what it could not use, a sentence each."""
+    lines = []
+    if counts.measured_lost:
+        lines.append(
+            f"{counts.measured_lost} segments lost measured slopes, because they or the roads that lead to them were "
+            f"moved or dropped, from {counts.drives_affected} drive(s); reprocess those drives to measure again."
+        )
+    if counts.skipped:
+        reasons = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.skipped.items()))
+        lines.append(
+            f"{sum(counts.skipped.values())} node pairs of the file's roads are no segments ({reasons})."
+        )
+    return lines

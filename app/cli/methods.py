@@ -1,23 +1,20 @@
 """``versant methods``: what can be chosen by name."""
 
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
 from __future__ import annotations
 
 import inspect
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile
-from app.map.outputs import OUTPUTS
-from fusion.filters.resampling import RESAMPLERS
-from fusion.filters.triggers import TRIGGERS
-from fusion.formats import FORMATS
-from fusion.gnss import POSITIONINGS
-from fusion.methods import DEFAULT_METHOD, METHODS
-from fusion.methods.base import Method, option_facts
-from fusion.simulate.receiver.profiles import RECEIVERS
-from fusion.terrain.windows import WINDOWS
+from fusion.registry import DEFAULT_METHOD
+
+if TYPE_CHECKING:
+    from fusion.methods.base import Method
 
 app = typer.Typer(add_completion=False)
 
@@ -31,6 +28,8 @@ def methods(
     json_file: JsonFile = None,
 ) -> None:
     """List methods with source, needs and options, then formats, windows, resamplers and the like."""
+    from fusion.methods import METHODS
+
     console: Console = ctx.obj
     figures = catalogue()
     for name in names or list(METHODS):
@@ -45,6 +44,15 @@ def methods(
 
 def catalogue() -> dict[str, Any]:
     """Every registry's names; methods with source, needs and options."""
+    from app.map.outputs import OUTPUTS
+    from fusion.filters.resampling import RESAMPLERS
+    from fusion.filters.triggers import TRIGGERS
+    from fusion.formats import FORMATS
+    from fusion.gnss import POSITIONINGS
+    from fusion.methods import METHODS
+    from fusion.simulate.receiver.profiles import RECEIVERS
+    from fusion.terrain.windows import WINDOWS
+
     return {
         "default_method": DEFAULT_METHOD,
         "methods": {
@@ -72,6 +80,8 @@ def catalogue() -> dict[str, Any]:
 
 def options(method: Method) -> dict[str, dict[str, Any]]:
     """The options of a method: default, what is allowed, and description (which names the unit)."""
+    from fusion.methods.base import option_facts
+
     return {
         name: {"default": fact.default, "allowed": fact.allowed, "description": fact.description}
         for name, fact in option_facts(method.options_model).items()

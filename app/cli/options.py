@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from app.core.db import Bounds
 
 DataDir = Annotated[
     Path | None,
@@ -24,8 +27,6 @@ JsonFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Write the figures as JSON as well.", show_default=False),
 ]
-Box = tuple[float, float, float, float]
-"""(west, south, east, north), degrees."""
 
 
 def in_a_folder(path: Path | None) -> Path | None:
@@ -35,7 +36,7 @@ def in_a_folder(path: Path | None) -> Path | None:
     return path
 
 
-def parse_box(text: str | None) -> Box | None:
+def parse_box(text: str | None) -> Bounds | None:
     """``WEST,SOUTH,EAST,NORTH`` in degrees; raises ``typer.BadParameter``."""
     if text is None:
         return None

@@ -1,22 +1,21 @@
-"""The parts of a deployment: ``versant api``, ``versant worker``, ``versant migrate``."""
+"""``versant up``: the whole service in one process tree; ``api``, ``worker``, ``migrate``: its parts."""
+
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
 
 from __future__ import annotations
 
 import logging
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-import uvicorn
 
 from app.cli.console import Console
-from app.cli.database import database, settings_for
 from app.cli.options import DataDir
-from app.cli.supervisor import free_port, reach, stop_with_parent
-from app.core import migrate as migrations
-from app.core.databases import require_reachable
-from app.core.settings import Settings
-from app.drives.worker import run_worker
-from app.main import create_app
+
+if TYPE_CHECKING:
+    from app.cli.supervisor import Service
+    from app.core.settings import Settings
 
 GRACEFUL_S = 3  # followers of a drive's events would otherwise keep a stopping server open
 
@@ -25,6 +24,47 @@ app = typer.Typer(add_completion=False)
 WithParent = Annotated[
     bool, typer.Option("--stop-with-parent", hidden=True, help="Stop when standard input closes.")
 ]
+
+
+@app.command("up")
+def up(
+    ctx: typer.Context,
+    data_dir: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            file_okay=False,
+            help="Folder of the database, the uploads and the rasters; made if it is missing. "
+            "Default: VERSANT_DATA_DIR, else ~/.local/share/versant.",
+            show_default=False,
+        ),
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="TCP port, 0 for any free one.  [default: 8000]")
+    ] = None,
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1, this machine alone]")
+    ] = None,
+) -> None:
+    """Start everything: embedded PostgreSQL + PostGIS, migrations, API and worker. Ctrl-C stops it.
+
+    While it runs, `versant import-roads`, `import-dem`, `export` (with the same --data-dir) and `upload` work
+    beside it.
+    """
+    from app.cli.database import open_cluster, settings_for
+    from app.cli.supervisor import Service, stop_signals
+
+    console: Console = ctx.obj
+    settings = settings_for(data_dir, port=port, host=host)
+    with stop_signals():
+        console.note(f"Starting in {settings.data_dir} ...")
+        with open_cluster(settings) as cluster:
+            ready = settings.model_copy(update={"database_url": cluster.url})
+            with Service(ready, console, cluster) as service:
+                for line in welcome(service, settings):
+                    typer.echo(line)
+                service.serve_forever()
+    console.note("Stopped.")
 
 
 @app.command("api")
@@ -36,6 +76,12 @@ def api(
     with_parent: WithParent = False,
 ) -> None:
     """Serve the HTTP API."""
+    import uvicorn
+
+    from app.cli.database import database, settings_for
+    from app.cli.supervisor import free_port, reach
+    from app.main import create_app
+
     console: Console = ctx.obj
     settings = settings_for(data_dir, port=port, host=host)
     _begin(settings, with_parent)
@@ -64,6 +110,9 @@ def worker(
     with_parent: WithParent = False,
 ) -> None:
     """Process uploaded drives. Any number of workers may share one database."""
+    from app.cli.database import database, settings_for
+    from app.drives.worker import run_worker
+
     settings = settings_for(data_dir, worker_concurrency=concurrency)
     _begin(settings, with_parent)
     with database(settings, embedded=True if data_dir else None) as ready:
@@ -74,6 +123,9 @@ def worker(
 @app.command("migrate")
 def migrate(ctx: typer.Context, data_dir: DataDir = None) -> None:
     """Bring the database to the schema of this version."""
+    from app.cli.database import database, settings_for
+    from app.core import migrate as migrations
+
     console: Console = ctx.obj
     settings = settings_for(data_dir)
     with database(settings, embedded=True if data_dir else None) as ready:
@@ -83,6 +135,8 @@ def migrate(ctx: typer.Context, data_dir: DataDir = None) -> None:
 
 
 def _require_database(settings: Settings) -> None:
+    from app.core.databases import require_reachable
+
     assert settings.database_url is not None  # noqa: S101 - database() sees to it
     require_reachable(settings.database_url)
 
@@ -93,4 +147,22 @@ def _begin(settings: Settings, with_parent: bool) -> None:
     for chatty in ("procrastinate", "uvicorn", "httpx", "alembic", "matplotlib"):
         logging.getLogger(chatty).setLevel(max(logging.WARNING, logging.getLevelName(settings.log_level)))
     if with_parent:
+        from app.cli.supervisor import stop_with_parent
+
         stop_with_parent()
+
+
+def welcome(service: Service, settings: Settings) -> list[str]:
+    """What to open and what to do next."""
+    from app.cli.supervisor import reach
+
+    home = f"--data-dir {settings.data_dir}"
+    server = f"--server {service.address}"
+    return [
+        f"Versant is ready at {service.address}  (described at {service.address}/openapi.json)",
+        reach(settings),
+        f"  versant import-roads {home} FILE.osm.pbf",
+        f"  versant import-dem {home} FILE...",
+        f"  versant upload {server} --wait LOG...",
+        "Ctrl-C stops it.",
+    ]

@@ -1,5 +1,7 @@
 """``versant simulate``: a synthetic town with known slopes, and drives through it."""
 
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -10,12 +12,6 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.options import JsonFile
 from fusion.errors import UnknownNameError
-from fusion.simulate.bundle import write_all
-from fusion.simulate.drive import simulate_drive
-from fusion.simulate.motion.routes import structures
-from fusion.simulate.receiver.profiles import RECEIVERS
-from fusion.simulate.write.csv_file import write_csv
-from fusion.simulate.write.truth_file import write_truth
 
 app = typer.Typer(add_completion=False)
 
@@ -36,6 +32,12 @@ def simulate(
     json_file: JsonFile = None,
 ) -> None:
     """Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv)."""
+    from fusion.simulate.bundle import write_all
+    from fusion.simulate.drive import simulate_drive
+    from fusion.simulate.motion.routes import structures
+    from fusion.simulate.write.csv_file import write_csv
+    from fusion.simulate.write.truth_file import write_truth
+
     console: Console = ctx.obj
     with console.progress() as bars:
         show = bars.work("simulating")
@@ -68,6 +70,8 @@ def simulate(
 
 
 def _known(receiver: str) -> None:
+    from fusion.simulate.receiver.profiles import RECEIVERS
+
     try:
         RECEIVERS[receiver]
     except UnknownNameError as error:

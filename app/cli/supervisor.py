@@ -1,4 +1,7 @@
-"""Keeps the API and the worker running as child processes, and stops them quickly and completely."""
+"""Keeps the API and the worker running as child processes, and stops them quickly and completely.
+
+Knows them by their commands and addresses alone; of the database it knows the embedded cluster's life.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +26,9 @@ from app.embedded.cluster import EmbeddedPostgres
 from fusion.errors import FusionError
 
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
-READY_TIMEOUT_S = 60.0
+READY_TIMEOUT_S = 60.0  # from the start of the API to its first answer that it is ready
 STOP_TIMEOUT_S = 10.0  # a stopping worker lets its drive run on for some seconds
-LONGEST_PAUSE_S = 30.0
+LONGEST_PAUSE_S = 30.0  # between two attempts to start what keeps ending
 STEADY_S = 60.0  # a child that ran this long is no longer in a series of crashes
 _LOOK_EVERY_S = 0.2
 _DATABASE_LOOK_EVERY_S = 1.0

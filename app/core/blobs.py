@@ -1,4 +1,4 @@
-"""Uploaded bytes, kept over fsspec: a folder, or a bucket such as ``s3://bucket/logs``.
+"""Uploaded bytes, kept over fsspec: a folder, or a bucket such as ``s3://bucket/logs``. Knows no drive.
 
 A blob appears under its key at once or not at all: it is written under ``incoming/`` and renamed when it is
 complete. A process that dies in between leaves a part there that nobody refers to; ``sweep`` removes it.

@@ -1,6 +1,8 @@
-"""Whole databases: made and dropped on a server where we are superuser (the embedded cluster and the tests).
+"""Whole databases: whether one is there, made and dropped, one migration at a time, told apart. Knows no table.
 
-Unlike the rest of this package these functions take a URL: databases are not made inside a transaction.
+Making and dropping is for a server where we are superuser (the embedded cluster and the tests). Unlike the rest
+of the service these functions take a URL, since databases are not made inside a transaction; only
+``database_identity`` asks a session about its own.
 """
 
 from __future__ import annotations
@@ -17,8 +19,15 @@ from sqlalchemy.orm import Session
 from app.core.settings import libpq_url
 from fusion.errors import FusionError
 
-CONNECT_TIMEOUT_S = 10
+CONNECT_TIMEOUT_S = 10  # for each address that a name stands for
+
 _MIGRATION = 0x5653_4D47  # "VSMG": any constant that no other user of this database takes
+_IDENTITY = text(
+    """
+    SELECT c.system_identifier || '-' || d.oid FROM pg_control_system() AS c, pg_database AS d
+    WHERE d.datname = current_database()
+    """
+)
 
 
 class UnreachableError(FusionError):
@@ -81,14 +90,6 @@ def one_migration_at_a_time(url: str) -> Iterator[None]:
         connection.execute("SELECT pg_advisory_lock(%s)", (_MIGRATION,))
         # Closing the connection gives the lock back, also after a crash.
         yield
-
-
-_IDENTITY = text(
-    """
-    SELECT c.system_identifier || '-' || d.oid FROM pg_control_system() AS c, pg_database AS d
-    WHERE d.datname = current_database()
-    """
-)
 
 
 def database_identity(session: Session) -> str:

@@ -1,4 +1,7 @@
-"""Engine and sessions. One style of database access: synchronous SQLAlchemy over psycopg 3."""
+"""Engine and sessions, and what passes between Python and PostgreSQL. Knows no table and no statement.
+
+One style of database access: synchronous SQLAlchemy over psycopg 3.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,8 @@ from app.core.settings import sqlalchemy_url
 
 Sessions = sessionmaker[Session]
 
+Bounds = tuple[float, float, float, float]
+"""(west, south, east, north), degrees."""
 
 # Every request is short: parallel workers and just-in-time compilation take longer to begin than it takes to
 # answer (PostGIS functions are declared so costly that the planner would often choose them).
@@ -70,7 +75,3 @@ def plain_json(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain_json(item) for item in value]
     return value
-
-
-Bounds = tuple[float, float, float, float]
-"""(west, south, east, north), degrees."""

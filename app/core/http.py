@@ -1,4 +1,6 @@
-"""What every route needs: the service's parts, links that work from outside, conditional answers."""
+"""What every route needs: the service's parts, links that work from outside, which answer is wanted, and how answers
+are described in the API's document. Knows no route.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
-from app.core.errors import PROBLEM_JSON, NotFoundError
+from app.core.errors import NotFoundError
+from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
 from app.core.text import GEO_JSON, dumps
 
@@ -57,6 +60,15 @@ ServiceDep = Annotated[Service, Depends(get_service)]
 BaseUrl = Annotated[str, Depends(get_base_url)]
 
 
+class Link(BaseModel):
+    """A typed link (RFC 8288)."""
+
+    href: str = Field(description="Absolute address.")
+    rel: str = Field(description="Relation to this document.")
+    type: str | None = Field(None, description="Media type of the target.")
+    title: str | None = Field(None, description="What the target is.")
+
+
 def link(href: str, rel: str, type_: str | None = JSON, title: str | None = None) -> Link:
     """A typed link."""
     return Link(href=href, rel=rel, type=type_, title=title)
@@ -90,44 +102,6 @@ def etag_matches(request: Request, etag: str) -> bool:
     asked = request.headers.get("if-none-match", "")
     names = {name.strip().removeprefix("W/") for name in asked.split(",")}
     return "*" in names or etag.removeprefix("W/") in names
-
-
-def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """The OpenAPI descriptions of the problem documents of a route."""
-    return {status: _PROBLEMS[status] for status in statuses}
-
-
-def _problem(status: int, slug: str, title: str, detail: str, field: str | None = None) -> dict[str, Any]:
-    example = {
-        "type": f"/problems/{slug}",
-        "title": title,
-        "status": status,
-        "detail": detail,
-        "instance": "/the/path",
-        "errors": [{"field": field, "message": detail}] if field else [],
-    }
-    schema = {"$ref": "#/components/schemas/Problem"}
-    return {
-        "description": title,
-        "content": {PROBLEM_JSON: {"schema": schema, "example": example}},
-    }
-
-
-_PROBLEMS: dict[int, dict[str, Any]] = {
-    400: _problem(400, "bad-query", "Unusable query", "bbox: it needs 4 numbers.", "bbox"),
-    403: _problem(403, "cross-origin-write", "Change from another site", "Do it from this site."),
-    404: _problem(404, "not-found", "Not found", "There is no such thing. It may have been deleted."),
-    406: _problem(406, "not-acceptable", "Not acceptable", "Ask for application/json or image/png."),
-    413: _problem(413, "too-large", "Upload too large", "The upload is larger than 1073741824 bytes."),
-    415: _problem(415, "unsupported-body", "Unsupported body", "Send the log as it is or gzipped."),
-    422: _problem(422, "bad-options", "Unusable options", "particles: it must be at least 1.", "particles"),
-    503: _problem(503, "not-ready", "Not ready", "The database does not answer."),
-}
-
-UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
-    400: _problem(400, "unreadable-body", "Unreadable body", "The body cannot be read. Send JSON in UTF-8.")
-}
-"""The description of the 400 of routes that take a JSON body."""
 
 
 def preferred(accept: str | None, offered: Sequence[str]) -> str | None:
@@ -170,6 +144,11 @@ def _parsed(item: str) -> tuple[str, float]:
         return name, 0.0
 
 
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The OpenAPI descriptions of the problem documents of a route."""
+    return {status: _PROBLEMS[status] for status in statuses}
+
+
 def geojson_answer(description: str, example: Any) -> dict[str, Any]:
     """The OpenAPI description of an answer in GeoJSON."""
     schema = {"type": "object", "required": ["type"], "properties": {"type": {"type": "string"}}}
@@ -182,10 +161,34 @@ def json_answer(description: str, example: Any) -> dict[str, Any]:
     return {"description": description, "content": content}
 
 
-class Link(BaseModel):
-    """A typed link (RFC 8288)."""
+def _problem(status: int, slug: str, title: str, detail: str, field: str | None = None) -> dict[str, Any]:
+    example = {
+        "type": f"/problems/{slug}",
+        "title": title,
+        "status": status,
+        "detail": detail,
+        "instance": "/the/path",
+        "errors": [{"field": field, "message": detail}] if field else [],
+    }
+    schema = {"$ref": "#/components/schemas/Problem"}
+    return {
+        "description": title,
+        "content": {PROBLEM_JSON: {"schema": schema, "example": example}},
+    }
 
-    href: str = Field(description="Absolute address.")
-    rel: str = Field(description="Relation to this document.")
-    type: str | None = Field(None, description="Media type of the target.")
-    title: str | None = Field(None, description="What the target is.")
+
+_PROBLEMS: dict[int, dict[str, Any]] = {
+    400: _problem(400, "bad-query", "Unusable query", "bbox: it needs 4 numbers.", "bbox"),
+    403: _problem(403, "cross-origin-write", "Change from another site", "Do it from this site."),
+    404: _problem(404, "not-found", "Not found", "There is no such thing. It may have been deleted."),
+    406: _problem(406, "not-acceptable", "Not acceptable", "Ask for application/json or image/png."),
+    413: _problem(413, "too-large", "Upload too large", "The upload is larger than 1073741824 bytes."),
+    415: _problem(415, "unsupported-body", "Unsupported body", "Send the log as it is or gzipped."),
+    422: _problem(422, "bad-options", "Unusable options", "particles: it must be at least 1.", "particles"),
+    503: _problem(503, "not-ready", "Not ready", "The database does not answer."),
+}
+
+UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
+    400: _problem(400, "unreadable-body", "Unreadable body", "The body cannot be read. Send JSON in UTF-8.")
+}
+"""The description of the 400 of routes that take a JSON body."""

@@ -1,4 +1,10 @@
-"""What happens to every request: HEAD as GET without a body, no changes from other sites, counting."""
+"""What happens to every request before and after its route, in the order in which ``app.main`` wraps them.
+
+Starlette's own where it has one: CORS, the counting of bodies, and compression (put together in ``app.main``).
+It has none for HEAD, for changes from other sites or for early answers. Its ``TrustedHostMiddleware`` is not used:
+the service has no setting of allowed hosts, and nothing here checks the Host header but to compare it with Origin.
+Knows no subject beyond a few paths.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +13,20 @@ from urllib.parse import urlsplit
 
 from fastapi import Request
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.exceptions import HTTPException
+from starlette.middleware.body_limit import RequestBodyLimitResponder
 from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.core.errors import KINDS, CrossOriginWriteError, problem_response
+from app.core.errors import KINDS, CrossOriginWriteError
+from app.core.problems import problem_response
 
 LINGER_BYTES = 4 * 1024 * 1024
 LINGER_S = 2.0
+"""How much, and how long, of a body is still read after an answer that did not wait for it."""
+
 SMALL_BODY_BYTES = 64 * 1024
+"""Far above any JSON that a route takes."""
+
 UPLOAD_PATH = "/v1/drives"
 CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 PUBLISHED = ("/collections", "/conformance", "/tiles", "/openapi.json", "/problems", "/v1/segments")
@@ -44,83 +55,6 @@ class HeadMiddleware:
                 await send({"type": "http.response.body", "body": b"", "more_body": False})
 
         await self.app({**scope, "method": "GET"}, receive, headers_only)
-
-
-class SameOriginWrites:
-    """Refuses changes that a page of another site asks a visitor's browser for.
-
-    There is no access control yet, so the only thing that keeps a web page from uploading to a service on the
-    visitor's own machine is that browsers state the page's origin. Programs that are no browsers send none.
-    """
-
-    def __init__(self, app: ASGIApp, public_url: str | None) -> None:
-        self.app = app
-        self.own_host = urlsplit(public_url).netloc if public_url else None
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer 403 to such a request, pass on any other."""
-        if scope["type"] == "http" and scope["method"] in CHANGING and self._foreign(Headers(scope=scope)):
-            message = "A page of another site asked for this change. Do it from this site, or with a program."
-            response = problem_response(Request(scope), KINDS[CrossOriginWriteError], message)
-            await response(scope, receive, send)
-            return
-        await self.app(scope, receive, send)
-
-    def _foreign(self, headers: Headers) -> bool:
-        origin = headers.get("origin")
-        if origin is None:
-            return headers.get("sec-fetch-site") == "cross-site"
-        return urlsplit(origin).netloc not in {headers.get("host"), self.own_host} - {None}
-
-
-class SmallBodies:
-    """Limits every body but an upload, which has its own limit: the others are held in memory.
-
-    Starlette has such a middleware too; its answer is plain text.
-    """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Count what is read; more than ``SMALL_BODY_BYTES`` is a 413."""
-        if scope["type"] != "http" or scope["path"] == UPLOAD_PATH:
-            await self.app(scope, receive, send)
-            return
-        read = 0
-
-        async def counted() -> Message:
-            nonlocal read
-            message = await receive()
-            read += len(message.get("body", b""))
-            if read > SMALL_BODY_BYTES:
-                # The one class that FastAPI lets through while it reads a body.
-                raise HTTPException(413, f"The body is larger than {SMALL_BODY_BYTES} bytes. Send less.")
-            return message
-
-        await self.app(scope, counted, send)
-
-
-class PublishedCors:
-    """CORS for reading what is published, and for nothing else."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-        self.cors = CORSMiddleware(
-            app,
-            allow_origins=["*"],
-            allow_methods=["GET", "HEAD"],
-            expose_headers=["ETag", "Link"],
-            max_age=3600,
-        )
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Through the CORS middleware where the path is published, past it elsewhere."""
-        path = scope.get("path", "")
-        published = path == "/" or path.startswith(PUBLISHED)
-        # A segment's observations name drives.
-        app = self.cors if published and not path.endswith("/observations") else self.app
-        await app(scope, receive, send)
 
 
 class EarlyAnswers:
@@ -177,3 +111,79 @@ async def _drop(receive: Receive) -> None:
                     return
     except TimeoutError:
         return
+
+
+class PublishedCors:
+    """CORS for reading what is published, and for nothing else."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+        self.cors = CORSMiddleware(
+            app,
+            allow_origins=["*"],
+            allow_methods=["GET", "HEAD"],
+            expose_headers=["ETag", "Link"],
+            max_age=3600,
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Through the CORS middleware where the path is published, past it elsewhere."""
+        path = scope.get("path", "")
+        published = path == "/" or path.startswith(PUBLISHED)
+        # A segment's observations name drives.
+        app = self.cors if published and not path.endswith("/observations") else self.app
+        await app(scope, receive, send)
+
+
+class SmallBodies:
+    """Limits every body but an upload, which has its own limit: the others are held in memory."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Count what is read; more than ``SMALL_BODY_BYTES`` is a 413."""
+        if scope["type"] != "http" or scope["path"] == UPLOAD_PATH:
+            await self.app(scope, receive, send)
+            return
+        await _LimitedBody(self.app, SMALL_BODY_BYTES)(scope, receive, send)
+
+
+class _LimitedBody(RequestBodyLimitResponder):
+    """Starlette's limit, whose error becomes a problem document like every other (``app.core.problems``).
+
+    Starlette's middleware itself answers in plain text over whatever the route answered, and by the announced
+    length alone also refuses a body that the route never reads.
+    """
+
+    async def send_with_limit(self, message: Message) -> None:
+        """The route's answer stands, also that to a body that is too large."""
+        self.response_started = self.response_started or message["type"] == "http.response.start"
+        await self.send(message)
+
+
+class SameOriginWrites:
+    """Refuses changes that a page of another site asks a visitor's browser for.
+
+    There is no access control yet, so the only thing that keeps a web page from uploading to a service on the
+    visitor's own machine is that browsers state the page's origin. Programs that are no browsers send none.
+    """
+
+    def __init__(self, app: ASGIApp, public_url: str | None) -> None:
+        self.app = app
+        self.own_host = urlsplit(public_url).netloc if public_url else None
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer 403 to such a request, pass on any other."""
+        if scope["type"] == "http" and scope["method"] in CHANGING and self._foreign(Headers(scope=scope)):
+            message = "A page of another site asked for this change. Do it from this site, or with a program."
+            response = problem_response(Request(scope), KINDS[CrossOriginWriteError], message)
+            await response(scope, receive, send)
+            return
+        await self.app(scope, receive, send)
+
+    def _foreign(self, headers: Headers) -> bool:
+        origin = headers.get("origin")
+        if origin is None:
+            return headers.get("sec-fetch-site") == "cross-site"
+        return urlsplit(origin).netloc not in {headers.get("host"), self.own_host} - {None}

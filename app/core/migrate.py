@@ -1,4 +1,4 @@
-"""Brings a database to the schema of this code (alembic, ``migrations/``)."""
+"""Brings a database to the schema of this code (alembic, ``migrations/``). Knows no table."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from app.core.errors import Problem
+from app.core.problems import Problem
 
 TAGS: list[dict[str, str]] = [
     {"name": "drives", "description": "Upload logs and look at what became of them."},
@@ -16,10 +16,11 @@ TAGS: list[dict[str, str]] = [
     {"name": "operation", "description": "Health, metrics, figures for operators, kinds of problems."},
 ]
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
+"""FastAPI's own models, which no answer follows."""
 
 
 def describe(app: FastAPI) -> None:
-    """Make ``app.core.openapi`` (and /openapi.json) answer with the corrected document."""
+    """Make ``app.openapi`` (and /openapi.json) answer with the corrected document."""
     derive = app.openapi
 
     def corrected() -> dict[str, Any]:

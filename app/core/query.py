@@ -1,4 +1,4 @@
-"""Query parameters as the OGC standards define them."""
+"""Query parameters as the OGC standards define them. Knows no route and no database."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The tables, as SQLAlchemy 2 declarative classes with GeoAlchemy2 geometry columns.
 
 The classes describe the schema (``migrations/`` creates it, ``alembic check`` compares the two); queries and
-the rows that they return live in ``app/store``. Unknown is NULL, never 0; times are UTC (``timestamptz``);
-slopes and sigmas are in percent, positive uphill from ``from_node`` to ``to_node``.
+the rows that they return stand in each subject's ``store.py``. Unknown is NULL, never 0; times are UTC
+(``timestamptz``); slopes and sigmas are in percent, positive uphill from ``from_node`` to ``to_node``.
 """
 
 from __future__ import annotations

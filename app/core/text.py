@@ -1,4 +1,4 @@
-"""One road segment with its slope, as every output shows it: the contract's 16 properties in one order."""
+"""How values are written in every answer and every file: digits, times, compact JSON. Knows no document."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from pydantic import PlainSerializer
 
 GEO_JSON = "application/geo+json"
 
+# Digits after the point
 COORDINATE_DIGITS = 7  # degrees: OpenStreetMap's own resolution, about 1 cm
-LENGTH_DIGITS = 3  # metres
+LENGTH_DIGITS = 3  # metres: a millimetre
 SLOPE_DIGITS = 4  # percent: 1 mm per kilometre, far below any sigma
 
 
@@ -38,3 +39,4 @@ def dumps(value: Any) -> str:
 
 
 Moment = Annotated[datetime, PlainSerializer(utc_text, return_type=str, when_used="json-unless-none")]
+"""A time in a model of pydantic, written by ``utc_text``."""

@@ -28,7 +28,9 @@ from fusion.simulate.bundle import Bundle, write_all
 from fusion.simulate.write.truth_file import LEAST_DRIVEN_M
 
 DRIVES, SEED, DURATION_S = 6, 1, 600.0
+"""What is simulated; as ``versant simulate`` does by default."""
 DRIVE_TIMEOUT_S = 600.0
+"""After which a drive that is not done makes the demonstration fail."""
 
 
 class DemoError(FusionError):

@@ -10,8 +10,8 @@ from fastapi import Query
 
 from app.core.errors import BadRequestError
 from app.core.settings import Settings
-from fusion.methods import DEFAULT_METHOD
 from fusion.pipeline import parse_options
+from fusion.registry import DEFAULT_METHOD
 
 MethodQuery = Annotated[
     str | None,

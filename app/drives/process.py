@@ -7,7 +7,6 @@ the result is discarded.
 
 from __future__ import annotations
 
-import importlib.metadata
 import logging
 import threading
 import uuid
@@ -27,6 +26,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.settings import Settings
+from app.core.version import code_version
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.outputs.track import GAP_S
@@ -303,11 +303,3 @@ def track_length_m(track: Track) -> float | None:
     step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
     driven = (pause_s <= GAP_S) & ~track.after_gap[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
     return float(step_m[driven].sum())
-
-
-def code_version() -> str:
-    """The version of this code as installed; ``unknown`` where it runs without being installed."""
-    try:
-        return importlib.metadata.version("versant")
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"

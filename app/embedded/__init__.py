@@ -1,7 +1,7 @@
-"""The embedded PostGIS of ``versant demo``, ``versant up`` and the tests.
+"""The embedded PostGIS of ``versant demo``, ``versant up`` and the tests. Knows no table of the service.
 
-binaries.py  finds PostgreSQL with PostGIS      account.py   the user that it runs as
-cluster.py   initialise, start, attach, stop    config.py    the server's settings
-lockfile.py  is a server running here?          sockets.py   the private folder of its socket
-locks.py     locks between programs             errors.py    what can go wrong
+cluster.py      start, attach, stop                 binaries.py    finds PostgreSQL with PostGIS
+data_folder.py  initialise, the server's settings   account.py     the user that it runs as
+postmaster.py   is a server running here?           sockets.py     the private folder of its socket
+locks.py        locks between programs              errors.py      what can go wrong
 """

@@ -16,17 +16,25 @@ from app.core import databases
 from app.core.settings import SQLALCHEMY_SCHEME
 from app.embedded.account import Account, account_for, with_access
 from app.embedded.binaries import find_binaries
-from app.embedded.config import HBA, INCLUDE, server_settings
+from app.embedded.data_folder import (
+    SUPERUSER,
+    existing_major,
+    initialise,
+    last_lines,
+    own_folder,
+    write_settings,
+)
 from app.embedded.errors import EmbeddedPostgresError
-from app.embedded.lockfile import Postmaster, remove_stale_lock, running_postmaster
 from app.embedded.locks import FileLock
+from app.embedded.postmaster import Postmaster, remove_stale_lock, running_postmaster
 from app.embedded.sockets import PORT, clear_sockets, prepare_socket_dir
 
-SUPERUSER = "versant"
 START_TIMEOUT_S = 120.0
+"""Also how long another program may take that is starting or stopping the same server."""
 STOP_TIMEOUT_S = 60.0
-LOG_LINES_QUOTED = 8
+"""For a clean shutdown, which writes everything; then the server is made to crash, which it survives."""
 LARGEST_LOG_BYTES = 10 * 2**20
+"""A longer log is put aside at the next start."""
 
 # What PostgreSQL says while processes of a killed server are still on their way out.
 _STILL_LEAVING = "pre-existing shared memory block"
@@ -80,7 +88,7 @@ class EmbeddedPostgres:
         """Make sure that the server runs and the database exists; raises ``EmbeddedPostgresError``."""
         if self._usage is not None:
             return self
-        account = self._own_folder()
+        account = own_folder(self._cluster)
         with self._starting_or_stopping(account):
             self._usage = FileLock.shared(self._cluster / "users.lock", account)
             try:
@@ -132,30 +140,6 @@ class EmbeddedPostgres:
     def _starting_or_stopping(self, account: Account) -> FileLock:
         return FileLock.exclusive(self._cluster / "start.lock", account, START_TIMEOUT_S)
 
-    def _own_folder(self) -> Account:
-        try:
-            for place in (self._cluster, *self._cluster.parents):
-                if place.exists() and not place.is_dir():
-                    raise EmbeddedPostgresError(
-                        f"{place} is not a folder. Choose another data folder (--data-dir or VERSANT_DATA_DIR)."
-                    )
-            self._cluster.parent.mkdir(parents=True, exist_ok=True)
-            self._cluster.mkdir(mode=0o700, exist_ok=True)
-            account = account_for(self._cluster)
-            account.own(self._cluster)
-            self._cluster.chmod(0o700)
-        except OSError as error:
-            raise EmbeddedPostgresError(
-                f"The folder {self._cluster} cannot be used for the database: {error.strerror}. Choose a "
-                "data folder that belongs to you (--data-dir or VERSANT_DATA_DIR)."
-            ) from error
-        if not os.access(self._cluster, os.R_OK | os.W_OK | os.X_OK):
-            raise EmbeddedPostgresError(
-                f"The folder {self._cluster} belongs to user {self._cluster.stat().st_uid}, and this process "
-                "may not enter it: a root without the capability dac_override. Start as an ordinary user."
-            )
-        return account
-
     def _bring_up(self, account: Account) -> None:
         server = self._await_server()
         if server is None:
@@ -185,15 +169,15 @@ class EmbeddedPostgres:
         return server
 
     def _launch(self, account: Account) -> None:
-        major = self._existing_major()
+        major = existing_major(self._data)
         binaries = find_binaries(major)
         if major is None:
-            self._initialise(account, binaries.path("initdb"))
+            initialise(self._cluster, account, binaries.path("initdb"), durable=self._durable)
         socket_dir = prepare_socket_dir(self._cluster, account)
         account = with_access(account, [self._cluster, socket_dir])
         remove_stale_lock(self._data)
         clear_sockets(socket_dir)
-        _write_as(account, self._data / INCLUDE, server_settings(socket_dir, durable=self._durable))
+        write_settings(self._data, account, socket_dir, durable=self._durable)
         self._rotate_log()
         deadline = time.monotonic() + START_TIMEOUT_S
         # PGDATA and a relative log: pg_ctl passes both options through a shell without proper quoting.
@@ -212,39 +196,6 @@ class EmbeddedPostgres:
             if _STILL_LEAVING not in words or time.monotonic() > deadline:
                 raise EmbeddedPostgresError(f"PostgreSQL did not start. {words}")
             time.sleep(0.1)
-
-    def _existing_major(self) -> int | None:
-        try:
-            return int((self._data / "PG_VERSION").read_text())
-        except FileNotFoundError:
-            if self._data.exists() and any(self._data.iterdir()):
-                raise EmbeddedPostgresError(
-                    f"{self._data} holds something that is no PostgreSQL cluster. Move it away, or choose "
-                    "another data folder."
-                ) from None
-            return None
-        except (OSError, ValueError) as error:
-            raise EmbeddedPostgresError(
-                f"The cluster in {self._data} is damaged, its PG_VERSION cannot be read ({error}). Restore "
-                "the folder from a backup, or move it away to begin with an empty database."
-            ) from error
-
-    def _initialise(self, account: Account, initdb: str) -> None:
-        # Made beside its place and renamed when whole: a kill in between leaves nothing like a cluster.
-        fresh = self._cluster / "data.new"
-        shutil.rmtree(fresh, ignore_errors=True)
-        options = ["--encoding=UTF8", "--no-locale", "--auth=trust", f"--username={SUPERUSER}"]
-        if not self._durable:
-            options.append("--no-sync")
-        done = account.run([initdb, "-D", str(fresh), *options])
-        if done.returncode != 0:
-            raise EmbeddedPostgresError(
-                f"No PostgreSQL cluster could be made in {self._cluster}. initdb said: {_tail(done.stdout)}"
-            )
-        _write_as(account, fresh / "pg_hba.conf", HBA)
-        with (fresh / "postgresql.conf").open("a") as conf:
-            conf.write(f"\ninclude '{INCLUDE}'\n")
-        fresh.replace(self._data)
 
     def _leave(self) -> None:
         """Give up our use, and shut the server down if it was the last one."""
@@ -279,7 +230,7 @@ class EmbeddedPostgres:
 
     def _last_words(self) -> str:
         try:
-            words = _tail(self._log.read_text(errors="replace"))
+            words = last_lines(self._log.read_text(errors="replace"))
         except OSError:
             words = "(nothing)"
         return f"The end of its log, {self._log}: {words}"
@@ -289,10 +240,6 @@ def _has_socket(server: Postmaster) -> bool:
     return (server.socket_dir / f".s.PGSQL.{PORT}").exists()
 
 
-def _tail(text: str) -> str:
-    return "\n".join(["", *text.strip().splitlines()[-LOG_LINES_QUOTED:]])
-
-
 def _wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
     deadline = time.monotonic() + timeout_s
     while not condition():
@@ -300,12 +247,3 @@ def _wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
             return False
         time.sleep(0.02)
     return True
-
-
-def _write_as(account: Account, path: Path, text: str) -> None:
-    """Replace a file in the account's own folder; never through a link that may have been put there."""
-    path.unlink(missing_ok=True)
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "w") as file:
-        file.write(text)
-    account.own(path)

@@ -31,5 +31,3 @@ class Positioning(Protocol):
 
 POSITIONINGS: Registry[Positioning] = Registry("positioning")
 POSITIONINGS.add(ReceiverPositioning.name, ReceiverPositioning())
-
-DEFAULT_POSITIONING = ReceiverPositioning.name

@@ -19,6 +19,4 @@ for _method in (
 ):
     METHODS.add(_method.name, _method)
 
-DEFAULT_METHOD = ProfileMethod.name
-
-__all__ = ["DEFAULT_METHOD", "METHODS"]
+__all__ = ["METHODS"]

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from fusion.methods import DEFAULT_METHOD
+from fusion.registry import DEFAULT_METHOD
 
 FAST_OPTIONS: dict[str, Any] = {"particle": {"particles": 2000}}.get(DEFAULT_METHOD, {})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -157,9 +158,16 @@ def test_global_flags_may_stand_anywhere_but_after_a_double_dash(tmp_path: Path)
 
 
 def test_modules_hold_the_commands_they_are_said_to() -> None:
-    for name, module in COMMANDS.items():
-        group = importlib.import_module(module).app
-        assert name in [command.name for command in group.registered_commands]
+    for name, command in COMMANDS.items():
+        group = importlib.import_module(command.module).app
+        assert name in [found.name for found in group.registered_commands]
+
+
+def test_the_help_s_sentences_are_those_of_the_commands() -> None:
+    group: Any = typer.main.get_command(app)
+    for name, command in COMMANDS.items():
+        first = group.commands[name].help.split("\n\n")[0]
+        assert command.summary == first.replace("\n", " ")
 
 
 def test_sentence_needs_no_traceback() -> None:

@@ -125,7 +125,7 @@ def test_upload_command_wants_an_address(server: str) -> None:
 
 
 def test_upload_command_names_a_missing_file_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("app.cli.remote.Client", lambda server: client(lambda request: drive("queued")))
+    monkeypatch.setattr("app.cli.client.Client", lambda server: client(lambda request: drive("queued")))
     missing = tmp_path / "none.csv"
     result = CliRunner().invoke(app, ["upload", str(missing), "--server", SERVER])
     assert result.exit_code == 1
@@ -154,7 +154,7 @@ def test_reprocess_waits_for_the_whole_batch(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, failed: int
 ) -> None:
     monkeypatch.setattr("app.cli.client.time.sleep", lambda seconds: None)
-    monkeypatch.setattr("app.cli.reprocess.service_client", lambda server: client(batch_service(failed)))
+    monkeypatch.setattr("app.cli.remote.service_client", lambda server: client(batch_service(failed)))
     figures = tmp_path / "figures.json"
     command = ["reprocess", "--method", "raw", "--from-method", "dem", "--wait", "--json", str(figures)]
     result = CliRunner().invoke(app, command)

@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import text
 
 from app.drives.worker import run_worker
-from fusion.methods import DEFAULT_METHOD
+from fusion.registry import DEFAULT_METHOD
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from app.core.settings import libpq_url
 from app.embedded.account import account_for
 from app.embedded.cluster import EmbeddedPostgres
 from app.embedded.errors import EmbeddedPostgresError
-from app.embedded.lockfile import running_postmaster
+from app.embedded.postmaster import running_postmaster
 from app.embedded.sockets import LONGEST_SOCKET_PATH_BYTES
 
 pytestmark = pytest.mark.db
@@ -205,7 +205,7 @@ def test_the_last_to_leave_stops_the_server(made: Path) -> None:
 USER = """
 import sys, time
 from pathlib import Path
-from app.embedded import EmbeddedPostgres
+from app.embedded.cluster import EmbeddedPostgres
 with EmbeddedPostgres(Path(sys.argv[1]), durable=False) as server:
     print(server.url, flush=True)
     sys.stdin.read()

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from fusion.errors import BadOptionsError, EmptyLogError, MissingSensorError, NoMatchError
-from fusion.methods import DEFAULT_METHOD, METHODS
+from fusion.methods import METHODS
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, run_drive
+from fusion.registry import DEFAULT_METHOD
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog

@@ -7,9 +7,9 @@ from pathlib import Path
 import psycopg
 import pytest
 
+from app.cli.database import database
 from app.core import migrate
 from app.core.settings import Settings, libpq_url
-from app.embedded.access import open_database
 from app.embedded.cluster import EmbeddedPostgres
 
 
@@ -21,17 +21,17 @@ def revision_of(url: str) -> str | None:
 
 def test_a_database_that_is_named_is_taken_as_it_is(tmp_path: Path) -> None:
     settings = Settings(database_url="postgresql://me@db.example/slopes", data_dir=tmp_path)
-    with open_database(settings) as url:
-        assert url == "postgresql+psycopg://me@db.example/slopes"
+    with database(settings) as found:
+        assert found.database_url == "postgresql+psycopg://me@db.example/slopes"
     assert not list(tmp_path.iterdir()), "no cluster is made beside it"
 
 
 @pytest.mark.db
 def test_a_data_folder_wins_over_the_variable_and_comes_migrated(tmp_path: Path) -> None:
     settings = Settings(database_url="postgresql://me@db.example/slopes", data_dir=tmp_path)
-    with open_database(settings, embedded=True) as url:
+    with database(settings, embedded=True) as found:
         assert EmbeddedPostgres(tmp_path).is_running()
-        assert revision_of(url) == migrate.latest_revision()
+        assert revision_of(str(found.database_url)) == migrate.latest_revision()
     assert not EmbeddedPostgres(tmp_path).is_running()
 
 

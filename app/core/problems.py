@@ -1,0 +1,166 @@
+"""Errors as answers: RFC 9457 problem documents. Which error is which kind stands in ``app.core.errors``."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+from starlette.exceptions import HTTPException
+from starlette.middleware.body_limit import MAX_BODY_SIZE_SCOPE_KEY
+from starlette.requests import ClientDisconnect
+
+from app.core.errors import (
+    KINDS,
+    PROBLEM_PATH,
+    STATUS_KINDS,
+    BadQueryError,
+    BadRequestError,
+    FieldError,
+    Kind,
+    NotFoundError,
+    ServiceError,
+    kind_of,
+)
+from fusion.errors import FusionError
+
+PROBLEM_JSON = "application/problem+json"
+OGC_PATHS = ("/collections", "/conformance")
+"""Routes whose standard wants a 400 where others answer 422."""
+
+log = logging.getLogger(__name__)
+
+
+class Problem(BaseModel):
+    """A problem document (RFC 9457)."""
+
+    type: str = Field(description="Stable identifier of the kind of problem, an address that explains it.")
+    title: str = Field(description="The kind of problem in a few words; the same for each of a kind.")
+    status: int = Field(description="The HTTP status, repeated.")
+    detail: str = Field(description="What is wrong in this request and what to do about it.")
+    instance: str = Field(description="The path that was asked for.")
+    errors: list[FieldError] = Field(default=[], description="The fields or lines at fault, as far as known.")
+
+
+def install_error_handlers(app: FastAPI) -> None:
+    """Make every error of ``app`` a problem document."""
+    for cls, handler in (
+        (ServiceError, _service_error),
+        (FusionError, _fusion_error),
+        (OperationalError, _database_error),
+        (PoolTimeoutError, _database_error),
+        (HTTPException, _http_error),
+        (RequestValidationError, _invalid_request),
+        (ClientDisconnect, _client_gone),
+        (Exception, _internal_error),
+    ):
+        app.add_exception_handler(cls, handler)
+
+
+def problem_response(
+    request: Request,
+    kind: Kind,
+    detail: str,
+    errors: Sequence[FieldError] = (),
+    headers: Mapping[str, str] | None = None,
+) -> JSONResponse:
+    """The problem document as a response."""
+    problem = Problem(
+        type=PROBLEM_PATH + kind.slug,
+        title=kind.title,
+        status=kind.status,
+        detail=detail,
+        instance=request.url.path,
+        errors=list(errors),
+    )
+    return JSONResponse(problem.model_dump(), kind.status, headers, PROBLEM_JSON)
+
+
+async def _service_error(request: Request, error: Exception) -> JSONResponse:
+    errors = error.errors if isinstance(error, ServiceError) else ()
+    return problem_response(request, kind_of(error), str(error), errors)
+
+
+async def _fusion_error(request: Request, error: Exception) -> JSONResponse:
+    where = getattr(error, "where", None)
+    errors = [FieldError(field=where, message=str(error))] if where else []
+    return problem_response(request, kind_of(error), str(error), errors)
+
+
+async def _database_error(request: Request, error: Exception) -> JSONResponse:
+    kind = kind_of(error)
+    log.error("%s %s: %s", request.method, request.url.path, error)  # the driver's text may name hosts
+    return problem_response(request, kind, f"{kind.title}. {kind.meaning}", headers={"Retry-After": "5"})
+
+
+async def _http_error(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)  # noqa: S101 -- the type that the handler is registered for
+    kind = STATUS_KINDS.get(error.status_code) or Kind(
+        error.status_code, "http-error", HTTPStatus(error.status_code).phrase, "The request was refused."
+    )
+    detail = {
+        400: "The body cannot be read. Send JSON in UTF-8.",
+        404: f"There is nothing at {request.url.path}. The landing page / lists what there is.",
+        405: f"{request.method} is not possible here. The Allow header lists what is.",
+        413: f"The body is larger than {request.scope.get(MAX_BODY_SIZE_SCOPE_KEY)} bytes. Send less.",
+    }.get(error.status_code, str(error.detail))
+    headers = dict(error.headers or {})
+    if error.status_code == 405:  # the framework names the methods of the first route that fits, not of all
+        headers["Allow"] = ", ".join(_methods_at(request.app, request.url.path))
+    return problem_response(request, kind, detail, headers=headers)
+
+
+def _methods_at(app: FastAPI, path: str) -> list[str]:
+    """The methods that ``path`` takes, for the Allow header; HEAD comes with GET."""
+    found: set[str] = set()
+    for template, operations in app.openapi()["paths"].items():
+        pattern = "[^/]+".join(re.escape(part) for part in re.split(r"{\w+}", template))
+        if re.fullmatch(pattern, path):
+            found |= {method.upper() for method in operations}
+    return sorted(found | ({"HEAD"} if "GET" in found else set()))
+
+
+async def _invalid_request(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 -- the type that the handler is registered for
+    errors = [_field_error(item) for item in error.errors()]
+    if any(item["loc"][0] == "path" for item in error.errors()):
+        # An address that cannot be the address of anything names nothing.
+        kind, start = KINDS[NotFoundError], f"There is nothing at {request.url.path}"
+    elif request.url.path.startswith(OGC_PATHS):
+        kind, start = KINDS[BadQueryError], "The query cannot be used"
+    else:
+        kind, start = KINDS[BadRequestError], "The request cannot be used"
+    reasons = "; ".join(f"{e.field}: {e.message}" for e in errors)
+    return problem_response(request, kind, f"{start}. {reasons}.", errors)
+
+
+def _field_error(item: Mapping[str, Any]) -> FieldError:
+    place, *rest = item["loc"]
+    message = str(item["msg"]).removeprefix("Value error, ")
+    if item["type"] == "json_invalid":  # its place is a position in the text
+        return FieldError(field=str(place), message=f"{message} at character {rest[0]}")
+    field = ".".join(str(part) for part in rest) or str(place)
+    if not message[:2].isupper():  # an acronym stays as it is
+        message = message[:1].lower() + message[1:]
+    return FieldError(field=field, message=message)
+
+
+async def _internal_error(request: Request, error: Exception) -> JSONResponse:
+    # Starlette raises the error again after this answer: the server logs it with its traceback and then closes
+    # the connection. An answer that does not say so would invite the next request onto it, which is then reset.
+    detail = "The service failed on this request. The fault is in its log; trying again may help."
+    return problem_response(request, KINDS[Exception], detail, headers={"Connection": "close"})
+
+
+async def _client_gone(request: Request, error: Exception) -> JSONResponse:
+    # Nobody reads this answer; the status is what the metrics count (nginx's 499).
+    kind = Kind(499, "client-gone", "Connection closed", "The client closed the connection before the end.")
+    return problem_response(request, kind, kind.meaning)

@@ -1,0 +1,134 @@
+"""The files of the embedded cluster: whose folder it is, how it is made, and the settings of its server.
+
+Starts and stops nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+from app.embedded.account import Account, account_for
+from app.embedded.errors import EmbeddedPostgresError
+from app.embedded.sockets import PORT
+
+SUPERUSER = "versant"
+LOG_LINES_QUOTED = 8
+
+INCLUDE = "versant.conf"
+"""Written anew at each start, included by postgresql.conf."""
+
+HBA = """\
+# Only the Unix socket exists, in a folder that nobody else can enter.
+local all all trust
+"""
+
+_ALWAYS = """\
+# Written by Versant at each start. Your own settings go into postgresql.conf, below the include.
+listen_addresses = ''
+port = {port}
+unix_socket_directories = '{socket_dir}'
+unix_socket_permissions = 0700
+max_connections = 100
+shared_buffers = 128MB
+maintenance_work_mem = 128MB
+# One server without replicas: bulk loads into new tables need no log.
+wal_level = minimal
+max_wal_senders = 0
+# Tile queries are short; compiling them takes longer than running them.
+jit = off
+log_checkpoints = off
+log_timezone = 'UTC'
+timezone = 'UTC'
+"""
+
+_FORGETFUL = """\
+# For tests: a power cut may destroy the cluster.
+fsync = off
+synchronous_commit = off
+full_page_writes = off
+"""
+
+
+def own_folder(cluster: Path) -> Account:
+    """Make the folder, closed to others, and say whose it is; raises ``EmbeddedPostgresError``."""
+    try:
+        for place in (cluster, *cluster.parents):
+            if place.exists() and not place.is_dir():
+                raise EmbeddedPostgresError(
+                    f"{place} is not a folder. Choose another data folder (--data-dir or VERSANT_DATA_DIR)."
+                )
+        cluster.parent.mkdir(parents=True, exist_ok=True)
+        cluster.mkdir(mode=0o700, exist_ok=True)
+        account = account_for(cluster)
+        account.own(cluster)
+        cluster.chmod(0o700)
+    except OSError as error:
+        raise EmbeddedPostgresError(
+            f"The folder {cluster} cannot be used for the database: {error.strerror}. Choose a "
+            "data folder that belongs to you (--data-dir or VERSANT_DATA_DIR)."
+        ) from error
+    if not os.access(cluster, os.R_OK | os.W_OK | os.X_OK):
+        raise EmbeddedPostgresError(
+            f"The folder {cluster} belongs to user {cluster.stat().st_uid}, and this process "
+            "may not enter it: a root without the capability dac_override. Start as an ordinary user."
+        )
+    return account
+
+
+def existing_major(data: Path) -> int | None:
+    """The version of PostgreSQL that made the cluster in ``data``; None where there is none yet."""
+    try:
+        return int((data / "PG_VERSION").read_text())
+    except FileNotFoundError:
+        if data.exists() and any(data.iterdir()):
+            raise EmbeddedPostgresError(
+                f"{data} holds something that is no PostgreSQL cluster. Move it away, or choose "
+                "another data folder."
+            ) from None
+        return None
+    except (OSError, ValueError) as error:
+        raise EmbeddedPostgresError(
+            f"The cluster in {data} is damaged, its PG_VERSION cannot be read ({error}). Restore "
+            "the folder from a backup, or move it away to begin with an empty database."
+        ) from error
+
+
+def initialise(cluster: Path, account: Account, initdb: str, *, durable: bool) -> None:
+    """Make a cluster in ``cluster/data`` by the program ``initdb``."""
+    # Made beside its place and renamed when whole: a kill in between leaves nothing like a cluster.
+    fresh = cluster / "data.new"
+    shutil.rmtree(fresh, ignore_errors=True)
+    options = ["--encoding=UTF8", "--no-locale", "--auth=trust", f"--username={SUPERUSER}"]
+    if not durable:
+        options.append("--no-sync")
+    done = account.run([initdb, "-D", str(fresh), *options])
+    if done.returncode != 0:
+        raise EmbeddedPostgresError(
+            f"No PostgreSQL cluster could be made in {cluster}. initdb said: {last_lines(done.stdout)}"
+        )
+    _write_as(account, fresh / "pg_hba.conf", HBA)
+    with (fresh / "postgresql.conf").open("a") as conf:
+        conf.write(f"\ninclude '{INCLUDE}'\n")
+    fresh.replace(cluster / "data")
+
+
+def write_settings(data: Path, account: Account, socket_dir: Path, *, durable: bool) -> None:
+    """Write ``versant.conf`` anew. ``socket_dir`` holds no character that would need quoting."""
+    text = _ALWAYS.format(port=PORT, socket_dir=socket_dir)
+    _write_as(account, data / INCLUDE, text if durable else text + _FORGETFUL)
+
+
+def last_lines(text: str) -> str:
+    """The end of what a program said, to be quoted in a message."""
+    return "\n".join(["", *text.strip().splitlines()[-LOG_LINES_QUOTED:]])
+
+
+def _write_as(account: Account, path: Path, text: str) -> None:
+    """Replace a file in the account's own folder; never through a link that may have been put there."""
+    path.unlink(missing_ok=True)
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "w") as file:
+        file.write(text)
+    account.own(path)
