@@ -12,7 +12,9 @@ from fusion.types import Floats
 
 COLUMNS_M = tuple(-750.0 + 250.0 * i for i in range(7))
 ROWS_M = tuple(-850.0 + 230.0 * j for j in range(6))
+"""Where columns and rows lie on the drawing board, metres east and north of the town's centre."""
 MIDDLE = (3, 3)
+"""Column and row of the roundabout."""
 _ROW_NAMES = ("Südring", "Ash Lane", "Fir & Larch Walk", "Tunnel Road", "Quarry Street", "Upper Terrace")
 _COLUMN_NAMES = (
     "Westring",

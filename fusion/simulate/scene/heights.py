@@ -1,4 +1,7 @@
-"""Heights of the roads: smooth, agreeing at junctions, near the ground except on structures."""
+"""Heights of the roads: smooth, agreeing at junctions, near the ground except on structures.
+
+Knows a plan and the ground under it; not how the ground came about.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,15 @@ from fusion.simulate.scene.plan import GROUND, Kind, Plan, Street
 from fusion.types import Floats
 
 _ON_GROUND_M = 0.7
+"""One sigma of how far a road leaves the ground; on banks and in cuttings ``_EMBANKED_M``."""
 _EMBANKED_M = 3.0
 _KINK = {"motorway": 0.004, "motorway_link": 0.008, "primary": 0.012, "secondary": 0.012}
+"""One sigma of the change of grade (a fraction) from one segment of a street to the next, by class of road."""
 _KINK_ELSEWHERE = 0.018
 _KINK_ON_STRUCTURE = 0.001
 _KINK_AT_MERGES = 0.002
 _CLEARANCE_SIGMA_M = 0.2
+"""One sigma of how exactly a bridge keeps its height above the road below."""
 
 
 def node_heights(plan: Plan, ground_m: Floats) -> Floats:

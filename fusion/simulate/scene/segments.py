@@ -15,6 +15,7 @@ FIRST_NODE_ID = 9_100_000_001
 """Beyond 32 bits, as real node ids are."""
 FIRST_WAY_ID = 800_000_001
 _LONGEST_WAY = 12
+"""Segments of a way at most: longer streets are cut."""
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,15 @@ HALF_SIZE_M = 1000.0
 """The town reaches this far from its centre in either direction."""
 GEOID_UNDULATION_M = 48.0
 """Height of EGM96 above WGS 84 assumed over the whole town."""
-HILL_XY_M = (-500.0, -160.0)
-VALLEY_X_M = 500.0
-TUNNEL_HILL_M = 25.0
-VALLEY_DEPTH_M = 16.0
+_HILL_XY_M = (-500.0, -160.0)
+_VALLEY_X_M = 500.0
+_TUNNEL_HILL_M = 25.0
+_VALLEY_DEPTH_M = 16.0
 _HILL_WIDTH_M = 145.0
+"""One sigma of the Gaussian across the hill, as that of the valley beside it."""
 _VALLEY_WIDTH_M = 85.0
 _WAVES = 40
+"""Plane waves whose sum is the random part."""
 _ROUGHNESS = 0.030
 """Root mean square grade of the random part."""
 
@@ -37,8 +39,8 @@ class Terrain:
     wave_y: Floats
     phase: Floats
     amplitude_m: Floats
-    hill_m: float = TUNNEL_HILL_M
-    valley_m: float = VALLEY_DEPTH_M
+    hill_m: float = _TUNNEL_HILL_M
+    valley_m: float = _VALLEY_DEPTH_M
 
     @classmethod
     def random(cls, rng: np.random.Generator) -> Terrain:
@@ -62,7 +64,7 @@ class Terrain:
         z = self.base_m + self.tilt[0] * x + self.tilt[1] * y
         for a, kx, ky, p in zip(self.amplitude_m, self.wave_x, self.wave_y, self.phase, strict=True):
             z = z + a * np.sin(kx * x + ky * y + p)
-        far2 = ((x - HILL_XY_M[0]) ** 2 + (y - HILL_XY_M[1]) ** 2) / _HILL_WIDTH_M**2
+        far2 = ((x - _HILL_XY_M[0]) ** 2 + (y - _HILL_XY_M[1]) ** 2) / _HILL_WIDTH_M**2
         z = z + self.hill_m * np.exp(-far2 / 2)
-        across = (x - VALLEY_X_M - 30.0 * np.sin(y / 260.0)) / _VALLEY_WIDTH_M
+        across = (x - _VALLEY_X_M - 30.0 * np.sin(y / 260.0)) / _VALLEY_WIDTH_M
         return np.asarray(z - self.valley_m * np.exp(-(across**2) / 2))

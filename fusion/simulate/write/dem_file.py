@@ -15,11 +15,14 @@ from fusion.simulate.scene.town import Town
 from fusion.types import Floats
 
 POSTING_DEG = 1.0 / 3600.0
+"""One arc second, about 31 m to the north."""
 NODATA = -32768
 ERROR_SIGMA_M = 4.0
+"""One sigma of a post's error."""
 ERROR_LENGTH_M = 100.0
 """Distance at which the error's correlation has fallen to 1/e."""
 _MARGIN_M = 400.0
+"""How far the raster reaches beyond the town."""
 _VOIDS = 4
 _VOID_RADIUS_M = (35.0, 60.0)
 

@@ -22,7 +22,9 @@ GPS_EPOCH_S = 315_964_800.0
 LEAP_SECONDS = 18
 WEEK_S = 604_800
 SENSOR_RATE_HZ = 10.0
+"""Of ESF-MEAS."""
 _NAV_DELAY_S = 0.06
+"""From an epoch to its messages, as ``_ESF_DELAY_S`` from a sample to its own."""
 _ESF_DELAY_S = 0.012
 _UNKNOWN_ACCURACY = 0xFFFFFFFF
 
