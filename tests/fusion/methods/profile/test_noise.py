@@ -1,4 +1,4 @@
-"""Noise levels are learned from the drive: measurements with known levels, springs that two sensors share, sudden changes."""
+"""Noise levels are learned from the drive: known levels, springs that two sensors share, sudden changes."""
 
 from __future__ import annotations
 
