@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -26,6 +27,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 # and NaN keep their meaning. The process that compiles such a loop may get other last digits than those that load it
 # from the cache, since what is inlined there differs; from then on the same build gives the same digits.
 _VECTOR_MATH = {"reassoc", "contract", "arcp", "nsz"}
+
+_STAMP_LENGTH = 16  # hex digits in a file's name
 
 _IMPORT = re.compile(r"^\s*(?:from|import)\s+([\w.]+)(?:\s+import\s+(\([^)]*\)|[^\n]*))?", re.MULTILINE)
 
@@ -45,6 +48,11 @@ def compiled_parallel(function: F) -> F:
     return _compile(function, error_model="numpy", fastmath=_VECTOR_MATH, parallel=True)
 
 
+def inlined(function: F) -> F:
+    """As ``compiled``, pasted into its callers: handing over dozens of arrays costs more than most bodies."""
+    return cast(F, njit(inline="always")(function))
+
+
 def _compile(function: F, **options: Any) -> F:
     # numba asks for the kind of its cache once, when caching is switched on for a function.
     former = config.CACHE_LOCATOR_CLASSES
@@ -56,13 +64,24 @@ def _compile(function: F, **options: Any) -> F:
 
 
 class _StampedByContent(caching._CacheLocator):  # type: ignore[misc]
-    """Where a function's machine code is kept, and by what it is known to be fresh."""
+    """Where a function's machine code is kept, and by what it is known to be fresh.
+
+    The stamp is in the files' names too: numba reads a file before it looks at the stamp inside, and one that an older
+    version wrote may name classes that have moved since.
+    """
 
     _py_file: str
+    _lineno: int
 
     def get_source_stamp(self) -> str:
         """SHA-256 of all that the function may be compiled from."""
         return content_stamp(Path(self._py_file))
+
+    def get_disambiguator(self) -> str:
+        """What tells files of functions of one name apart. Files that other contents left behind are removed."""
+        stamp = self.get_source_stamp()[:_STAMP_LENGTH]
+        _remove_superseded(Path(self.get_cache_path()), Path(self._py_file).stem, stamp)
+        return f"{self._lineno}-{stamp}"
 
 
 class InChosenFolder(_StampedByContent, caching.UserProvidedCacheLocator):  # type: ignore[misc]
@@ -78,6 +97,15 @@ class InHome(_StampedByContent, caching.UserWideCacheLocator):  # type: ignore[m
 
 
 _LOCATORS = ",".join(f"{__name__}.{kind.__name__}" for kind in (InChosenFolder, BesideSource, InHome))
+
+
+@cache
+def _remove_superseded(folder: Path, module: str, stamp: str) -> None:
+    """Delete the machine code of a module's functions that was made from other contents."""
+    for file in folder.glob(f"{module}.*.nb[ic]"):
+        if f"-{stamp}." not in file.name:
+            with suppress(OSError):  # not ours to delete, or another process was faster
+                file.unlink()
 
 
 @cache

@@ -5,13 +5,11 @@ Says what they are and computes nothing: ``candidates`` finds the states, ``vite
 
 from __future__ import annotations
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from fusion.compiled import F
 from fusion.types import Floats, Ints
 
 SAME, TURN, ROUTE = 0, 1, 2
@@ -22,11 +20,6 @@ START, OFF = -1, -2
 
 LONG_STEP_S = 5.0
 """In a step of more seconds another way than the straight one may have been driven: it may be twice as long."""
-
-
-def inlined(function: F) -> F:
-    """As ``compiled``, pasted into its callers: handing over dozens of arrays costs more than most bodies."""
-    return cast(F, njit(inline="always")(function))
 
 
 class Candidates(NamedTuple):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, inlined
 from fusion.matching.lattice import (
     LONG_STEP_S,
     OFF,
@@ -16,7 +16,6 @@ from fusion.matching.lattice import (
     Intervals,
     Lattice,
     Transitions,
-    inlined,
 )
 from fusion.types import Floats, Ints
 

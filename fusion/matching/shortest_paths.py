@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, inlined
 from fusion.matching.chains import ChainGraph
-from fusion.matching.lattice import inlined
 from fusion.types import Floats, Ints
 
 

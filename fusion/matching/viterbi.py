@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, inlined
 from fusion.matching.chains import ChainGraph
 from fusion.matching.lattice import (
     LONG_STEP_S,
@@ -25,7 +25,6 @@ from fusion.matching.lattice import (
     Intervals,
     Lattice,
     Transitions,
-    inlined,
 )
 from fusion.matching.shortest_paths import Reach, search_from
 

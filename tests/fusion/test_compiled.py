@@ -48,10 +48,10 @@ def package(tmp_path: Path) -> Path:
     return folder
 
 
-def run(package: Path) -> tuple[float, int]:
+def run(package: Path, what: str = RUN) -> tuple[float, int]:
     """What the kernel says in a process of its own, and how many functions came from the cache."""
     places = [str(package.parent), *sys.path]
-    code = f"import sys; sys.path[:] = {places!r}; {RUN}"
+    code = f"import sys; sys.path[:] = {places!r}; {what}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     total, hits = done.stdout.split()
     return float(total), int(hits)
@@ -79,6 +79,29 @@ def test_every_decorator_keeps_the_rule(package: Path, decorator: str) -> None:
     (package / "constants.py").write_text("FACTOR = 10.0\n")
     assert run(package) == (60.0, 0)
     assert run(package) == (60.0, 1)
+
+
+def test_a_class_that_has_moved_since_is_no_trouble(package: Path) -> None:
+    """The old machine code names the class's old module, which is gone."""
+    box = "from typing import NamedTuple\nclass Box(NamedTuple):\n    n: int\n"
+    kernel = KERNEL.format(decorator="compiled").replace("range(n)", "range(n.n)")
+    run_box = "from kept.kernel import total, Box; print(total(Box(4)), sum(total.stats.cache_hits.values()))"
+    for module in ("shape", "form"):
+        (package / f"{module}.py").write_text(box)
+        (package / "kernel.py").write_text(f"from kept.{module} import Box\n{kernel}")
+        assert run(package, run_box) == (6.0, 0)
+        assert run(package, run_box) == (6.0, 1)
+        (package / f"{module}.py").unlink()
+
+
+def test_superseded_machine_code_is_removed(package: Path) -> None:
+    run(package)
+    before = sorted(path.name for path in (package / "__pycache__").glob("*.nb[ic]"))
+    (package / "constants.py").write_text("FACTOR = 10.0\n")
+    run(package)
+    after = sorted(path.name for path in (package / "__pycache__").glob("*.nb[ic]"))
+    assert len(after) == len(before) == 4  # an index and the code of each function
+    assert not set(before) & set(after)
 
 
 def test_a_file_that_nobody_imports_changes_nothing(package: Path) -> None:

@@ -1,4 +1,4 @@
-"""The factor of a pass against one dense Gaussian over knots, drifting errors and constants, by their definitions."""
+"""The factor of a pass (``factors``, ``likelihood``) against one dense Gaussian over knots and nuisances."""
 
 from __future__ import annotations
 
