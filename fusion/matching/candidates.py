@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, inlined
 from fusion.matching.chains import ChainGraph
-from fusion.matching.lattice import Candidates, inlined
+from fusion.matching.lattice import Candidates
 from fusion.roads.grid import SegmentGrid, clamp_cell
 from fusion.types import Floats, Ints
 

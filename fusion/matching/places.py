@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, inlined
 from fusion.matching.chains import ChainGraph
-from fusion.matching.lattice import inlined
 from fusion.matching.stays import Stays
 from fusion.types import Floats, Ints
 
