@@ -20,6 +20,7 @@ from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints, Track
 
 EARTH_RADIUS_M = 6_371_008.8
+"""Mean radius of the ellipsoid: the distance driven is off by less than 0.6 % anywhere."""
 ASKEW = 0.5
 """Cosine between a vehicle's heading and its road below which the heading says nothing of the direction."""
 
@@ -188,6 +189,7 @@ def _column(kind: str, description: str, *, nullable: bool = False) -> dict[str,
     return {"type": "array", "items": items, "description": description}
 
 
+# What the OpenAPI document says of ``profile_json``, to which the service adds ``drive_id``.
 PROFILE_EXAMPLE: dict[str, Any] = {
     "drive_id": "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11",
     "epochs": 2,
