@@ -87,7 +87,7 @@ def reprocess(
 def reprocess_all(sessions: Sessions, method: str, from_method: str | None = None) -> tuple[datetime, int]:
     """Queue every finished drive that is not of ``method`` (and is of ``from_method``) again, behind uploads.
 
-    Returns the moment by which the batch is known (``app.drives.store``) and how many drives it has. Raises
+    Returns the moment by which the batch is known (``drives.batch_progress``) and how many drives it has. Raises
     ``UnknownNameError`` for a method that there is not.
     """
     parse_options(method, {})

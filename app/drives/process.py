@@ -2,7 +2,7 @@
 
 All that is published is written in one transaction at the end, so that a run may be cut off at any moment and
 repeated. A run belongs to a generation of its drive: when the drive was deleted or asked for anew meanwhile,
-the result is discarded.
+the result is discarded. Knows no queue and no HTTP.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from fusion.types import DriveLog, Ints
 logger = logging.getLogger(__name__)
 
 MAX_ROAD_CHANGES = 5
-"""How often a drive begins anew because roads were imported while it was estimated; then it fails."""
+"""A drive is estimated so many times, each time because roads were imported meanwhile; then it fails."""
 REJECTED_SHARE = 1 / 3
 """A drive that contradicts the others on more of its segments than this gets a warning."""
 _LOOK_EVERY_S = 0.5

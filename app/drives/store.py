@@ -44,7 +44,7 @@ _CREATE = text(
     """
 )
 
-# A running drive may be claimed as well: its worker died, and its job came back.
+# A running drive may be claimed as well: its worker may have died and its job have come back.
 _CLAIM = text(
     """
     UPDATE drives

@@ -1,7 +1,8 @@
 """The worker: takes drives from the queue and processes them.
 
 A worker that is killed leaves its job marked as running; every worker looks, when it starts and then again
-and again, for jobs whose worker has given no sign of life for ``stalled_after_s`` and puts them back.
+and again, for jobs whose worker has given no sign of life for ``stalled_after_s`` and puts them back. How a drive is
+computed is ``process``'s to know.
 """
 
 from __future__ import annotations
