@@ -1,4 +1,4 @@
-"""Many drives processed again at once."""
+"""Many drives processed again at once, over HTTP: the request, and how far it is."""
 
 from __future__ import annotations
 
@@ -6,69 +6,19 @@ from datetime import UTC, datetime, timedelta
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
 
 from app.core.errors import BadRequestError
-from app.core.http import BaseUrl, Link, ServiceDep, link, problems
+from app.core.http import BaseUrl, ServiceDep, link, problems
 from app.core.query import refuse_unknown
-from app.drives import intake as ingest
-from app.drives.options import MethodQuery, default_method
+from app.drives import intake
+from app.drives.documents import Batch, BatchAccepted
+from app.drives.method_choice import MethodQuery, default_method
 from app.drives.store import batch_progress
 
 # Of 1970 and in microseconds, the database's resolution: a batch's moment as an integer.
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 _LAST = (datetime(9999, 1, 1, tzinfo=UTC) - _EPOCH) // _MICROSECOND
-
-EXAMPLE_BATCH = "http://127.0.0.1:8000/v1/drives/reprocess?batch=1795166382004000"
-
-
-class BatchAccepted(BaseModel):
-    """The answer to a request to process many drives again."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "queued": 12,
-                    "method": "raw",
-                    "links": [{"href": EXAMPLE_BATCH, "rel": "monitor", "type": "application/json"}],
-                }
-            ]
-        }
-    )
-
-    queued: int = Field(description="Drives that wait to be processed again.")
-    method: str
-    links: list[Link]
-
-
-class Batch(BaseModel):
-    """How far many drives are that are processed again."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "drives": 12,
-                    "queued": 4,
-                    "running": 1,
-                    "done": 6,
-                    "failed": 1,
-                    "progress": 0.6125,
-                    "links": [{"href": EXAMPLE_BATCH, "rel": "self", "type": "application/json"}],
-                }
-            ]
-        }
-    )
-
-    drives: int
-    queued: int
-    running: int
-    done: int
-    failed: int
-    progress: float = Field(ge=0, le=1, description="Share of the work done, 0..1; 1: nothing is left to do.")
-    links: list[Link]
 
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
@@ -98,7 +48,7 @@ def reprocess_drives(
     """
     refuse_unknown(request, {"method", "from_method"}, BadRequestError)
     wanted = method or default_method(service.settings)
-    moment, count = ingest.reprocess_all(service.sessions, wanted, from_method)
+    moment, count = intake.reprocess_all(service.sessions, wanted, from_method)
     address = _address(base, (moment - _EPOCH) // _MICROSECOND)
     response.headers["Location"] = address
     return BatchAccepted(queued=count, method=wanted, links=[link(address, "monitor", title="Its progress")])
@@ -116,7 +66,7 @@ def batch(
     """
     with service.reading() as session:
         found = batch_progress(session, _EPOCH + batch * _MICROSECOND)
-    return Batch(**vars(found), links=[link(_address(base, batch), "self")])
+    return found.model_copy(update={"links": [link(_address(base, batch), "self")]})
 
 
 def _address(base: str, number: int) -> str:

@@ -1,4 +1,11 @@
-"""The file in an upload, taken out of the body as it arrives: multipart/form-data, or the body itself."""
+"""The file in an upload, taken out of the body as it arrives: multipart/form-data, or the body itself.
+
+Bytes in, bytes of the file out: knows no request, no store and no limit of the file's size. python-multipart finds
+the parts. Its ``FormParser`` and Starlette's ``MultiPartParser`` were tried in the place of the callbacks below: both
+write every file into a temporary one first, keep a log that came without a file name in memory, and do not tell a
+body that broke off from one without the field. ``PushMultipartParser`` of ``multipart`` streams and would save the
+callbacks for headers, but is one more dependency, and malformed bodies would get other messages.
+"""
 
 from __future__ import annotations
 
@@ -38,6 +45,30 @@ class UploadSource(Protocol):
     def finish(self) -> None:
         """The body has ended; ``BadRequestError`` when it is not complete."""
         ...
+
+
+def upload_source(headers: Headers, query: QueryParams) -> UploadSource:
+    """How to read the body that these headers announce; ``UnsupportedBodyError`` where there is no way.
+
+    Any content type but multipart is taken as the log itself: logs have no media types, and curl calls every
+    body a form.
+    """
+    encoding = headers.get("content-encoding", "identity").strip().lower()
+    if encoding not in {"", "identity", "gzip", "x-gzip"}:
+        raise UnsupportedBodyError(
+            f"Content-Encoding {encoding!r} is not taken. Send the log as it is or gzipped.",
+            field="Content-Encoding",
+        )
+    filename = _announced_filename(headers, query)
+    kind, options = parse_options_header(headers.get("content-type"))
+    if not kind.lower().startswith(b"multipart/"):
+        return RawBody(filename)
+    if kind.lower() != b"multipart/form-data" or not options.get(b"boundary"):
+        raise UnsupportedBodyError(
+            "This multipart body cannot be read. Send multipart/form-data with a boundary, or the bare log.",
+            field="Content-Type",
+        )
+    return MultipartBody(options[b"boundary"], filename)
 
 
 class RawBody:
@@ -151,30 +182,6 @@ class MultipartBody:
 
     def _on_end(self) -> None:
         self._complete = True
-
-
-def upload_source(headers: Headers, query: QueryParams) -> UploadSource:
-    """How to read the body that these headers announce; ``UnsupportedBodyError`` where there is no way.
-
-    Any content type but multipart is taken as the log itself: logs have no media types, and curl calls every
-    body a form.
-    """
-    encoding = headers.get("content-encoding", "identity").strip().lower()
-    if encoding not in {"", "identity", "gzip", "x-gzip"}:
-        raise UnsupportedBodyError(
-            f"Content-Encoding {encoding!r} is not taken. Send the log as it is or gzipped.",
-            field="Content-Encoding",
-        )
-    filename = _announced_filename(headers, query)
-    kind, options = parse_options_header(headers.get("content-type"))
-    if not kind.lower().startswith(b"multipart/"):
-        return RawBody(filename)
-    if kind.lower() != b"multipart/form-data" or not options.get(b"boundary"):
-        raise UnsupportedBodyError(
-            "This multipart body cannot be read. Send multipart/form-data with a boundary, or the bare log.",
-            field="Content-Type",
-        )
-    return MultipartBody(options[b"boundary"], filename)
 
 
 def clean_filename(name: str) -> str:

@@ -1,20 +1,27 @@
-"""The JSON documents of the API, with the examples that its OpenAPI document shows."""
+"""A drive as one record, from its row to its JSON, and the other documents about drives.
+
+What the store returns, the worker works by and the API shows is the same ``Drive``; only its links wait until it is
+served, because they need the address that the request came to. Knows no SQL and no route.
+"""
 
 from __future__ import annotations
 
 import uuid
+from collections.abc import Mapping
+from datetime import datetime
 from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.core.db import Bounds
 from app.core.http import Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
-from app.drives.store import DriveRow
 
 EXAMPLE_ID = "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
+EXAMPLE_BATCH = "http://127.0.0.1:8000/v1/drives/reprocess?batch=1795166382004000"
 
 DRIVE_EXAMPLE: dict[str, Any] = {
     "id": EXAMPLE_ID,
@@ -53,6 +60,74 @@ class Failure(BaseModel):
     where: str | None = Field(description="The line, byte or field at fault, as far as known.")
 
 
+class Drive(BaseModel):
+    """A drive: an uploaded log and what became of it."""
+
+    # Whoever reads the document finds every member, also the links, which a drive fresh from the store has not.
+    model_config = ConfigDict(
+        frozen=True,
+        json_schema_serialization_defaults_required=True,
+        json_schema_extra={"examples": [DRIVE_EXAMPLE]},
+    )
+
+    id: uuid.UUID
+    status: DriveStatus
+    progress: float = Field(ge=0, le=1, description="Share of the work done, 0..1.")
+    stage: str | None = Field(description="What the worker is doing, or was doing when it failed.")
+    failure: Failure | None = Field(description="Why it failed; null unless status is failed.")
+    filename: str
+    size_bytes: int = Field(description="Size as uploaded.")
+    sha256: str = Field(description="SHA-256 of the bytes as uploaded; the same bytes are the same drive.")
+    method: str = Field(description="The estimator asked for.")
+    options: dict[str, Any] = Field(description="The options asked for; the report holds all of them.")
+    created_at: Moment
+    queued_at: Moment
+    started_at: Moment | None
+    finished_at: Moment | None
+    drive_time: Moment | None = Field(description="When the recording begins.")
+    epochs: int | None
+    distance_m: float | None
+    bbox: Bounds | None = Field(description="West, south, east, north; degrees.")
+    report: dict[str, Any] | None = Field(
+        description="Of the last successful run: matched share and breaks, learned noise, mount, what each sensor "
+        "contributes, on how many segments it contradicts other drives (rejected_segments), warnings, versions ..."
+    )
+    links: list[Link] = Field(default_factory=list)
+
+    # The service's own, in no document.
+    blob_key: str = Field(exclude=True)
+    generation: int = Field(exclude=True)
+
+    @classmethod
+    def of(cls, columns: Mapping[str, Any]) -> Drive:
+        """The record of a row of the store, which has the reason of a failure in columns of its own."""
+        failure = None
+        if columns["status"] == "failed":
+            failure = Failure(
+                kind=columns["failure_kind"] or "unknown",
+                reason=columns["failure_reason"] or "No reason was recorded. Process the drive again.",
+                stage=columns["stage"],
+                where=columns["failure_where"],
+            )
+        return cls.model_validate({**columns, "failure": failure})
+
+
+class DrivePlace(NamedTuple):
+    """A place in the list of drives, whether or not the drive is still there."""
+
+    created_at: datetime
+    id: uuid.UUID
+
+
+class DriveList(BaseModel):
+    """One page of drives, newest upload first."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"drives": [DRIVE_EXAMPLE], "links": []}]})
+
+    drives: list[Drive]
+    links: list[Link] = Field(description="`next` is missing on the last page.")
+
+
 class DriveAccepted(BaseModel):
     """The answer to an upload or a request to process again."""
 
@@ -73,56 +148,6 @@ class DriveAccepted(BaseModel):
     links: list[Link]
 
 
-class Drive(BaseModel):
-    """A drive: an uploaded log and what became of it."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [DRIVE_EXAMPLE]})
-
-    id: uuid.UUID
-    status: DriveStatus
-    progress: float = Field(ge=0, le=1, description="Share of the work done, 0..1.")
-    stage: str | None = Field(description="What the worker is doing, or was doing when it failed.")
-    failure: Failure | None = Field(description="Why it failed; null unless status is failed.")
-    filename: str
-    size_bytes: int = Field(description="Size as uploaded.")
-    sha256: str = Field(description="SHA-256 of the bytes as uploaded; the same bytes are the same drive.")
-    method: str = Field(description="The estimator asked for.")
-    options: dict[str, Any] = Field(description="The options asked for; the report holds all of them.")
-    created_at: Moment
-    queued_at: Moment
-    started_at: Moment | None
-    finished_at: Moment | None
-    drive_time: Moment | None = Field(description="When the recording begins.")
-    epochs: int | None
-    distance_m: float | None
-    bbox: tuple[float, float, float, float] | None = Field(description="West, south, east, north; degrees.")
-    report: dict[str, Any] | None = Field(
-        description="Of the last successful run: matched share and breaks, learned noise, mount, what each sensor "
-        "contributes, on how many segments it contradicts other drives (rejected_segments), warnings, versions ..."
-    )
-    links: list[Link]
-
-    @classmethod
-    def of(cls, row: DriveRow, links: list[Link]) -> Drive:
-        """Build from what the store returns."""
-        names = set(cls.model_fields) - {"failure", "bbox", "links"}
-        return cls(
-            **{name: getattr(row, name) for name in names},
-            failure=_failure(row),
-            bbox=row.bounds,
-            links=links,
-        )
-
-
-class DriveList(BaseModel):
-    """One page of drives, newest upload first."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"drives": [DRIVE_EXAMPLE], "links": []}]})
-
-    drives: list[Drive]
-    links: list[Link] = Field(description="`next` is missing on the last page.")
-
-
 class ReprocessRequest(BaseModel):
     """How to process a drive again; what is left out stays as it was."""
 
@@ -135,25 +160,64 @@ class ReprocessRequest(BaseModel):
     options: dict[str, Any] | None = Field(None, description="Its options; leaving them out means defaults.")
 
 
-def _failure(row: DriveRow) -> Failure | None:
-    if row.status != "failed":
-        return None
-    return Failure(
-        kind=row.failure_kind or "unknown",
-        reason=row.failure_reason or "No reason was recorded. Process the drive again.",
-        stage=row.stage,
-        where=row.failure_where,
+class BatchAccepted(BaseModel):
+    """The answer to a request to process many drives again."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "queued": 12,
+                    "method": "raw",
+                    "links": [{"href": EXAMPLE_BATCH, "rel": "monitor", "type": "application/json"}],
+                }
+            ]
+        }
     )
 
+    queued: int = Field(description="Drives that wait to be processed again.")
+    method: str
+    links: list[Link]
 
-def drive_address(base: str, row: DriveRow) -> str:
+
+class Batch(BaseModel):
+    """How far many drives are that are processed again."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        json_schema_serialization_defaults_required=True,
+        json_schema_extra={
+            "examples": [
+                {
+                    "drives": 12,
+                    "queued": 4,
+                    "running": 1,
+                    "done": 6,
+                    "failed": 1,
+                    "progress": 0.6125,
+                    "links": [{"href": EXAMPLE_BATCH, "rel": "self", "type": "application/json"}],
+                }
+            ]
+        },
+    )
+
+    drives: int
+    queued: int
+    running: int
+    done: int
+    failed: int
+    progress: float = Field(ge=0, le=1, description="Share of the work done, 0..1; 1: nothing is left to do.")
+    links: list[Link] = Field(default_factory=list)
+
+
+def drive_address(base: str, drive: Drive) -> str:
     """Absolute address of the drive."""
-    return f"{base}/v1/drives/{row.id}"
+    return f"{base}/v1/drives/{drive.id}"
 
 
-def drive_links(base: str, row: DriveRow) -> list[Link]:
+def drive_links(base: str, drive: Drive) -> list[Link]:
     """Where the drive's parts are."""
-    here = drive_address(base, row)
+    here = drive_address(base, drive)
     return [
         link(here, "self", title="This drive"),
         link(f"{here}/events", "events", "text/event-stream", "Its progress as server-sent events"),
@@ -165,11 +229,11 @@ def drive_links(base: str, row: DriveRow) -> list[Link]:
     ]
 
 
-def drive_document(base: str, row: DriveRow) -> Drive:
-    """The drive as the API shows it."""
-    return Drive.of(row, drive_links(base, row))
+def linked(base: str, drive: Drive) -> Drive:
+    """The drive as the API shows it: with its links."""
+    return drive.model_copy(update={"links": drive_links(base, drive)})
 
 
-def accepted(base: str, row: DriveRow) -> DriveAccepted:
+def accepted(base: str, drive: Drive) -> DriveAccepted:
     """The short answer to an upload or a request to process again."""
-    return DriveAccepted.model_validate({"id": row.id, "status": row.status, "links": drive_links(base, row)})
+    return DriveAccepted(id=drive.id, status=drive.status, links=drive_links(base, drive))

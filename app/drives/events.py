@@ -1,4 +1,4 @@
-"""A drive's progress as server-sent events."""
+"""A drive's progress as server-sent events. Looks at the row again and again; knows nothing of workers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 from app.core.http import BaseUrl, Service, ServiceDep, found, problems
 from app.core.text import dumps
 from app.drives import store as drives
-from app.drives.documents import EXAMPLE_ID, TERMINAL_STATUSES, Drive, drive_document
+from app.drives.documents import EXAMPLE_ID, TERMINAL_STATUSES, Drive, linked
 
 HEARTBEAT_S = 15.0
 """Pauses are filled with comments, because proxies end connections on which nothing moves."""
@@ -74,5 +74,5 @@ async def _events(service: Service, base: str, drive_id: uuid.UUID, first: Drive
 
 def _read(service: Service, base: str, drive_id: uuid.UUID) -> Drive | None:
     with service.reading() as session:
-        row = drives.get_drive(session, drive_id)
-    return None if row is None else drive_document(base, row)
+        drive = drives.get_drive(session, drive_id)
+    return None if drive is None else linked(base, drive)

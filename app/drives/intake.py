@@ -1,45 +1,28 @@
-"""What comes in: uploads (row and job in one transaction), reruns, removals, roads, elevation."""
+"""Drives that come, come again or go: row and job in one transaction, and the blob beside them.
+
+Uploads, reruns, removals, and the sweep of blobs that lost their drive. Knows no HTTP; its SQL is the store's.
+"""
 
 from __future__ import annotations
 
 import logging
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from datetime import datetime, timedelta
 from typing import Any
 
-from app.core import databases as identity
 from app.core.blobs import BlobStore, StoredBlob
+from app.core.databases import database_identity
 from app.core.db import Sessions
 from app.drives import queue
-from app.drives import store as batches
 from app.drives import store as drives
-from app.drives.store import DriveRow
+from app.drives.documents import Drive
 from fusion.pipeline import parse_options
 
 ORPHAN_AGE = timedelta(hours=1)
+"""A blob exists for a moment before its drive does: one that is older and without a drive is an orphan."""
 
 logger = logging.getLogger(__name__)
-
-
-def accept_upload(
-    sessions: Sessions,
-    blobs: BlobStore,
-    chunks: Iterable[bytes],
-    *,
-    filename: str,
-    method: str,
-    options: Mapping[str, Any] | None = None,
-    max_bytes: int | None = None,
-) -> tuple[DriveRow, bool]:
-    """Store an upload and queue it; the flag says whether it is new. Known bytes give the drive they made.
-
-    Raises ``MethodError`` for an unusable method or options, before anything is read, and
-    ``UploadTooLargeError`` as soon as ``max_bytes`` are passed.
-    """
-    parse_options(method, options or {})
-    blob = blobs.put(chunks, max_bytes=max_bytes)
-    return register_upload(sessions, blobs, blob, filename=filename, method=method, options=options)
 
 
 def register_upload(
@@ -50,7 +33,7 @@ def register_upload(
     filename: str,
     method: str,
     options: Mapping[str, Any] | None = None,
-) -> tuple[DriveRow, bool]:
+) -> tuple[Drive, bool]:
     """Make a stored blob a queued drive; row and job in one transaction.
 
     The blob becomes the drive's, or is deleted: when the same bytes are known already, and when the
@@ -61,7 +44,7 @@ def register_upload(
         parse_options(method, options or {})
         with sessions.begin() as session:
             # Before the drive refers to the blob: another database's sweep must not take it for an orphan.
-            blobs.register_database(identity.database_identity(session))
+            blobs.register_database(database_identity(session))
             drive, created = drives.create_drive(
                 session,
                 sha256=blob.sha256,
@@ -86,7 +69,7 @@ def reprocess(
     drive_id: uuid.UUID,
     method: str | None = None,
     options: Mapping[str, Any] | None = None,
-) -> DriveRow | None:
+) -> Drive | None:
     """Queue the drive again; without ``method`` with the method and options it had. None: no such drive."""
     with sessions.begin() as session:
         known = drives.get_drive(session, drive_id)
@@ -104,14 +87,14 @@ def reprocess(
 def reprocess_all(sessions: Sessions, method: str, from_method: str | None = None) -> tuple[datetime, int]:
     """Queue every finished drive that is not of ``method`` (and is of ``from_method``) again, behind uploads.
 
-    Returns the moment by which the batch is known (``app.drives.store``) and how many drives it has. Raises
+    Returns the moment by which the batch is known (``drives.batch_progress``) and how many drives it has. Raises
     ``UnknownNameError`` for a method that there is not.
     """
     parse_options(method, {})
     if from_method is not None:
         parse_options(from_method, {})
     with sessions.begin() as session:
-        moment, requests = batches.request_batch(session, method, from_method)
+        moment, requests = drives.request_batch(session, method, from_method)
         queue.enqueue_behind(session, requests)
     return moment, len(requests)
 
@@ -132,13 +115,12 @@ def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> b
 def sweep_blobs(sessions: Sessions, blobs: BlobStore, older_than: timedelta = ORPHAN_AGE) -> int:
     """Remove parts of uploads that broke off, and blobs older than ``older_than`` that no drive refers to.
 
-    Returns how many. A blob exists for a moment before its drive does: its age tells such a one from an
-    orphan. Where several databases keep blobs in one store, orphans of one may be drives of another, so only
+    Returns how many. Where several databases keep blobs in one store, orphans of one may be drives of another, so only
     parts are removed.
     """
     removed = blobs.sweep()
     with sessions() as session:
-        blobs.register_database(identity.database_identity(session))
+        blobs.register_database(database_identity(session))
     notes = blobs.databases()
     if len(notes) > 1:
         logger.warning(

@@ -2,7 +2,7 @@
 
 All that is published is written in one transaction at the end, so that a run may be cut off at any moment and
 repeated. A run belongs to a generation of its drive: when the drive was deleted or asked for anew meanwhile,
-the result is discarded.
+the result is discarded. Knows no queue and no HTTP.
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from pyproj import Geod
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
@@ -29,9 +27,9 @@ from app.core.settings import Settings
 from app.core.version import code_version
 from app.drives import store as drives
 from app.drives import tracks
-from app.drives.outputs.track import GAP_S
-from app.drives.reporting import Discarded, Interrupted, Reporter, never
-from app.drives.store import DriveRow
+from app.drives.documents import Drive
+from app.drives.outputs.track import track_length_m
+from app.drives.progress import Discarded, Interrupted, RunProgress, never
 from app.network import passes
 from app.network import results as slopes
 from app.network import versions as locks
@@ -46,16 +44,16 @@ from fusion.methods.base import DriveResult
 from fusion.pipeline import ROAD_MARGIN_M, parse_options, run_drive
 from fusion.roads.table import rows_of
 from fusion.terrain.dem import Dem
-from fusion.types import MAX_SPEED_MPS, DriveLog, Ints, Track
+from fusion.types import DriveLog, Ints
 
 logger = logging.getLogger(__name__)
 
 MAX_ROAD_CHANGES = 5
+"""A drive is estimated so many times, each time because roads were imported meanwhile; then it fails."""
 REJECTED_SHARE = 1 / 3
 """A drive that contradicts the others on more of its segments than this gets a warning."""
 _LOOK_EVERY_S = 0.5
-
-_WGS84 = Geod(ellps="WGS84")
+"""How often a drive that waits for another one looks whether it is to end, seconds."""
 
 # The compiled loops use all cores by themselves, and numba's plainest threading layer must not be entered by
 # two threads: within a process drives are estimated one at a time, while others are read and saved.
@@ -114,9 +112,9 @@ def process_drive(
         drive = drives.mark_running(session, drive_id, generation)
     if drive is None:
         return Outcome.DISCARDED
-    reporter = Reporter(bench.sessions, drive, should_stop)
+    run = RunProgress(bench.sessions, drive, should_stop)
     try:
-        _run(bench, drive, reporter)
+        _run(bench, drive, run)
     except Discarded:
         return Outcome.DISCARDED
     except Interrupted:
@@ -126,7 +124,7 @@ def process_drive(
     except Exception as error:
         if is_connection_loss(error):
             raise
-        return _fail(bench, drive, reporter.stage, error)
+        return _fail(bench, drive, run.stage, error)
     return Outcome.DONE
 
 
@@ -152,14 +150,14 @@ def is_connection_loss(error: BaseException) -> bool:
     return isinstance(error, DBAPIError) and error.connection_invalidated
 
 
-def _run(bench: Workbench, drive: DriveRow, reporter: Reporter) -> None:
-    reporter.begin("reading")
-    log = _read(bench, drive, reporter)
+def _run(bench: Workbench, drive: Drive, run: RunProgress) -> None:
+    run.begin("reading")
+    log = _read(bench, drive, run)
     for _ in range(MAX_ROAD_CHANGES):
-        reporter.begin("roads")
+        run.begin("roads")
         around = _surroundings(bench, log)
-        ids, result = _estimate(log, around, drive, reporter)
-        reporter.begin("saving")
+        ids, result = _estimate(log, around, drive, run)
+        run.begin("saving")
         if _publish(bench, drive, log, around, ids, result):
             return
     raise ProcessingError(
@@ -168,7 +166,7 @@ def _run(bench: Workbench, drive: DriveRow, reporter: Reporter) -> None:
     )
 
 
-def _read(bench: Workbench, drive: DriveRow, reporter: Reporter) -> DriveLog:
+def _read(bench: Workbench, drive: Drive, run: RunProgress) -> DriveLog:
     try:
         file = bench.blobs.open(drive.blob_key)
     except FileNotFoundError as error:
@@ -176,7 +174,7 @@ def _read(bench: Workbench, drive: DriveRow, reporter: Reporter) -> DriveLog:
             "The uploaded file is no longer in the service's storage. Delete the drive and upload it again."
         ) from error
     with file:
-        return read_log(file, max_bytes=bench.max_log_bytes, progress=reporter.part("reading"))
+        return read_log(file, max_bytes=bench.max_log_bytes, progress=run.part("reading"))
 
 
 def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
@@ -194,11 +192,11 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
 
 
 def _estimate(
-    log: DriveLog, around: _Surroundings, drive: DriveRow, reporter: Reporter
+    log: DriveLog, around: _Surroundings, drive: Drive, run: RunProgress
 ) -> tuple[Ints, DriveResult]:
     """The result, and the database's id of each segment of the network that it refers to."""
-    reporter.begin("estimating")
-    progress = reporter.part("estimating")
+    run.begin("estimating")
+    progress = run.part("estimating")
     with ExitStack() as stack:
         terrain = None if around.dem is None else stack.enter_context(Dem.open(around.dem.paths))
         while not _ESTIMATING.acquire(timeout=_LOOK_EVERY_S):
@@ -211,7 +209,7 @@ def _estimate(
 
 
 def _publish(
-    bench: Workbench, drive: DriveRow, log: DriveLog, around: _Surroundings, ids: Ints, result: DriveResult
+    bench: Workbench, drive: Drive, log: DriveLog, around: _Surroundings, ids: Ints, result: DriveResult
 ) -> bool:
     """Write everything in one transaction; False when the roads changed since they were read."""
     provenance = slopes.RunProvenance(
@@ -268,7 +266,7 @@ def hearing_report(report: Mapping[str, Any], heard: passes.Hearing) -> dict[str
     return {"rejected_segments": heard.rejected, "warnings": warnings}
 
 
-def _fail(bench: Workbench, drive: DriveRow, stage: str, error: Exception) -> Outcome:
+def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outcome:
     where = None
     if isinstance(error, FusionError):
         kind, reason, where = error.kind, str(error), error.where
@@ -288,18 +286,3 @@ def _fail(bench: Workbench, drive: DriveRow, stage: str, error: Exception) -> Ou
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
         )
     return Outcome.FAILED if mine else Outcome.DISCARDED
-
-
-def track_length_m(track: Track) -> float | None:
-    """Length of the path through the track's positions, metres; None with fewer than two positions.
-
-    Nothing is counted where the path is interrupted (as in ``app.drives.outputs.track``), nor a step that no vehicle
-    can make.
-    """
-    known = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
-    if np.count_nonzero(known) < 2:
-        return None
-    lon, lat, pause_s = track.lon_deg[known], track.lat_deg[known], np.diff(track.time_s[known])
-    step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
-    driven = (pause_s <= GAP_S) & ~track.after_gap[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
-    return float(step_m[driven].sum())

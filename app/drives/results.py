@@ -1,4 +1,4 @@
-"""What a drive yielded: its track, its elevation profile, its estimates."""
+"""What a drive yielded, over HTTP: its track, its elevation profile, its estimates. Knows no SQL and draws nothing."""
 
 from __future__ import annotations
 
@@ -28,16 +28,21 @@ from app.core.http import link_documents as documents
 from app.core.text import GEO_JSON, SLOPE_DIGITS, rounded, utc_text
 from app.drives import store as drives
 from app.drives import tracks
-from app.drives.documents import drive_address
-from app.drives.examples import PROFILE_EXAMPLE, PROFILE_SCHEMA, TRACK_EXAMPLE
-from app.drives.outputs.profile import Profile, RoadFacts, build_profile, profile_json
-from app.drives.outputs.profile_picture import profile_png
-from app.drives.outputs.track import track_chunks
-from app.drives.store import DriveRow
+from app.drives.documents import Drive, drive_address
+from app.drives.outputs.profile import (
+    PROFILE_EXAMPLE,
+    PROFILE_SCHEMA,
+    Profile,
+    RoadFacts,
+    build_profile,
+    profile_json,
+)
+from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
 from app.drives.tracks import StoredTrack
 from app.map.attribution import attribution
 from app.map.segments import SEGMENT_EXAMPLE
-from app.map.store import DriveSegmentRow
+from app.map.store import DriveSegmentRow, drive_segment_rows
+from fusion.types import DrawnMeasurements
 
 PNG = "image/png"
 
@@ -58,8 +63,8 @@ def drive_track(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Stre
     Heights are those of the road's surface. Unknown is null.
     """
     with service.reading() as session:
-        row, stored = _drive_and_track(session, drive_id)
-    links = documents([link(f"{drive_address(base, row)}/track", "self", GEO_JSON)])
+        drive, stored = _drive_and_track(session, drive_id)
+    links = documents([link(f"{drive_address(base, drive)}/track", "self", GEO_JSON)])
     chunks = track_chunks(stored.track, stored.segment_id, {"links": links})
     return StreamingResponse(_in_blocks(chunks), media_type=GEO_JSON)
 
@@ -95,15 +100,14 @@ def drive_profile(
             "A profile is application/json or image/png; Accept allows neither.", field="Accept"
         )
     with service.reading() as session:
-        row, stored = _drive_and_track(session, drive_id)
-        estimates = drives.drive_slopes(session, drive_id)
+        drive, stored = _drive_and_track(session, drive_id)
+        estimates = drive_segment_rows(session, drive_id)
         measurements = tracks.read_measurements(session, drive_id) if wanted == PNG else None
     profile = _profile(stored, estimates)
     vary = {"Vary": "Accept"}
     if wanted == JSON:
-        return JSONResponse({"drive_id": str(row.id), **profile_json(profile)}, headers=vary)
-    with _drawing:
-        return Response(profile_png(profile, row.filename, measurements), media_type=PNG, headers=vary)
+        return JSONResponse({"drive_id": str(drive.id), **profile_json(profile)}, headers=vary)
+    return Response(_picture(profile, drive.filename, measurements), media_type=PNG, headers=vary)
 
 
 @router.get(
@@ -123,9 +127,9 @@ def drive_segments(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> R
     `combined_slope_percent`, `combined_slope_sigma_percent`, `combined_drives`. Empty before the first run.
     """
     with service.reading() as session:
-        row = found(drives.get_drive(session, drive_id), "drive", drive_id)
-        estimates = drives.drive_slopes(session, drive_id)
-    links = documents([link(f"{drive_address(base, row)}/segments", "self", GEO_JSON)])
+        drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        estimates = drive_segment_rows(session, drive_id)
+    links = documents([link(f"{drive_address(base, drive)}/segments", "self", GEO_JSON)])
     features = [_estimate_feature(estimate) for estimate in estimates]
     document = {
         "type": "FeatureCollection",
@@ -137,15 +141,13 @@ def drive_segments(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> R
     return geojson_response(document)
 
 
-def _drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[DriveRow, StoredTrack]:
-    row: DriveRow = found(drives.get_drive(session, drive_id), "drive", drive_id)
+def _drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, StoredTrack]:
+    drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
     stored = tracks.read_track(session, drive_id)
     if stored is None:
-        reason = (
-            f" It failed: {row.failure_reason}" if row.status == "failed" else " Look again when it is done."
-        )
-        raise NotFoundError(f"The drive {drive_id} is {row.status} and has no track.{reason}")
-    return row, stored
+        reason = f" It failed: {drive.failure.reason}" if drive.failure else " Look again when it is done."
+        raise NotFoundError(f"The drive {drive_id} is {drive.status} and has no track.{reason}")
+    return drive, stored
 
 
 def _profile(stored: StoredTrack, estimates: list[DriveSegmentRow]) -> Profile:
@@ -157,6 +159,14 @@ def _profile(stored: StoredTrack, estimates: list[DriveSegmentRow]) -> Profile:
         for e in estimates
     }
     return build_profile(stored.track, stored.segment_id, slopes, roads)
+
+
+def _picture(profile: Profile, title: str, measurements: DrawnMeasurements | None) -> bytes:
+    # Loading matplotlib takes half a second: a service that draws no picture starts without it.
+    from app.drives.outputs.profile_picture import profile_png  # noqa: PLC0415
+
+    with _drawing:
+        return profile_png(profile, title, measurements)
 
 
 def _estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Drives: list, look, delete, process again."""
+"""Drives over HTTP: list, look, delete, process again. Knows no SQL; uploads and results have files of their own."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from fastapi import APIRouter, Body, Query, Request, Response
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, found, link, problems, with_query
 from app.core.query import refuse_unknown
-from app.drives import intake as ingest
+from app.drives import intake
 from app.drives import store as drives
 from app.drives.documents import (
     Drive,
     DriveAccepted,
     DriveList,
+    DrivePlace,
     DriveStatus,
     ReprocessRequest,
     accepted,
     drive_address,
-    drive_document,
+    linked,
 )
-from app.drives.options import MethodQuery, OptionQuery, OptionsQuery, asked_options
-from app.drives.store import DrivePlace
+from app.drives.method_choice import MethodQuery, OptionQuery, OptionsQuery, asked_options
 
 LIST_PARAMETERS = frozenset({"status", "limit", "after"})
 
@@ -49,21 +49,21 @@ def list_drives(
     refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
     place = None if after is None else parse_cursor(after)
     with service.reading() as session:
-        rows = drives.list_drives(session, status=status, limit=limit + 1, after=place)
-    shown, more = rows[:limit], len(rows) > limit
+        listed = drives.list_drives(session, status=status, limit=limit + 1, after=place)
+    shown, more = listed[:limit], len(listed) > limit
     here = f"{base}/v1/drives"
     links = [link(with_query(here, status=status, limit=limit, after=after), "self")]
     if more:
         following = cursor_of(DrivePlace(shown[-1].created_at, shown[-1].id))
         links.append(link(with_query(here, status=status, limit=limit, after=following), "next"))
-    return DriveList(drives=[drive_document(base, row) for row in shown], links=links)
+    return DriveList(drives=[linked(base, drive) for drive in shown], links=links)
 
 
 @router.get("/{drive_id}", summary="One drive", responses=problems(404, 503))
 def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
     """Status, progress, reason of a failure, and the report of the last successful run."""
     with service.reading() as session:
-        return drive_document(base, found(drives.get_drive(session, drive_id), "drive", drive_id))
+        return linked(base, found(drives.get_drive(session, drive_id), "drive", drive_id))
 
 
 @router.delete("/{drive_id}", status_code=204, summary="Remove a drive", responses=problems(403, 404, 503))
@@ -72,7 +72,7 @@ def delete_drive(drive_id: uuid.UUID, service: ServiceDep) -> Response:
 
     Its log is deleted and its influence leaves every segment.
     """
-    found(ingest.remove_drive(service.sessions, service.blobs, drive_id) or None, "drive", drive_id)
+    found(intake.remove_drive(service.sessions, service.blobs, drive_id) or None, "drive", drive_id)
     return Response(status_code=204)
 
 
@@ -101,10 +101,9 @@ def reprocess_drive(
     if body is not None:
         method = method or body.method
         chosen = body.options if chosen is None else chosen
-    row = ingest.reprocess(service.sessions, drive_id, method, chosen)
-    row = found(row, "drive", drive_id)
-    response.headers["Location"] = drive_address(base, row)
-    return accepted(base, row)
+    drive = found(intake.reprocess(service.sessions, drive_id, method, chosen), "drive", drive_id)
+    response.headers["Location"] = drive_address(base, drive)
+    return accepted(base, drive)
 
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

@@ -1,4 +1,4 @@
-"""What the store returns: plain frozen rows, detached from any session."""
+"""A drive's track and what its sensors said, kept as Arrow IPC streams. Knows nothing of the drive itself."""
 
 from __future__ import annotations
 
@@ -10,12 +10,23 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from sqlalchemy import select
-from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.tables import DriveTrack
 from fusion.types import DrawnMeasurements, Ints, Track
+
+_SENSORS = b"sensors"
+"""Metadata: a JSON list of the sensors, [name, is_height] each; ``sensor`` is an index into it."""
+
+# A drive that is processed again has one track still: that of its last run.
+_SAVE = text(
+    """
+    INSERT INTO drive_tracks (drive_id, track, measurements) VALUES (:drive_id, :track, :measurements)
+    ON CONFLICT (drive_id) DO UPDATE SET track = excluded.track, measurements = excluded.measurements
+    """
+)
+_TRACK = text("SELECT track FROM drive_tracks WHERE drive_id = :drive_id")
+_MEASUREMENTS = text("SELECT measurements FROM drive_tracks WHERE drive_id = :drive_id")
 
 
 @dataclass(frozen=True)
@@ -31,8 +42,6 @@ class StoredTrack:
 
 _COLUMN_NAMES = {"after_gap": "starts"}
 """Fields of ``Track`` that stored tracks know by another name."""
-_SENSORS = b"sensors"
-"""Metadata: a JSON list of the sensors, [name, is_height] each; ``sensor`` is an index into it."""
 
 
 def save_track(
@@ -43,24 +52,20 @@ def save_track(
     measurements: DrawnMeasurements | None = None,
 ) -> None:
     """Store the track; ``segment_ids`` maps its ``segment`` (index into the run's network) to stored ids."""
-    row = insert(DriveTrack).values(
-        drive_id=drive_id,
-        track=encode(track, segment_ids),
-        measurements=None if measurements is None else encode_measurements(measurements),
-    )
-    renewed = {"track": row.excluded.track, "measurements": row.excluded.measurements}
-    session.execute(row.on_conflict_do_update(index_elements=["drive_id"], set_=renewed))
+    said = None if measurements is None else encode_measurements(measurements)
+    values = {"drive_id": drive_id, "track": encode(track, segment_ids), "measurements": said}
+    session.execute(_SAVE, values)
 
 
 def read_track(session: Session, drive_id: uuid.UUID) -> StoredTrack | None:
     """The track of a drive's last successful run, or None."""
-    data = session.execute(select(DriveTrack.track).where(DriveTrack.drive_id == drive_id)).scalar()
+    data = session.execute(_TRACK, {"drive_id": drive_id}).scalar()
     return None if data is None else decode(data)
 
 
 def read_measurements(session: Session, drive_id: uuid.UUID) -> DrawnMeasurements | None:
     """What the sensors said in a drive's last successful run; None where its method offers none."""
-    data = session.execute(select(DriveTrack.measurements).where(DriveTrack.drive_id == drive_id)).scalar()
+    data = session.execute(_MEASUREMENTS, {"drive_id": drive_id}).scalar()
     return None if data is None else decode_measurements(data)
 
 

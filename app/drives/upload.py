@@ -1,4 +1,8 @@
-"""Uploading a log."""
+"""The way of an upload: its body (``body``) piece by piece into the blob store, then row and job (``intake``).
+
+Nothing is held in memory but the piece on its way, nothing on disk but the blob. Knows neither formats of bodies nor
+SQL.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +15,20 @@ from starlette.concurrency import run_in_threadpool
 from app.core.blobs import BlobStore, BlobWriter, StoredBlob
 from app.core.errors import BadRequestError, BodyTooLargeError
 from app.core.http import BaseUrl, ServiceDep, problems
-from app.drives import intake as ingest
+from app.drives import intake
 from app.drives.body import UploadSource, upload_source
 from app.drives.documents import DriveAccepted, accepted, drive_address
-from app.drives.options import MethodQuery, OptionQuery, OptionsQuery, asked_options, checked, default_method
+from app.drives.method_choice import (
+    MethodQuery,
+    OptionQuery,
+    OptionsQuery,
+    asked_options,
+    checked_options,
+    default_method,
+)
+
+CHUNK_BYTES = 1024 * 1024
+"""How much is handed to the blob store at a time: few hops between threads, little memory."""
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
@@ -74,10 +88,10 @@ async def upload_drive(
     """
     settings = service.settings
     wanted = method or default_method(settings)
-    chosen = checked(wanted, asked_options(options, option) or {})
+    chosen = checked_options(wanted, asked_options(options, option) or {})
     blob, name = await receive_upload(request, service.blobs, settings.max_upload_bytes)
-    row, created = await run_in_threadpool(
-        ingest.register_upload,
+    drive, created = await run_in_threadpool(
+        intake.register_upload,
         service.sessions,
         service.blobs,
         blob,
@@ -86,12 +100,8 @@ async def upload_drive(
         options=chosen,
     )
     response.status_code = 202 if created else 200
-    response.headers["Location"] = drive_address(base, row)
-    return accepted(base, row)
-
-
-CHUNK_BYTES = 1024 * 1024
-"""How much is handed to the blob store at a time: few hops between threads, little memory."""
+    response.headers["Location"] = drive_address(base, drive)
+    return accepted(base, drive)
 
 
 async def receive_upload(request: Request, blobs: BlobStore, max_bytes: int) -> tuple[StoredBlob, str]:

@@ -1,7 +1,8 @@
 """The worker: takes drives from the queue and processes them.
 
 A worker that is killed leaves its job marked as running; every worker looks, when it starts and then again
-and again, for jobs whose worker has given no sign of life for ``stalled_after_s`` and puts them back.
+and again, for jobs whose worker has given no sign of life for ``stalled_after_s`` and puts them back. How a drive is
+computed is ``process``'s to know.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings, libpq_url
-from app.drives import intake as ingest
+from app.drives import intake
 from app.drives.process import Workbench, give_up, is_connection_loss, process_drive
+from app.drives.progress import Interrupted
 from app.drives.queue import BEHIND, QUEUE, TASK
-from app.drives.reporting import Interrupted
 
 logger = logging.getLogger(__name__)
 
@@ -210,7 +211,7 @@ async def _again_and_again(chore: Chore, every_s: float) -> None:
 def _sweep(bench: Workbench) -> None:
     """Clear the blob store; a store or database that is away is left for the next time."""
     try:
-        if removed := ingest.sweep_blobs(bench.sessions, bench.blobs):
+        if removed := intake.sweep_blobs(bench.sessions, bench.blobs):
             logger.info("removed %d blobs that no drive refers to", removed)
     except Exception:
         logger.warning("the blob store could not be swept; trying again later", exc_info=True)

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processing_support import accept_upload
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives import intake as ingest
+from app.drives.documents import Drive
 from app.drives.process import Workbench
-from app.drives.store import DriveRow
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
 from fusion.simulate.drive import simulate_drive
@@ -21,7 +21,7 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
 
-Send = Callable[..., DriveRow]
+Send = Callable[..., Drive]
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +47,9 @@ def bench(sessions: Sessions, files: Path, tmp_path: Path) -> Workbench:
 def send(bench: Workbench, files: Path) -> Send:
     """``send(seed or bytes, method, options)``: upload a log; returns the queued drive."""
 
-    def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> DriveRow:
+    def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> Drive:
         content = log if isinstance(log, bytes) else (files / f"{log}.csv").read_bytes()
-        drive, _ = ingest.accept_upload(
+        drive, _ = accept_upload(
             bench.sessions, bench.blobs, [content], filename="log", method=method, options=options
         )
         return drive

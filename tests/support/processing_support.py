@@ -1,21 +1,41 @@
-"""What tests of drive processing look at in the database."""
+"""What tests of drive processing send, and what they look at in the database."""
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from sqlalchemy import text
 
+from app.core.blobs import BlobStore
+from app.core.db import Sessions
+from app.drives import intake
 from app.drives import store as drives
+from app.drives.documents import Drive
 from app.drives.process import Workbench
-from app.drives.store import DriveRow
+from fusion.pipeline import parse_options
 
-Send = Callable[..., DriveRow]
+Send = Callable[..., Drive]
 
 
-def drive_now(bench: Workbench, drive_id: uuid.UUID) -> DriveRow:
+def accept_upload(
+    sessions: Sessions,
+    blobs: BlobStore,
+    chunks: Iterable[bytes],
+    *,
+    filename: str,
+    method: str,
+    options: Mapping[str, Any] | None = None,
+    max_bytes: int | None = None,
+) -> tuple[Drive, bool]:
+    """Store an upload and queue it, as the route does; the flag says whether it is new."""
+    parse_options(method, options or {})
+    blob = blobs.put(chunks, max_bytes=max_bytes)
+    return intake.register_upload(sessions, blobs, blob, filename=filename, method=method, options=options)
+
+
+def drive_now(bench: Workbench, drive_id: uuid.UUID) -> Drive:
     with bench.sessions() as session:
         found = drives.get_drive(session, drive_id)
     assert found is not None

@@ -1,4 +1,7 @@
-"""Where a drive's measurements lie behind its profile."""
+"""What is drawn of a profile, as numbers on its axes: dots of the sensors, steps of the segments, stretches, limits.
+
+Knows no figure and no matplotlib: ``profile_picture`` draws what is worked out here.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +14,22 @@ from numpy.typing import NDArray
 from app.drives.outputs.profile import Profile
 from fusion.types import DrawnMeasurements, Floats, Ints
 
+Mask = NDArray[np.bool_]
+
+NORMAL_95 = 1.96
+"""Half the width of the band that holds 95 % of a normal distribution, in standard deviations."""
 NEAR_S = 1.0
 """A measurement in an interruption belongs to an epoch that is no farther away."""
 OTHER_DATUM_M = 10.0
 """Heights whose median lies farther from the estimate refer to something else, like the ellipsoid."""
 MOST_DOTS = 4000
+"""Of one sensor; of more, evenly many are left out."""
+LEAST_HEIGHT_M, LEAST_SLOPE_PERCENT = 20.0, 8.0
+"""Axes never show less than this, so that a flat road looks flat."""
+MORE_SHARE = 0.15
+"""Share of an axis by which measurements behind the estimates may widen it at either end."""
+PAD_SHARE = 0.04
+"""Share of an axis that stays empty at either end."""
 
 _LOOKS = {
     "altitude": ("GNSS altitude", "#3f97d0"),
@@ -39,20 +53,6 @@ class Dots:
     value: Floats
 
 
-def placed_m(profile: Profile, time_s: Floats) -> Floats:
-    """Distance on the profile's axis at each time; NaN where the profile knows no position near that time."""
-    if not len(profile):
-        return np.full(len(time_s), np.nan)
-    own = profile.time_s
-    right = np.clip(np.searchsorted(own, time_s), 0, len(own) - 1)
-    left = np.maximum(right - 1, 0)
-    inside = (time_s >= own[0]) & (time_s <= own[-1]) & (~profile.gap[right] | (own[right] == time_s))
-    nearest = np.where(np.abs(time_s - own[left]) <= np.abs(own[right] - time_s), left, right)
-    near = np.abs(own[nearest] - time_s) <= NEAR_S
-    outside = np.where(near, profile.distance_m[nearest], np.nan)
-    return np.where(inside, np.interp(time_s, own, profile.distance_m), outside)
-
-
 def dots_of(profile: Profile, measurements: DrawnMeasurements) -> Iterator[Dots]:
     """Each sensor's dots, thinned evenly to ``MOST_DOTS``; heights on another datum moved, which the label says."""
     distance = placed_m(profile, measurements.time_s)
@@ -73,6 +73,20 @@ def dots_of(profile: Profile, measurements: DrawnMeasurements) -> Iterator[Dots]
         yield Dots(label, colour, is_height, where[kept], value[kept])
 
 
+def placed_m(profile: Profile, time_s: Floats) -> Floats:
+    """Distance on the profile's axis at each time; NaN where the profile knows no position near that time."""
+    if not len(profile):
+        return np.full(len(time_s), np.nan)
+    own = profile.time_s
+    right = np.clip(np.searchsorted(own, time_s), 0, len(own) - 1)
+    left = np.maximum(right - 1, 0)
+    inside = (time_s >= own[0]) & (time_s <= own[-1]) & (~profile.gap[right] | (own[right] == time_s))
+    nearest = np.where(np.abs(time_s - own[left]) <= np.abs(own[right] - time_s), left, right)
+    near = np.abs(own[nearest] - time_s) <= NEAR_S
+    outside = np.where(near, profile.distance_m[nearest], np.nan)
+    return np.where(inside, np.interp(time_s, own, profile.distance_m), outside)
+
+
 def datum_shift_m(profile: Profile, distance_m: Floats, height_m: Floats) -> float:
     """What to add to heights that refer to something else than the estimate does; 0 where they agree roughly."""
     known = np.isfinite(profile.alt_m)
@@ -84,16 +98,6 @@ def datum_shift_m(profile: Profile, distance_m: Floats, height_m: Floats) -> flo
     return shift if abs(shift) > OTHER_DATUM_M else 0.0
 
 
-NORMAL_95 = 1.96
-Mask = NDArray[np.bool_]
-
-LEAST_HEIGHT_M, LEAST_SLOPE_PERCENT = 20.0, 8.0
-"""Axes never show less than this, so that a flat road looks flat."""
-MOST_SLOPE_PERCENT = 50.0
-LEAST_OUTAGE_S = 3.0
-MORE_SHARE, PAD_SHARE = 0.15, 0.04
-
-
 @dataclass(frozen=True, eq=False)
 class Steps:
     """The slopes of the segments driven over, k of them in order; ``from_m`` and ``to_m`` on the distance axis."""
@@ -102,11 +106,6 @@ class Steps:
     to_m: Floats
     slope_percent: Floats
     sigma_percent: Floats
-
-
-def broken(column: Floats, profile: Profile) -> Floats:
-    """The column with a NaN before each interruption, so that nothing is drawn across it."""
-    return np.insert(column.astype(float), np.flatnonzero(profile.gap[1:]) + 1, np.nan)
 
 
 def steps_of(profile: Profile) -> Steps:
@@ -124,27 +123,15 @@ def stretches(profile: Profile, mask: Mask, least_s: float = 0.0) -> Floats:
     return np.column_stack([from_m, to_m])[chosen]
 
 
-def _runs(profile: Profile, column: Ints | Mask) -> tuple[Ints, Ints, Floats, Floats]:
-    """First and last epoch of each run of equal values, and from where to where it reaches on the distance axis.
-
-    Runs meet halfway between the last epoch of one and the first of the next, but not across an interruption.
-    """
-    if not len(profile):
-        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0)
-    first = np.flatnonzero(np.r_[True, (column[1:] != column[:-1]) | profile.gap[1:]])
-    last = np.r_[first[1:], len(profile)] - 1
-    from_m, to_m = profile.distance_m[first], profile.distance_m[last]
-    touching = ~profile.gap[first[1:]]
-    border = 0.5 * (to_m[:-1] + from_m[1:])
-    from_m = np.r_[from_m[0], np.where(touching, border, from_m[1:])]
-    to_m = np.r_[np.where(touching, border, to_m[:-1]), to_m[-1]]
-    return first, last, from_m, to_m
-
-
 def interruptions(profile: Profile) -> Floats:
     """(from_m, to_m) of what was driven while nothing was estimated, shape (k, 2)."""
     after = np.flatnonzero(profile.gap[1:]) + 1
     return np.column_stack([profile.distance_m[after - 1], profile.distance_m[after]])
+
+
+def broken(column: Floats, profile: Profile) -> Floats:
+    """The column with a NaN before each interruption, so that nothing is drawn across it."""
+    return np.insert(column.astype(float), np.flatnonzero(profile.gap[1:]) + 1, np.nan)
 
 
 def limits(value: Floats, sigma: Floats, least: float, behind: Floats) -> tuple[float, float] | None:
@@ -172,3 +159,20 @@ def limits(value: Floats, sigma: Floats, least: float, behind: Floats) -> tuple[
         )
     pad = PAD_SHARE * (top - bottom)
     return bottom - pad, top + pad
+
+
+def _runs(profile: Profile, column: Ints | Mask) -> tuple[Ints, Ints, Floats, Floats]:
+    """First and last epoch of each run of equal values, and from where to where it reaches on the distance axis.
+
+    Runs meet halfway between the last epoch of one and the first of the next, but not across an interruption.
+    """
+    if not len(profile):
+        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0)
+    first = np.flatnonzero(np.r_[True, (column[1:] != column[:-1]) | profile.gap[1:]])
+    last = np.r_[first[1:], len(profile)] - 1
+    from_m, to_m = profile.distance_m[first], profile.distance_m[last]
+    touching = ~profile.gap[first[1:]]
+    border = 0.5 * (to_m[:-1] + from_m[1:])
+    from_m = np.r_[from_m[0], np.where(touching, border, from_m[1:])]
+    to_m = np.r_[np.where(touching, border, to_m[:-1]), to_m[-1]]
+    return first, last, from_m, to_m

@@ -1,4 +1,7 @@
-"""A drive's profile drawn: height above, grade and segment slopes below, measurements behind, over the distance."""
+"""A drive's profile drawn: height above, grade and segment slopes below, measurements behind, over the distance.
+
+Loads matplotlib: import it where a picture is wanted. What is drawn where is worked out in ``profile_marks``.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from app.drives.outputs.profile import Profile
 from app.drives.outputs.profile_marks import (
     LEAST_HEIGHT_M,
-    LEAST_OUTAGE_S,
     LEAST_SLOPE_PERCENT,
-    MOST_SLOPE_PERCENT,
     NORMAL_95,
     Dots,
     Steps,
@@ -39,6 +40,10 @@ SIZE_IN, DPI = (14.0, 8.0), 100
 TITLE_Y = 0.965
 DOTS_PER_OPACITY, EPOCHS_DRAWN_FULL, STEPS_DRAWN_FULL = 250, 2500, 150
 """So many dots, epochs or segments are drawn at full strength; more of them paler or thinner."""
+MOST_SLOPE_PERCENT = 50.0
+"""Estimates beyond this do not widen the axis of slopes."""
+LEAST_OUTAGE_S = 3.0
+"""Shorter times without a position are not shaded, seconds."""
 LEAST_SHARE = 0.0015
 """Share of the axis below which a stretch is widened to be seen, and a step has no room for its error bar."""
 
@@ -48,6 +53,19 @@ _LOOKS: dict[str, dict[str, Any]] = {
     "tunnel": {"color": "#3a3f44", "alpha": 0.20},
     "nothing recorded": {"facecolor": "none", "edgecolor": "#b9bfc4", "hatch": "////"},
 }
+
+
+def profile_png(
+    profile: Profile, title: str, measurements: DrawnMeasurements | None = None, *, dpi: int = DPI
+) -> bytes:
+    """A PNG with height above and slope below, each with its 95 % band, over the distance driven.
+
+    ``measurements``: what the sensors said, drawn as pale dots behind.
+    """
+    buffer = BytesIO()
+    figure = profile_figure(profile, printable(title), measurements, dpi=dpi)
+    figure.savefig(buffer, format="png", metadata={"Software": "Versant"})
+    return buffer.getvalue()
 
 
 def profile_figure(
@@ -68,6 +86,12 @@ def profile_figure(
     figure.text(0.008, TITLE_Y, title, ha="left", fontsize=13, color=SEGMENT)
     figure.text(0.995, TITLE_Y, _summary(profile), ha="right", fontsize=10, color=MUTED)
     return figure
+
+
+def printable(text: str) -> str:
+    """A file's name, which is anyone's text, as a title: no mathtext, no control characters, no missing glyph."""
+    kept = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in text)
+    return kept.replace("$", r"\$")[:90]
 
 
 def _draw_heights(axes: Axes, profile: Profile, dots: Sequence[Dots]) -> None:
@@ -218,22 +242,3 @@ def _summary(profile: Profile) -> str:
         return "no positions"
     seconds = round(float(profile.time_s[-1] - profile.time_s[0]))
     return f"{_length_km(profile):.1f} km, {seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d} h"
-
-
-def profile_png(
-    profile: Profile, title: str, measurements: DrawnMeasurements | None = None, *, dpi: int = DPI
-) -> bytes:
-    """A PNG with height above and slope below, each with its 95 % band, over the distance driven.
-
-    ``measurements``: what the sensors said, drawn as pale dots behind.
-    """
-    buffer = BytesIO()
-    figure = profile_figure(profile, printable(title), measurements, dpi=dpi)
-    figure.savefig(buffer, format="png", metadata={"Software": "Versant"})
-    return buffer.getvalue()
-
-
-def printable(text: str) -> str:
-    """A file's name, which is anyone's text, as a title: no mathtext, no control characters, no missing glyph."""
-    kept = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in text)
-    return kept.replace("$", r"\$")[:90]

@@ -1,4 +1,4 @@
-"""A drive's estimated track as GeoJSON: the path, then every epoch with its sigmas."""
+"""A drive's estimated track as GeoJSON: the path, then every epoch with its sigmas. Knows no database and no route."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
+from pyproj import Geod
 
-from app.core.text import COORDINATE_DIGITS, dumps, rounded, utc_text
-from fusion.types import Ints, Track
+from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, dumps, rounded, utc_text
+from fusion.types import MAX_SPEED_MPS, Ints, Track
 
 GAP_S = 10.0
 """Longer pauses between two epochs interrupt the path: nothing is drawn over what was not recorded."""
 
-_COLUMNS = (
-    ("alt_m", "alt_m", 3),
-    ("h_sigma_m", "h_sigma_m", 3),
-    ("alt_sigma_m", "alt_sigma_m", 3),
-    ("speed_mps", "speed_mps", 3),
-    ("distance_m", "distance_m", 3),
-)
+_WGS84 = Geod(ellps="WGS84")
+
+_COLUMNS = ("alt_m", "h_sigma_m", "alt_sigma_m", "speed_mps", "distance_m")
+"""Columns of the track that a point's properties show as they are, in m and m/s."""
 
 
 def track_chunks(track: Track, segment_id: Ints, members: dict[str, Any] | None = None) -> Iterator[str]:
@@ -35,14 +33,8 @@ def track_chunks(track: Track, segment_id: Ints, members: dict[str, Any] | None 
     head = dumps({"type": "FeatureCollection"} | (members or {}))
     yield head[:-1] + ',"features":[' + dumps(path_feature(track))
     for epoch in range(len(track)):
-        yield ",\n" + dumps(_point(track, segment_id, epoch))
+        yield ",\n" + dumps(point_feature(track, segment_id, epoch))
     yield "]}\n"
-
-
-def track_collection(track: Track, segment_id: Ints) -> dict[str, Any]:
-    """The same as one dictionary."""
-    points = [_point(track, segment_id, epoch) for epoch in range(len(track))]
-    return {"type": "FeatureCollection", "features": [path_feature(track), *points]}
 
 
 def path_feature(track: Track) -> dict[str, Any]:
@@ -62,6 +54,43 @@ def path_feature(track: Track) -> dict[str, Any]:
     }
 
 
+def point_feature(track: Track, segment_id: Ints, epoch: int) -> dict[str, Any]:
+    """An epoch as a Point Feature; its geometry is null where the position is unknown."""
+    lon = rounded(float(track.lon_deg[epoch]), COORDINATE_DIGITS)
+    lat = rounded(float(track.lat_deg[epoch]), COORDINATE_DIGITS)
+    known = lon is not None and lat is not None
+    segment = int(segment_id[epoch])
+    properties: dict[str, Any] = {"time": time_text(float(track.time_s[epoch]))}
+    for name in _COLUMNS:
+        properties[name] = rounded(float(getattr(track, name)[epoch]), LENGTH_DIGITS)
+    heading = float(np.degrees(track.heading_rad[epoch]) % 360)
+    properties |= {
+        "heading_deg": rounded(heading, 2),
+        "pitch_deg": rounded(float(np.degrees(track.pitch_rad[epoch])), 3),
+        "pitch_sigma_deg": rounded(float(np.degrees(track.pitch_sigma_rad[epoch])), 3),
+        "segment_id": segment if segment >= 0 else None,
+        "has_gnss": bool(track.has_gnss[epoch]),
+    }
+    if segment < 0:
+        properties["distance_m"] = None
+    geometry = {"type": "Point", "coordinates": [lon, lat]} if known else None
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def track_length_m(track: Track) -> float | None:
+    """Length of the path through the track's positions, metres; None with fewer than two positions.
+
+    Nothing is counted where the path is interrupted, nor a step that no vehicle can make.
+    """
+    known = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
+    if np.count_nonzero(known) < 2:
+        return None
+    lon, lat, pause_s = track.lon_deg[known], track.lat_deg[known], np.diff(track.time_s[known])
+    step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
+    driven = (pause_s <= GAP_S) & ~track.after_gap[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
+    return float(step_m[driven].sum())
+
+
 def time_text(time_s: float) -> str | None:
     """RFC 3339 of Unix seconds; None for NaN."""
     return utc_text(datetime.fromtimestamp(time_s, UTC)) if np.isfinite(time_s) else None
@@ -75,23 +104,36 @@ def _pieces(track: Track) -> list[list[list[float]]]:
     return [piece.tolist() for piece in np.split(np.column_stack([lon, lat]), cuts)]
 
 
-def _point(track: Track, segment_id: Ints, epoch: int) -> dict[str, Any]:
-    lon = rounded(float(track.lon_deg[epoch]), COORDINATE_DIGITS)
-    lat = rounded(float(track.lat_deg[epoch]), COORDINATE_DIGITS)
-    known = lon is not None and lat is not None
-    segment = int(segment_id[epoch])
-    properties: dict[str, Any] = {"time": time_text(float(track.time_s[epoch]))}
-    for name, column, digits in _COLUMNS:
-        properties[name] = rounded(float(getattr(track, column)[epoch]), digits)
-    heading = float(np.degrees(track.heading_rad[epoch]) % 360)
-    properties |= {
-        "heading_deg": rounded(heading, 2),
-        "pitch_deg": rounded(float(np.degrees(track.pitch_rad[epoch])), 3),
-        "pitch_sigma_deg": rounded(float(np.degrees(track.pitch_sigma_rad[epoch])), 3),
-        "segment_id": segment if segment >= 0 else None,
-        "has_gnss": bool(track.has_gnss[epoch]),
-    }
-    if segment < 0:
-        properties["distance_m"] = None
-    geometry = {"type": "Point", "coordinates": [lon, lat]} if known else None
-    return {"type": "Feature", "geometry": geometry, "properties": properties}
+TRACK_EXAMPLE: dict[str, Any] = {
+    "type": "FeatureCollection",
+    "features": [
+        {
+            "type": "Feature",
+            "id": "path",
+            "geometry": {"type": "MultiLineString", "coordinates": [[[8.4812, 48.9912], [8.4813, 48.9913]]]},
+            "properties": {
+                "epochs": 2,
+                "start": "2026-11-20T07:55:10.000Z",
+                "end": "2026-11-20T07:55:11.000Z",
+            },
+        },
+        {
+            "type": "Feature",
+            "geometry": {"type": "Point", "coordinates": [8.4812, 48.9912]},
+            "properties": {
+                "time": "2026-11-20T07:55:10.000Z",
+                "alt_m": 143.21,
+                "h_sigma_m": 1.4,
+                "alt_sigma_m": 0.9,
+                "speed_mps": 11.2,
+                "distance_m": 3.1,
+                "heading_deg": 41.5,
+                "pitch_deg": 3.9,
+                "pitch_sigma_deg": 0.3,
+                "segment_id": 17,
+                "has_gnss": True,
+            },
+        },
+    ],
+}
+"""What the OpenAPI document shows of it."""

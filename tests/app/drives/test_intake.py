@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processing_support import accept_upload
 from sqlalchemy import text
 
 from app.core.blobs import BlobStore, UploadTooLargeError
 from app.core.db import Sessions, make_engine, session_factory
-from app.drives import intake as ingest
-from app.drives import queue
+from app.drives import intake, queue
 from app.drives import store as drives
-from app.drives.store import DriveRow
+from app.drives.documents import Drive
 from app.map import store as slopes
 from app.roads import imports as road_imports
 from app.roads import store as roads
@@ -29,7 +29,7 @@ from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
 
-Upload = Callable[..., tuple[DriveRow, bool]]
+Upload = Callable[..., tuple[Drive, bool]]
 
 
 @pytest.fixture
@@ -46,9 +46,9 @@ def blobs(tmp_path: Path) -> BlobStore:
 
 @pytest.fixture
 def upload(sessions: Sessions, blobs: BlobStore) -> Upload:
-    def send(content: bytes = b"a log", **options: Any) -> tuple[DriveRow, bool]:
+    def send(content: bytes = b"a log", **options: Any) -> tuple[Drive, bool]:
         whole = {"filename": "log.csv", "method": "raw"} | options
-        return ingest.accept_upload(sessions, blobs, [content], **whole)
+        return accept_upload(sessions, blobs, [content], **whole)
 
     return send
 
@@ -87,7 +87,7 @@ def test_known_bytes_at_the_same_moment_add_nothing(
 ) -> None:
     start = threading.Barrier(4)
 
-    def send(_: int) -> tuple[DriveRow, bool]:
+    def send(_: int) -> tuple[Drive, bool]:
         start.wait()
         return upload()
 
@@ -137,23 +137,23 @@ def test_a_refused_upload_leaves_nothing(
 
 def test_reprocess_queues_a_new_generation(sessions: Sessions, upload: Upload) -> None:
     drive, _ = upload(options={"min_epochs": 5})
-    again = ingest.reprocess(sessions, drive.id)
+    again = intake.reprocess(sessions, drive.id)
     assert again is not None
     assert (again.generation, again.method, again.options) == (2, "raw", {"min_epochs": 5})
-    other = ingest.reprocess(sessions, drive.id, "dem")
+    other = intake.reprocess(sessions, drive.id, "dem")
     assert other is not None
     assert (other.generation, other.method, other.options) == (3, "dem", {})
     assert [generation for _, generation, _ in jobs(sessions)] == [1, 2, 3]
-    assert ingest.reprocess(sessions, uuid.uuid4()) is None
+    assert intake.reprocess(sessions, uuid.uuid4()) is None
     with pytest.raises(BadOptionsError):
-        ingest.reprocess(sessions, drive.id, "dem", {"min_epochs": 5})
+        intake.reprocess(sessions, drive.id, "dem", {"min_epochs": 5})
     assert len(jobs(sessions)) == 3
 
 
 def test_a_removed_drive_is_gone_with_its_bytes(sessions: Sessions, blobs: BlobStore, upload: Upload) -> None:
     drive, _ = upload()
-    assert ingest.remove_drive(sessions, blobs, drive.id)
-    assert not ingest.remove_drive(sessions, blobs, drive.id)
+    assert intake.remove_drive(sessions, blobs, drive.id)
+    assert not intake.remove_drive(sessions, blobs, drive.id)
     assert blobs.keys() == []
     again, created = upload()
     assert created
@@ -163,8 +163,8 @@ def test_a_removed_drive_is_gone_with_its_bytes(sessions: Sessions, blobs: BlobS
 def test_orphans_are_swept_and_nothing_else(sessions: Sessions, blobs: BlobStore, upload: Upload) -> None:
     drive, _ = upload()
     blobs.put([b"its process died before the row"])
-    assert ingest.sweep_blobs(sessions, blobs) == 0, "it may be an upload that is just being registered"
-    assert ingest.sweep_blobs(sessions, blobs, timedelta(0)) == 1
+    assert intake.sweep_blobs(sessions, blobs) == 0, "it may be an upload that is just being registered"
+    assert intake.sweep_blobs(sessions, blobs, timedelta(0)) == 1
     assert blobs.keys() == [drive.blob_key]
 
 
@@ -179,7 +179,7 @@ def test_blobs_of_another_database_are_left_alone(
 ) -> None:
     blobs.register_database("another-1")
     theirs = blobs.put([b"a drive of the other database"])
-    assert ingest.sweep_blobs(sessions, blobs, timedelta(0)) == 0
+    assert intake.sweep_blobs(sessions, blobs, timedelta(0)) == 0
     assert blobs.keys() == [theirs.key]
     assert "another-1" in caplog.text
 

@@ -16,7 +16,7 @@ from PIL import Image
 from sqlalchemy import text
 
 from app.drives import store, tracks
-from app.drives.examples import PROFILE_EXAMPLE, PROFILE_SCHEMA
+from app.drives.outputs.profile import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.process import Outcome, process_drive
 from app.map.segment import PROPERTIES
 from fusion.simulate.drive import simulate_drive

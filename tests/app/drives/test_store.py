@@ -12,13 +12,13 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.drives import store as drives
-from app.drives.store import DrivePlace, DriveRow
+from app.drives.documents import Drive, DrivePlace
 from app.map import store as map_store
 from app.network import versions
 from fusion.types import Ints
 
 
-def create(sessions: Sessions, sha256: str = "a" * 64, **values: object) -> tuple[DriveRow, bool]:
+def create(sessions: Sessions, sha256: str = "a" * 64, **values: object) -> tuple[Drive, bool]:
     row = {
         "filename": "log.csv", "size_bytes": 3, "blob_key": "drives/x", "method": "raw", "options": {}
     } | values  # fmt: skip
@@ -46,7 +46,7 @@ def test_the_same_bytes_find_the_same_drive(sessions: Sessions) -> None:
 def test_the_same_bytes_at_the_same_moment_make_one_drive(sessions: Sessions) -> None:
     start = threading.Barrier(4)
 
-    def upload(_: int) -> tuple[DriveRow, bool]:
+    def upload(_: int) -> tuple[Drive, bool]:
         start.wait()
         return create(sessions)
 
@@ -70,7 +70,8 @@ def test_a_run_claims_shows_and_ends(sessions: Sessions) -> None:
         assert drives.mark_failed(session, row.id, 1, kind="bad-log", reason="No\x00.", stage="reading")
         failed = drives.get_drive(session, row.id)
         assert failed is not None
-        assert (failed.status, failed.failure_reason, failed.stage) == ("failed", "No\ufffd.", "reading")
+        assert failed.failure is not None
+        assert (failed.status, failed.failure.reason, failed.stage) == ("failed", "No\ufffd.", "reading")
         assert failed.finished_at is not None
         assert drives.mark_running(session, row.id, 1) is None
 
@@ -102,7 +103,7 @@ def test_a_report_may_hold_what_json_cannot(sessions: Sessions) -> None:
         done = drives.get_drive(session, row.id)
     assert done is not None
     assert done.report == {"a": None, "b": [None, 1.5], "c": {"d": "x\ufffdy"}, "e": [1, None]}
-    assert done.bounds == (8.0, 49.0, 9.0, 50.0)
+    assert done.bbox == (8.0, 49.0, 9.0, 50.0)
     assert (done.status, done.progress) == ("done", 1.0)
 
 

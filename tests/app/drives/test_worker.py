@@ -16,14 +16,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processing_support import accept_upload
 from sqlalchemy import text
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
-from app.drives import intake as ingest
+from app.drives import intake
 from app.drives import store as drives
-from app.drives.store import DriveRow
+from app.drives.documents import Drive
 from app.drives.worker import MAX_ATTEMPTS, run_worker
 from app.roads import imports as road_imports
 from fusion.simulate.drive import simulate_drive
@@ -36,7 +37,7 @@ PATIENCE_S = 120.0
 # Enough particles that nobody waits for the end by accident, few enough that the test ends.
 SLOW = {"particles": 200_000}
 
-Send = Callable[..., DriveRow]
+Send = Callable[..., Drive]
 Workers = Callable[[], AbstractContextManager["subprocess.Popen[bytes]"]]
 
 
@@ -69,11 +70,9 @@ def send(settings: Settings, sessions: Sessions, files: Path) -> Send:
     road_imports.import_roads(sessions, files / "town.osm", settings.dem_dir)
     blobs = BlobStore(settings.blob_store_url)
 
-    def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> DriveRow:
+    def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> Drive:
         content = log if isinstance(log, bytes) else (files / f"{log}.csv").read_bytes()
-        return ingest.accept_upload(
-            sessions, blobs, [content], filename="log", method=method, options=options
-        )[0]
+        return accept_upload(sessions, blobs, [content], filename="log", method=method, options=options)[0]
 
     return upload
 
@@ -116,14 +115,14 @@ def worker_thread(settings: Settings, **options: Any) -> Iterator[threading.Thre
         assert not thread.is_alive()
 
 
-def now(sessions: Sessions, drive_id: uuid.UUID) -> DriveRow:
+def now(sessions: Sessions, drive_id: uuid.UUID) -> Drive:
     with sessions() as session:
         found = drives.get_drive(session, drive_id)
     assert found is not None
     return found
 
 
-def wait_for(sessions: Sessions, drive: DriveRow, holds: Callable[[DriveRow], bool]) -> DriveRow:
+def wait_for(sessions: Sessions, drive: Drive, holds: Callable[[Drive], bool]) -> Drive:
     deadline = time.monotonic() + PATIENCE_S
     while not holds(found := now(sessions, drive.id)):
         assert time.monotonic() < deadline, f"still {found.status}, stage {found.stage}, {found.progress:.0%}"
@@ -131,11 +130,11 @@ def wait_for(sessions: Sessions, drive: DriveRow, holds: Callable[[DriveRow], bo
     return found
 
 
-def ended(drive: DriveRow) -> bool:
+def ended(drive: Drive) -> bool:
     return drive.status in ("done", "failed")
 
 
-def half_way(drive: DriveRow) -> bool:
+def half_way(drive: Drive) -> bool:
     assert not ended(drive), "the drive ended before it could be disturbed"
     return drive.status == "running" and drive.progress > 0.2
 
@@ -173,7 +172,7 @@ def test_a_waiting_worker_takes_new_drives_until_it_is_stopped(
     with worker_thread(settings):
         first = send(0)
         assert wait_for(sessions, first, ended).status == "done"
-        again = ingest.reprocess(sessions, first.id)
+        again = intake.reprocess(sessions, first.id)
         assert again is not None
         assert wait_for(sessions, again, ended).generation == 2
 
@@ -202,13 +201,14 @@ def test_a_drive_that_is_cut_off_again_and_again_is_given_up(
         session.execute(text("UPDATE procrastinate_jobs SET attempts = :n"), {"n": MAX_ATTEMPTS})
     run_worker(settings, wait=False)
     failed = now(sessions, drive.id)
-    assert (failed.status, failed.failure_kind) == ("failed", "interrupted")
+    assert failed.failure is not None
+    assert (failed.status, failed.failure.kind) == ("failed", "interrupted")
     assert counts(sessions) == (0, 0, 0, 0, 0)
 
 
 def test_the_job_of_a_removed_drive_ends_quietly(settings: Settings, sessions: Sessions, send: Send) -> None:
     gone, stays = send(0), send(1)
-    assert ingest.remove_drive(sessions, BlobStore(settings.blob_store_url), gone.id)
+    assert intake.remove_drive(sessions, BlobStore(settings.blob_store_url), gone.id)
     run_worker(settings, wait=False)
     assert now(sessions, stays.id).status == "done"
     with sessions() as session:
@@ -249,7 +249,7 @@ def test_a_stopped_worker_puts_a_long_drive_back(
         assert session.execute(text("SELECT status::text FROM procrastinate_jobs")).scalars().all() == [
             "todo"
         ]
-    ingest.reprocess(sessions, drive.id, "raw")
+    intake.reprocess(sessions, drive.id, "raw")
     run_worker(settings, wait=False)
     assert now(sessions, drive.id).status == "done"
 

@@ -207,7 +207,7 @@ def test_observations_and_drive_segments_tell_where_a_slope_comes_from(
     two = add_drive(segment_ids, {1: (3.0, 1.0)})
     with sessions() as session:
         behind = map_store.segment_observations(session, int(segment_ids[1]))
-        own = drives.drive_slopes(session, one)
+        own = map_store.drive_segment_rows(session, one)
     assert {row.drive_id: row.slope_percent for row in behind} == {one: 1.0, two: 3.0}
     assert {(row.method, row.code_version, tuple(row.options.items())) for row in behind} == {
         ("raw", "1.0", (("min_epochs", 4),))

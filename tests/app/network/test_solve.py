@@ -24,7 +24,6 @@ from network_support import (
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.drives import store as drives
 from app.map import store as segments
 from app.network.rebuild import rebuild_network
 from app.roads import imports as roads
@@ -182,7 +181,7 @@ def test_a_drive_that_contradicts_the_others_is_not_heard_until_it_is_one_of_man
     assert publish(sessions, odd, segment_ids, factors) == (2, 1)
     with sessions() as session:
         behind = {row.drive_id: row for row in segments.segment_observations(session, here)}
-        own = drives.drive_slopes(session, odd)
+        own = segments.drive_segment_rows(session, odd)
     assert len(behind) == CONSENSUS_PASSES == 3
     assert (behind[odd].accepted, behind[odd].in_network, behind[odd].weight) == (False, True, 0.0)
     assert sum(row.weight for row in behind.values()) == pytest.approx(1.0)

@@ -17,13 +17,12 @@ from app.drives.outputs.profile import Profile, RoadFacts, build_profile, table_
 from app.drives.outputs.profile_marks import (
     LEAST_HEIGHT_M,
     MOST_DOTS,
-    MOST_SLOPE_PERCENT,
     NORMAL_95,
     dots_of,
     steps_of,
     stretches,
 )
-from app.drives.outputs.profile_picture import profile_figure, profile_png
+from app.drives.outputs.profile_picture import MOST_SLOPE_PERCENT, profile_figure, profile_png
 from fusion.roads.table import RoadTable
 from fusion.types import DrawnMeasurements, Floats, Track
 

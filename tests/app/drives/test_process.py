@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from processing_support import drive_now, state
+from processing_support import accept_upload, drive_now, state
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives import intake as ingest
-from app.drives import process, tracks
-from app.drives import store as drives
+from app.drives import intake, process, tracks
+from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench, process_drive
-from app.drives.store import DriveRow
 from app.map import store as slopes
 from app.roads import imports as road_imports
 from fusion.formats import read_log
@@ -30,7 +28,7 @@ from fusion.roads.osm import read_roads
 from fusion.terrain.dem import Dem
 from fusion.types import Track
 
-Send = Callable[..., DriveRow]
+Send = Callable[..., Drive]
 
 
 @pytest.mark.parametrize(
@@ -48,7 +46,7 @@ def test_the_service_stores_the_numbers_of_the_library(
     with bench.sessions() as session:
         stored = {
             (row.segment.osm_way_id, row.segment.from_node, row.segment.to_node): row
-            for row in drives.drive_slopes(session, drive.id)
+            for row in slopes.drive_segment_rows(session, drive.id)
         }
         track = tracks.read_track(session, drive.id)
         measured = tracks.read_measurements(session, drive.id)
@@ -83,8 +81,8 @@ def test_a_done_drive_says_what_was_done(bench: Workbench, send: Send, files: Pa
     process_drive(bench, drive.id, 1)
     done = drive_now(bench, drive.id)
     log = read_log(files / "0.csv")
-    assert (done.status, done.progress, done.stage, done.failure_reason) == ("done", 1.0, None, None)
-    assert done.bounds == pytest.approx(log.bounds_deg())
+    assert (done.status, done.progress, done.stage, done.failure) == ("done", 1.0, None, None)
+    assert done.bbox == pytest.approx(log.bounds_deg())
     assert done.epochs == 150
     assert done.distance_m is not None
     assert 300 < done.distance_m < 5000
@@ -106,7 +104,7 @@ def test_without_elevation_a_drive_is_done_all_the_same(
 ) -> None:
     road_imports.import_roads(sessions, files / "town.osm", tmp_path / "dem")
     bench = Workbench(sessions, BlobStore(str(tmp_path / "blobs")), tmp_path / "dem")
-    drive, _ = ingest.accept_upload(
+    drive, _ = accept_upload(
         sessions, bench.blobs, [(files / "0.csv").read_bytes()], filename="x", method="particle",
         options={"particles": 300},
     )  # fmt: skip
@@ -141,7 +139,7 @@ def test_a_drive_may_run_again(bench: Workbench, send: Send) -> None:
     assert (
         process_drive(bench, drive.id, 1) is Outcome.DISCARDED
     )  # the job of a finished drive, taken up again
-    ingest.reprocess(bench.sessions, drive.id)
+    intake.reprocess(bench.sessions, drive.id)
     assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
     assert process_drive(bench, drive.id, 2) is Outcome.DONE
     assert state(bench) == before
@@ -151,7 +149,7 @@ def test_the_same_drive_twice_at_once_is_stored_once(bench: Workbench, send: Sen
     drive = send(0)
     process_drive(bench, drive.id, 1)
     alone = state(bench)
-    ingest.reprocess(bench.sessions, drive.id)
+    intake.reprocess(bench.sessions, drive.id)
     with ThreadPoolExecutor(2) as pool:
         outcomes = list(pool.map(lambda _: process_drive(bench, drive.id, 2), range(2)))
     assert Outcome.DONE in outcomes
@@ -163,11 +161,11 @@ def test_another_method_replaces_the_estimates(bench: Workbench, send: Send) -> 
     drive = send(0)
     process_drive(bench, drive.id, 1)
     raw = state(bench)
-    ingest.reprocess(bench.sessions, drive.id, "dem")
+    intake.reprocess(bench.sessions, drive.id, "dem")
     process_drive(bench, drive.id, 2)
     dem = state(bench)
     assert dem != raw
-    ingest.reprocess(bench.sessions, drive.id, "raw")
+    intake.reprocess(bench.sessions, drive.id, "raw")
     process_drive(bench, drive.id, 3)
     assert state(bench) == raw
 
@@ -189,10 +187,10 @@ def test_a_bad_log_fails_with_a_sentence(bench: Workbench, send: Send, name: str
     assert process_drive(bench, drive.id, 1) is Outcome.FAILED
     failed = drive_now(bench, drive.id)
     assert failed.status == "failed"
-    assert failed.failure_kind not in (None, "internal")
-    assert failed.failure_reason is not None
-    assert failed.failure_reason.endswith((".", ")", "?"))
-    assert " " in failed.failure_reason
+    assert failed.failure is not None
+    assert failed.failure.kind not in ("unknown", "internal")
+    assert failed.failure.reason.endswith((".", ")", "?"))
+    assert " " in failed.failure.reason
     assert failed.stage
     assert failed.finished_at is not None
     assert state(bench) == []
@@ -201,23 +199,23 @@ def test_a_bad_log_fails_with_a_sentence(bench: Workbench, send: Send, name: str
 def test_without_roads_a_drive_fails_and_says_so(sessions: Sessions, files: Path, tmp_path: Path) -> None:
     bench = Workbench(sessions, BlobStore(str(tmp_path)), tmp_path / "dem")
     content = (files / "0.csv").read_bytes()
-    drive, _ = ingest.accept_upload(sessions, bench.blobs, [content], filename="x", method="raw")
+    drive, _ = accept_upload(sessions, bench.blobs, [content], filename="x", method="raw")
     assert process_drive(bench, drive.id, 1) is Outcome.FAILED
-    assert "import-roads" in str(drive_now(bench, drive.id).failure_reason)
+    assert "import-roads" in str(drive_now(bench, drive.id).failure)
 
 
 def test_a_lost_blob_fails_and_says_so(bench: Workbench, send: Send) -> None:
     drive = send(0)
     bench.blobs.delete(drive.blob_key)
     assert process_drive(bench, drive.id, 1) is Outcome.FAILED
-    assert "upload it again" in str(drive_now(bench, drive.id).failure_reason)
+    assert "upload it again" in str(drive_now(bench, drive.id).failure)
 
 
 def test_a_failed_rerun_leaves_what_was_published(bench: Workbench, send: Send) -> None:
     drive = send(0)
     process_drive(bench, drive.id, 1)
     before = state(bench)
-    ingest.reprocess(bench.sessions, drive.id)
+    intake.reprocess(bench.sessions, drive.id)
     bench.blobs.delete(drive.blob_key)
     assert process_drive(bench, drive.id, 2) is Outcome.FAILED
     assert state(bench) == before
@@ -241,9 +239,9 @@ def test_a_fault_of_ours_is_logged_and_told_plainly(
     drive = send(0)
     assert process_drive(bench, drive.id, 1) is Outcome.FAILED
     failed = drive_now(bench, drive.id)
-    assert failed.failure_kind == kind
-    assert failed.failure_reason is not None
-    assert "secret" not in failed.failure_reason
+    assert failed.failure is not None
+    assert failed.failure.kind == kind
+    assert "secret" not in failed.failure.reason
     assert str(drive.id) in caplog.text
 
 

@@ -15,8 +15,7 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from app.core.settings import Settings
-from app.drives import intake as ingest
-from app.drives import worker
+from app.drives import intake, worker
 from app.drives.process import Workbench
 from app.drives.queue import BEHIND
 from app.drives.worker import MAX_ATTEMPTS, MAX_DEATHS, make_queue, run_worker
@@ -61,8 +60,9 @@ def test_a_drive_that_its_workers_die_of_is_given_up_sooner(
     if deaths < MAX_DEATHS:
         assert found.status == "done"
     else:
-        assert (found.status, found.failure_kind) == ("failed", "interrupted")
-        assert f"died {MAX_DEATHS} times" in str(found.failure_reason)
+        assert found.failure is not None
+        assert (found.status, found.failure.kind) == ("failed", "interrupted")
+        assert f"died {MAX_DEATHS} times" in found.failure.reason
 
 
 @pytest.mark.parametrize("priority", [0, BEHIND])
@@ -136,7 +136,7 @@ def test_a_sweep_that_fails_stops_no_drive(
     def fail(*_: object) -> None:
         raise PermissionError("the bucket says no")
 
-    monkeypatch.setattr(ingest, "sweep_blobs", fail)
+    monkeypatch.setattr(intake, "sweep_blobs", fail)
     drive = send(0)
     run_worker(settings, wait=False)
     assert drive_now(bench, drive.id).status == "done"

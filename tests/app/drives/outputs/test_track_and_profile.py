@@ -16,7 +16,7 @@ from pyproj import Geod
 
 from app.drives.outputs.profile import Profile, build_profile, profile_json
 from app.drives.outputs.profile_picture import profile_png
-from app.drives.outputs.track import path_feature, track_chunks, track_collection
+from app.drives.outputs.track import path_feature, point_feature, track_chunks
 from fusion.types import Track
 
 UNKNOWN = float("nan")
@@ -102,7 +102,8 @@ def test_any_track_is_valid_json_with_a_point_per_epoch(rows: list[tuple[float, 
     t = track(np.arange(len(rows)), lat, np.full(len(rows), 8.0), segment, np.arange(len(rows)))
     text = "".join(track_chunks(t, t.segment))
     document = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
-    assert document == track_collection(t, t.segment)
+    points = [point_feature(t, t.segment, epoch) for epoch in range(len(t))]
+    assert document == {"type": "FeatureCollection", "features": [path_feature(t), *points]}
     assert len(document["features"]) == len(rows) + 1
     for feature, (latitude, matched) in zip(document["features"][1:], rows, strict=True):
         assert (feature["geometry"] is None) == np.isnan(latitude)

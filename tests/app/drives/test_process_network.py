@@ -14,11 +14,9 @@ from sqlalchemy.orm import Session
 
 from app.cli.fuse_files import Fusion
 from app.core.db import Sessions
-from app.drives import intake as ingest
-from app.drives import process
-from app.drives import store as drives
+from app.drives import intake, process
+from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench, hearing_report, process_drive
-from app.drives.store import DriveRow
 from app.map import store as segments
 from app.network import passes
 from app.network import results as slopes
@@ -30,11 +28,11 @@ from fusion.roads.osm import read_roads
 from fusion.roads.table import rows_of as table_rows
 from fusion.terrain.dem import Dem
 
-Send = Callable[..., DriveRow]
+Send = Callable[..., Drive]
 Key = tuple[int, int, int]
 
 
-def done(bench: Workbench, send: Send, log: int, method: str = "profile") -> DriveRow:
+def done(bench: Workbench, send: Send, log: int, method: str = "profile") -> Drive:
     drive = send(log, method)
     assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
     return drive
@@ -103,7 +101,7 @@ def test_a_drive_shows_its_own_estimate_beside_the_networks(
     assert report is not None
     assert (report["method"], report["rejected_segments"]) == ("profile", 0)
     with bench.sessions() as session:
-        own = drives.drive_slopes(session, drive.id)
+        own = segments.drive_segment_rows(session, drive.id)
         table, ids = roads.all_roads(session)
     with Dem.open([files / "town.tif"]) as dem:
         network, result = run_drive(read_log(files / "0.csv"), table, dem, method="profile")
@@ -117,13 +115,13 @@ def test_a_drive_shows_its_own_estimate_beside_the_networks(
 def test_another_method_takes_the_factors_back(bench: Workbench, send: Send) -> None:
     one, two = done(bench, send, 0), done(bench, send, 1)
     both = rows_of(bench.sessions)
-    ingest.reprocess(bench.sessions, one.id, "raw")
+    intake.reprocess(bench.sessions, one.id, "raw")
     assert process_drive(bench, one.id, 2) is Outcome.DONE
     with bench.sessions() as session:
         left = session.execute(text("SELECT DISTINCT drive_id FROM drive_passes")).scalars().all()
     assert left == [two.id]
     assert rows_of(bench.sessions) != both
-    ingest.reprocess(bench.sessions, one.id, "profile")
+    intake.reprocess(bench.sessions, one.id, "profile")
     assert process_drive(bench, one.id, 3) is Outcome.DONE
     assert_same(both, rows_of(bench.sessions))
 
@@ -134,7 +132,7 @@ def test_workers_at_once_end_where_one_after_the_other_does(bench: Workbench, se
         assert set(pool.map(lambda drive: process_drive(bench, drive.id, 1), made)) == {Outcome.DONE}
     at_once = rows_of(bench.sessions)
     for drive in made:
-        ingest.remove_drive(bench.sessions, bench.blobs, drive.id)
+        intake.remove_drive(bench.sessions, bench.blobs, drive.id)
     assert rows_of(bench.sessions) == {}
     for log in (1, 2, 0):
         done(bench, send, log)

@@ -1,4 +1,4 @@
-"""How a run tells where it is, and how it learns that it is to end."""
+"""How a run shows where it is, and how it learns that it is to end. Knows nothing of what the run does."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from app.core.db import Sessions
 from app.drives import store as drives
-from app.drives.store import DriveRow
+from app.drives.documents import Drive
 
 PROGRESS_EVERY_S = 0.5
 
@@ -30,10 +30,10 @@ def never() -> bool:
     return False
 
 
-class Reporter:
+class RunProgress:
     """Shows a run's progress on its drive, at most every ``PROGRESS_EVERY_S``, in transactions of its own."""
 
-    def __init__(self, sessions: Sessions, drive: DriveRow, should_stop: Callable[[], bool] = never) -> None:
+    def __init__(self, sessions: Sessions, drive: Drive, should_stop: Callable[[], bool] = never) -> None:
         self._sessions = sessions
         self._drive = drive
         self._should_stop = should_stop

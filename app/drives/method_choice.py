@@ -1,4 +1,4 @@
-"""The estimator and its options as requests name them."""
+"""The estimator and its options as requests choose them: query parameters, defaults, checks."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def asked_options(options: str | None, option: Sequence[str]) -> dict[str, Any] 
     return asked
 
 
-def checked(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
+def checked_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """``options`` as asked for; ``UnknownNameError`` or ``BadOptionsError`` if they cannot be used."""
     parse_options(method, options)
     return dict(options)

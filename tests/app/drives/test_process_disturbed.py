@@ -16,12 +16,11 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from app.core.db import Sessions
-from app.drives import intake as ingest
-from app.drives import process, reporting
+from app.drives import intake, process, progress
 from app.drives import store as drives
+from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench, process_drive
-from app.drives.reporting import Interrupted
-from app.drives.store import DriveRow
+from app.drives.progress import Interrupted
 from app.network import passes
 from app.network import results as slopes
 from app.roads import imports as road_imports
@@ -29,7 +28,7 @@ from fusion.pipeline import run_drive
 from fusion.simulate.scene.town import Town
 from fusion.types import Progress
 
-Send = Callable[..., DriveRow]
+Send = Callable[..., Drive]
 
 
 class Disturbed:
@@ -51,7 +50,7 @@ def test_a_drive_deleted_while_it_runs_is_discarded(
     bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = send(0)
-    remove = Disturbed(lambda: ingest.remove_drive(bench.sessions, bench.blobs, drive.id))
+    remove = Disturbed(lambda: intake.remove_drive(bench.sessions, bench.blobs, drive.id))
     monkeypatch.setattr(process, "run_drive", remove)
     assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
     assert remove.runs == 1
@@ -65,7 +64,7 @@ def test_a_drive_asked_for_anew_while_it_runs_is_discarded(
     bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = send(0)
-    again = Disturbed(lambda: ingest.reprocess(bench.sessions, drive.id, "dem"))
+    again = Disturbed(lambda: intake.reprocess(bench.sessions, drive.id, "dem"))
     monkeypatch.setattr(process, "run_drive", again)
     assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
     assert drive_now(bench, drive.id).status == "queued"
@@ -84,7 +83,7 @@ def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
     begin = whole.index(f'<way id="{driven}"')
     end = whole.index("</way>", begin) + len("</way>")
     (tmp_path / "less.osm").write_text(whole[:begin] + whole[end:])
-    ingest.reprocess(bench.sessions, drive.id)
+    intake.reprocess(bench.sessions, drive.id)
     reimport = Disturbed(
         lambda: road_imports.import_roads(bench.sessions, tmp_path / "less.osm", bench.dem_dir)
     )
@@ -93,7 +92,7 @@ def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
     assert reimport.runs == 2
     disturbed = state(bench)
     assert driven not in {row[1] for row in disturbed}
-    ingest.reprocess(bench.sessions, drive.id)
+    intake.reprocess(bench.sessions, drive.id)
     process_drive(bench, drive.id, 3)
     assert state(bench) == disturbed
 
@@ -154,7 +153,7 @@ def test_progress_grows_and_is_written_at_intervals(
     process_drive(bench, send(0, "particle", {"particles": 300}).id, 1)
     throttled = list(seen)
     seen.clear()
-    monkeypatch.setattr(reporting, "PROGRESS_EVERY_S", 0.0)
+    monkeypatch.setattr(progress, "PROGRESS_EVERY_S", 0.0)
     process_drive(bench, send(1, "particle", {"particles": 300}).id, 1)
     assert len(seen) > 20
     assert len(throttled) < len(seen)
@@ -168,7 +167,7 @@ def test_two_drives_of_the_same_roads_at_once(bench: Workbench, send: Send, file
     made = [send(seed, "raw") for seed in range(3)]
     start = threading.Barrier(3)
 
-    def run(drive: DriveRow) -> Outcome:
+    def run(drive: Drive) -> Outcome:
         start.wait()
         return process_drive(bench, drive.id, 1)
 
@@ -176,7 +175,7 @@ def test_two_drives_of_the_same_roads_at_once(bench: Workbench, send: Send, file
         assert set(pool.map(run, made)) == {Outcome.DONE}
     at_once = state(bench)
     for drive in made:
-        ingest.remove_drive(bench.sessions, bench.blobs, drive.id)
+        intake.remove_drive(bench.sessions, bench.blobs, drive.id)
     assert state(bench) == []
     for seed in (2, 0, 1):
         process_drive(bench, send(seed, "raw").id, 1)
