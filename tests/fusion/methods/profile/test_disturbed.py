@@ -9,6 +9,7 @@ import pytest
 from profile_support import Columns, World, coverage, inside, rmse, unchanged
 
 from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.write.csv_file import csv_columns
 
 pytestmark = pytest.mark.slow
 
@@ -121,7 +122,7 @@ def test_a_wrong_dem_is_given_little_weight(name: str, world: World, fleet: list
 def test_the_disturbances_are_what_they_say(fleet: list[SimulatedDrive]) -> None:
     """They change the log, and none but the accuracies only says something else about it."""
     for name, change in DISTURBANCES.items():
-        before, after = fleet[0].columns(), fleet[0].columns()
+        before, after = csv_columns(fleet[0]), csv_columns(fleet[0])
         change(after)
         changed = {k for k in before if not np.array_equal(before[k], after[k], equal_nan=True)}
         assert changed, name

@@ -192,7 +192,7 @@ def run(log: DriveLog, town: Town, **options: object) -> DriveResult:
 
 
 def test_positions_alone_say_what_is_missing(world: World, fleet: list[SimulatedDrive]) -> None:
-    table = fleet[0].columns()
+    table = csv_columns(fleet[0])
     keep(table, *POSITIONS)
     with pytest.raises(MissingSensorError, match=r"Record altitudes.*\.$"):
         run(log_of(table), fleet[0].town)
@@ -200,7 +200,7 @@ def test_positions_alone_say_what_is_missing(world: World, fleet: list[Simulated
 
 def test_with_every_option_off_nothing_is_left(world: World, fleet: list[SimulatedDrive]) -> None:
     off = dict.fromkeys(("altitude", "doppler", "pitch", "force", "barometer", "dem"), False)
-    log = log_of(fleet[0].columns())
+    log = log_of(csv_columns(fleet[0]))
     with pytest.raises(MissingSensorError, match="0 usable"):
         run_drive(log, fleet[0].town.roads, world.dem(1), options=off)
     assert run(log, fleet[0].town, **(off | {"doppler": True})).slopes
@@ -211,6 +211,6 @@ def test_with_every_option_off_nothing_is_left(world: World, fleet: list[Simulat
     [("altitude", "altitude"), ("doppler", "doppler"), ("pitch", "pitch"), ("force", "specific force")],
 )
 def test_an_option_leaves_its_sensor_out(option: str, sensor: str, fleet: list[SimulatedDrive]) -> None:
-    log = log_of(fleet[0].columns())
+    log = log_of(csv_columns(fleet[0]))
     assert sensor in run(log, fleet[0].town).report["sensors"]
     assert sensor not in run(log, fleet[0].town, **{option: False}).report["sensors"]
