@@ -111,9 +111,7 @@ _LOCK_OTHERS = text(
     """
 )
 
-# The transaction's: one moment for all drives of a batch.
-_MOMENT = text("SELECT now()")
-
+_MOMENT = text("SELECT now()")  # the transaction's: one for all drives of a batch
 _BATCH = text(
     """
     SELECT count(*) AS drives, count(*) FILTER (WHERE status = 'queued') AS queued,
