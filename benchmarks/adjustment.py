@@ -33,8 +33,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from adjustment_drives import Copies, Synthetic, town_drives
 
+from adjustment_drives import Copies, Synthetic, town_drives
 from fusion.network.adjust import Adjustment, adjust
 from fusion.network.evidence import SegmentEvidence
 from fusion.network.pass_factor import PassFactor

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from adjustment_drives import Copies, town_drives
 from sqlalchemy import text
 
+from adjustment_drives import Copies, town_drives
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import store as drives

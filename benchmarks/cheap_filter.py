@@ -31,7 +31,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from slope_accuracy import find_sequences, load_tool, make_log
 
 from fusion.formats import read_log
 from fusion.methods import METHODS
@@ -46,6 +45,7 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, no_progress
+from slope_accuracy import find_sequences, load_tool, make_log
 
 Key = tuple[int, int, int]
 Slopes = dict[Key, tuple[float, float]]

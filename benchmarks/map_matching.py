@@ -36,16 +36,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matching_leuven
 import numpy as np
-from matching_tracks import Track, error, find_tracks, read_track
 from numpy.typing import NDArray
 
+import matching_leuven
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.points import MATCHERS
 from fusion.matching.points.base import PointMatcher, PointMatches
 from fusion.matching.samples import thin
 from fusion.types import Ints
+from matching_tracks import Track, error, find_tracks, read_track
 
 LAST_TUNED = 18
 SPACING_M = 14.0

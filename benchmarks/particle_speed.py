@@ -32,9 +32,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numba
-import particle_profile
-from particle_numpy import NumpyCloud
 
+import particle_profile
 from fusion.formats import read_log
 from fusion.methods.nine_state.protocol import EpochFilter
 from fusion.methods.nine_state.run import DriveRun
@@ -48,6 +47,7 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, no_progress
+from particle_numpy import NumpyCloud
 
 Scene = tuple[DriveLog, RoadNetwork, Dem]
 FEWEST = 100

@@ -26,7 +26,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from experiments.rows import Row, by_experiment, markdown_table, text_table
-
 from fusion.errors import FusionError
 
 PARTS = ("calais", "lahrech", "saadaoui", "methods")

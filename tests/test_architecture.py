@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
 from source_tree import REPOSITORY, imported_names, name_of, sources, text_of, tree_of
 
 TOP_LEVEL = {

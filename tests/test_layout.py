@@ -10,6 +10,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+
 from source_tree import REPOSITORY, importers, imports_of, lines_of, sources, tree_of
 
 LONGEST_FILE_LINES = 350

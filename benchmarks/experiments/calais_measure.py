@@ -11,8 +11,6 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from scenes.calais import Interchange, calais_drive, make_interchange
-from scenes.satellite_dem import write_raster
 
 from fusion.formats import read_log
 from fusion.frames import wrap_angle
@@ -28,6 +26,8 @@ from fusion.simulate.receiver.profiles import RECEIVERS
 from fusion.simulate.write.csv_file import write_csv
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints, no_progress
+from scenes.calais import Interchange, calais_drive, make_interchange
+from scenes.satellite_dem import write_raster
 
 RASTERS = ("aster", "world30")
 AXES = ("E", "N", "U")

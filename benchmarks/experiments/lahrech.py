@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scenes.lahrech import lahrech_drive
 
 from experiments.rows import Row
 from fusion.formats import read_log
@@ -31,6 +30,7 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints, Progress
+from scenes.lahrech import lahrech_drive
 
 Figures = dict[str, float]
 

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import slope_accuracy as accuracy
-
 from experiments.rows import Row
 from fusion.methods import METHODS
 from fusion.types import Progress

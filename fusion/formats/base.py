@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from fusion.errors import EmptyLogError
@@ -177,6 +176,8 @@ def unix_seconds(texts: Sequence[str | None]) -> Floats:
     """Unix seconds (n,) of RFC 3339 / ISO 8601 times; without offset taken as UTC; NaN where unreadable."""
     if not len(texts):
         return np.empty(0)
+    import pandas as pd  # noqa: PLC0415 - it takes longer to load than most logs to read
+
     parsed = pd.to_datetime(
         pd.Series(list(texts), dtype="object"), utc=True, format="ISO8601", errors="coerce"
     )

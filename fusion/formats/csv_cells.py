@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 from pyarrow import compute as pc
 from pyarrow import csv
@@ -239,6 +238,8 @@ def _numbers(name: str, column: pa.ChunkedArray, comma: bool, block: Block, note
             return np.where(np.isfinite(values), values, np.nan)
         except pa.ArrowInvalid:  # this is the column, or one of them, with a faulty cell
             pass
+    import pandas as pd  # noqa: PLC0415 - it takes longer to load than most logs to read
+
     texts = pd.Series(column.to_pylist(), dtype=object)
     plain = texts.str.strip().str.strip('"') if texts.notna().any() else texts
     if comma:

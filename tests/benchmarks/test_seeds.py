@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+
 import seeds
 from experiments.rows import Row
 

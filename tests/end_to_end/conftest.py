@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from fast import FAST_OPTIONS
 
+from fast import FAST_OPTIONS
 from fusion.simulate.bundle import Bundle, write_all
 
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import httpx
 import pytest
-from fast import FAST_OPTIONS
 
 from app.cli.client import Client, ClientError
+from fast import FAST_OPTIONS
 from fusion.simulate.bundle import Bundle
 from tests.end_to_end.conftest import Up
 

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from network_support import factor_of
 
 from fusion.pipeline import solve_network
 from fusion.simulate.scene.town import Town
+from network_support import factor_of
 
 
 def test_a_log_that_contradicts_the_others_is_counted(town: Town) -> None:

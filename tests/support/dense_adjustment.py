@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from factor_support import PLANE
 
+from factor_support import PLANE
 from fusion.network import adjust as tuned
 from fusion.network import curve as knots
 from fusion.network import joints as turns

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processing_support import accept_upload
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
@@ -20,6 +19,7 @@ from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
+from processing_support import accept_upload
 
 Send = Callable[..., Drive]
 

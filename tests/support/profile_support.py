@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from factor_support import PLANE
 from numpy.typing import ArrayLike
 
+from factor_support import PLANE
 from fusion.formats import read_log
 from fusion.frames import GRAVITY_MPS2, LocalProjection
 from fusion.matching.drive import MatchOptions

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from network_support import assert_same, drive_over, rows_of
 from sqlalchemy import text
 from typer.testing import CliRunner, Result
 
@@ -18,6 +17,7 @@ from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.simulate.bundle import write_all
 from fusion.simulate.scene.town import Town
+from network_support import assert_same, drive_over, rows_of
 
 runner = CliRunner()
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from problem_support import check
 
 from app.core.middleware import SMALL_BODY_BYTES
+from problem_support import check
 
 
 def test_head_is_get_without_a_body(reading: Any) -> None:

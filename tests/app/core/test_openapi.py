@@ -6,10 +6,10 @@ import re
 from typing import Any
 
 import pytest
-from problem_support import OPERATIONS
 
 from app.core.settings import Settings
 from app.main import create_app
+from problem_support import OPERATIONS
 
 
 @pytest.mark.parametrize(("method", "path", "operation"), OPERATIONS)

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from problem_support import OPERATIONS, check
 
 from app.core.settings import Settings
 from app.main import create_app
+from problem_support import OPERATIONS, check
 
 BAD = {
     "drive_id": ("no-uuid", "00000000-0000-0000-0000-000000000000", "%00"),

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fast import FAST_OPTIONS
 
 from app.cli.console import Console
 from app.demo.baselines import straight_lines
 from app.demo.files import figures, write_files
 from app.demo.run import DemoError, demo_service, run_demo
 from app.demo.score import Estimate, Truth, by_kind, by_structure, examples, score
+from fast import FAST_OPTIONS
 from fusion.simulate.scene.town import Town
 
 ROADS = {

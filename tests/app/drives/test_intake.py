@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processing_support import accept_upload
 from sqlalchemy import text
 
 from app.core.blobs import BlobStore, UploadTooLargeError
@@ -28,6 +27,7 @@ from fusion.errors import BadOptionsError, RoadsError, TerrainError, UnknownName
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
+from processing_support import accept_upload
 
 Upload = Callable[..., tuple[Drive, bool]]
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from processing_support import accept_upload, drive_now, state
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
@@ -27,6 +26,7 @@ from fusion.pipeline import run_drive
 from fusion.roads.osm import read_roads
 from fusion.terrain.dem import Dem
 from fusion.types import Track
+from processing_support import accept_upload, drive_now, state
 
 Send = Callable[..., Drive]
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import psycopg
 import pytest
-from processing_support import drive_now, state
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
@@ -27,6 +26,7 @@ from app.roads import imports as road_imports
 from fusion.pipeline import run_drive
 from fusion.simulate.scene.town import Town
 from fusion.types import Progress
+from processing_support import drive_now, state
 
 Send = Callable[..., Drive]
 

@@ -7,8 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from network_support import Rows, assert_same, rows_of
-from processing_support import drive_now
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
@@ -27,6 +25,8 @@ from fusion.pipeline import parse_options, run_drive
 from fusion.roads.osm import read_roads
 from fusion.roads.table import rows_of as table_rows
 from fusion.terrain.dem import Dem
+from network_support import Rows, assert_same, rows_of
+from processing_support import drive_now
 
 Send = Callable[..., Drive]
 Key = tuple[int, int, int]

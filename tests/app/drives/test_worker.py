@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processing_support import accept_upload
 from sqlalchemy import text
 
 from app.core.blobs import BlobStore
@@ -31,6 +30,7 @@ from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.osm_file import write_osm
+from processing_support import accept_upload
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0

@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 
 import pytest
-from processing_support import Send, drive_now
 from procrastinate.jobs import Job
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
@@ -19,6 +18,7 @@ from app.drives import intake, worker
 from app.drives.process import Workbench
 from app.drives.queue import BEHIND
 from app.drives.worker import MAX_ATTEMPTS, MAX_DEATHS, make_queue, run_worker
+from processing_support import Send, drive_now
 
 PATIENCE_S = 120.0
 

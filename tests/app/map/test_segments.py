@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from network_support import drive_over, factor_of, new_drive, publish
 
 from app.roads import store as roads
+from network_support import drive_over, factor_of, new_drive, publish
 
 ITEMS = "/collections/segments/items"
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factor_support import street
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,6 +16,7 @@ from app.map.slope_map import (
     line_widths,
     map_segments,
 )
+from factor_support import street
 from fusion.roads.table import RoadTable
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from factor_support import street as road
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -19,6 +18,7 @@ from app.map.attribution import OSM_ATTRIBUTION
 from app.map.segment import Segment
 from app.map.slope_map import MapSegments, line_widths
 from app.map.slope_picture import STEEPNESS, UNKNOWN_COLOUR, draw_slope_map, slope_figure, slope_map_png
+from factor_support import street as road
 from fusion.types import Floats
 
 LAT, LON = 48.0, 8.0

@@ -8,6 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sqlalchemy import text
+
+from app.core.db import Sessions
+from app.map import store as segments
+from app.network.rebuild import rebuild_network
+from app.roads import imports as roads
+from app.roads import store as road_store
+from fusion.network.combine import combine
+from fusion.network.evidence import CONSENSUS_PASSES
+from fusion.roads.table import RoadTable
+from fusion.simulate.scene.town import Town
+from fusion.types import Ints
 from network_support import (
     assert_same,
     count_of,
@@ -21,18 +33,6 @@ from network_support import (
     verdicts_of,
     walks,
 )
-from sqlalchemy import text
-
-from app.core.db import Sessions
-from app.map import store as segments
-from app.network.rebuild import rebuild_network
-from app.roads import imports as roads
-from app.roads import store as road_store
-from fusion.network.combine import combine
-from fusion.network.evidence import CONSENSUS_PASSES
-from fusion.roads.table import RoadTable
-from fusion.simulate.scene.town import Town
-from fusion.types import Ints
 
 AddDrive = Callable[..., uuid.UUID]
 Driven = tuple[RoadTable, Ints]

@@ -9,16 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from network_support import (
-    Rows,
-    assert_same,
-    count_of,
-    delete,
-    drive_over,
-    evidence_of,
-    rows_of,
-    walks,
-)
 from sqlalchemy import text
 
 from app.core.db import Sessions
@@ -29,6 +19,16 @@ from app.roads import imports as roads
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
+from network_support import (
+    Rows,
+    assert_same,
+    count_of,
+    delete,
+    drive_over,
+    evidence_of,
+    rows_of,
+    walks,
+)
 
 Driven = tuple[RoadTable, Ints]
 

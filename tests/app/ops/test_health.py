@@ -6,9 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from problem_support import check
-
 from app.core.settings import Settings
+from problem_support import check
 
 
 def test_ready_with_everything_in_place(reading: Any) -> None:

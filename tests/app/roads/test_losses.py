@@ -6,7 +6,6 @@ import uuid
 from collections.abc import Callable
 
 import numpy as np
-from network_support import assert_same, drive_over, evidence_of, factor_of, new_drive, publish, rows_of
 from sqlalchemy import text
 
 from app.core.db import Sessions
@@ -17,6 +16,7 @@ from app.roads import store as road_store
 from app.roads.imports import ImportCounts
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
+from network_support import assert_same, drive_over, evidence_of, factor_of, new_drive, publish, rows_of
 
 Chain = Callable[..., RoadTable]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from experiments.rows import Row, markdown_table, number, text_table
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from scenes.alignment import arc, at, beside, distances, eased, nearest, node_places, rounded
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes.calais import Interchange, calais_drive, make_interchange
 from scipy.sparse.csgraph import connected_components
 from shapely import LineString, STRtree
 
@@ -15,6 +14,7 @@ from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import Arcs
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.simulate.write.osm_file import write_osm
+from scenes.calais import Interchange, calais_drive, make_interchange
 
 SEEDS = (1, 2, 3, 4)
 

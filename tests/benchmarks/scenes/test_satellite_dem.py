@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+
+from fusion.errors import UnknownNameError
+from fusion.terrain.dem import Dem
 from scenes.calais import Interchange, make_interchange
 from scenes.satellite_dem import (
     DEM_MODELS,
@@ -16,9 +19,6 @@ from scenes.satellite_dem import (
     write_quality,
     write_raster,
 )
-
-from fusion.errors import UnknownNameError
-from fusion.terrain.dem import Dem
 
 
 @pytest.fixture(scope="module")

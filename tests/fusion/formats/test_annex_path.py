@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from ucenter_support import ucenter_listing
 
 from fusion.formats import read_log
 from fusion.formats.receiver.ubx_messages import ESF_DATA, signed_24
@@ -26,6 +25,7 @@ from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.ubx_file import LEAP_SECONDS, write_ubx
 from fusion.types import DriveLog
+from ucenter_support import ucenter_listing
 
 G = GRAVITY_MPS2
 SECONDS = 12

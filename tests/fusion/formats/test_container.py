@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from log_support import same
 
 from fusion.errors import MalformedLogError, UnknownFormatError
 from fusion.formats import FORMATS, read_log
 from fusion.formats.base import Notes
 from fusion.formats.container import gunzip
+from log_support import same
 
 
 @pytest.mark.parametrize("name", list(FORMATS))

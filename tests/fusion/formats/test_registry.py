@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from log_support import same
 
 from fusion.errors import EmptyLogError, LogError
 from fusion.formats import FORMATS, read_log
 from fusion.types import no_progress
+from log_support import same
 
 FUZZ = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drive_matching_support import PLANE, Place, along, check, nodes_of, roads, town
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drive_matching_support import PLANE, Place, along, check, nodes_of, roads, town
 from fusion.matching.drive import DriveMatcher, MatchOptions, match_drive
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable

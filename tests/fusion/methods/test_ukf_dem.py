@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_filters import ReferenceFilter
 
 from fusion.errors import BadOptionsError, MissingSensorError
 from fusion.filters.unscented import Unscented
@@ -26,6 +25,7 @@ from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import WINDOWS
 from fusion.types import DriveLog, Floats, no_progress
+from reference_filters import ReferenceFilter
 
 MakeLog = Callable[..., DriveLog]
 Errors = dict[tuple[int, int, int], tuple[float, float]]

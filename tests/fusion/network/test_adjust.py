@@ -7,6 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from dense_adjustment import DenseAdjustment
 from factor_support import (
     ROUGHNESS,
@@ -20,9 +23,6 @@ from factor_support import (
     street,
     unknown,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from fusion.network.adjust import SIGMA_FLOOR_PERCENT, Adjustment, adjust
 from fusion.network.evidence import SegmentEvidence
 from fusion.network.pass_factor import PassFactor

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from factor_support import (
     evidence_of,
 )
-
 from fusion.formats import read_log
 from fusion.network.adjust import adjust
 from fusion.network.evidence import SegmentEvidence

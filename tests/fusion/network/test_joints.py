@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factor_support import roads, street
 
+from factor_support import roads, street
 from fusion.network.joints import (
     JUNCTION_SIGMA,
     JUNCTION_TURN_SIGMA,

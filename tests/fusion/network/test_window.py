@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from factor_support import block_of_streets, roads, street
 from hypothesis import given
 from hypothesis import strategies as st
 
+from factor_support import block_of_streets, roads, street
 from fusion.network.window import (
     PUBLISH_RADIUS_M,
     WINDOW_RADIUS_M,

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from affine import Affine
-from terrain_support import POSTS, hills
 
 from fusion.terrain import cache
 from fusion.terrain.dem import Dem
+from terrain_support import POSTS, hills
 
 Write = Callable[..., Path]
 

@@ -12,9 +12,9 @@ from affine import Affine
 from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
-from terrain_support import POSTS, at_posts, hills
 
 from fusion.terrain.dem import Dem
+from terrain_support import POSTS, at_posts, hills
 
 Write = Callable[..., Path]
 

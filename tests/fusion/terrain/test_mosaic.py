@@ -10,11 +10,11 @@ import pytest
 from affine import Affine
 from hypothesis import given
 from hypothesis import strategies as st
-from terrain_support import POSTS, at_posts, hills
 
 from fusion.frames import LocalProjection
 from fusion.terrain import dem as dem_module
 from fusion.terrain.dem import Dem
+from terrain_support import POSTS, at_posts, hills
 
 Write = Callable[..., Path]
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from matcher_support import connected, matched
 
 from fusion.matching.points.curve import CurveToCurve
 from fusion.roads.network import RoadNetwork
+from matcher_support import connected, matched
 
 Place = tuple[float, float]
 COORDINATES = st.floats(-200, 200).map(lambda v: round(v, 2))

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from matcher_support import matched
 
 from fusion.matching.points.geometric import PointToPoint, PointToSegment, SegmentDirection
 from fusion.roads.network import RoadNetwork
+from matcher_support import matched
 
 MakeNetwork = Callable[..., RoadNetwork]
 COORDINATES = st.floats(-200, 200).map(lambda v: round(v, 2))

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from matcher_support import PLANE, connected, matched
 
 from fusion.matching.points import MATCHERS
 from fusion.matching.points.base import PointMatches
@@ -18,6 +17,7 @@ from fusion.matching.points.geometric import PointToPoint, PointToSegment
 from fusion.matching.points.topological import Topological
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
+from matcher_support import PLANE, connected, matched
 
 MakeNetwork = Callable[..., RoadNetwork]
 COORDINATES = st.floats(-200, 200).map(lambda v: round(v, 2))

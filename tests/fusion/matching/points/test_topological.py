@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matcher_support import connected, matched
 from scipy.sparse.csgraph import csgraph_from_dense, shortest_path
 
 from fusion.matching.points.base import PointMatcher
 from fusion.matching.points.geometric import SegmentDirection
 from fusion.matching.points.topological import Topological
 from fusion.roads.network import RoadNetwork
+from matcher_support import connected, matched
 
 
 def town(rng: np.random.Generator) -> RoadNetwork:

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gps_ins_support import COMMAND, EKF, KF, MODELS, UKF, Truth, riccati, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fusion.filters.unscented import Unscented
 from fusion.methods.gps_ins.filter import Settings, chi_square_gate, run
 from fusion.methods.gps_ins.models import HEADING, UnscentedModel
+from gps_ins_support import COMMAND, EKF, KF, MODELS, UKF, Truth, riccati, simulate
 
 SETTLED = 30  # steps of a second (spec 5.1)
 TURNING = {"turn_rad": 0.05, "heading_sigma_rad": 0.02}

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from profile_support import identities
 
 from fusion.errors import BadOptionsError, MissingSensorError
 from fusion.formats import read_log
@@ -22,6 +21,7 @@ from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.types import Attitude, DriveLog, GnssVelocity, Odometry
+from profile_support import identities
 
 MakeLog = Callable[..., DriveLog]
 ALL = ("gps-ins-kf", "gps-ins-ekf", "gps-ins-ukf")

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gps_ins_support import COMMAND, EKF, KF, Truth, riccati, simulate
 
 from fusion.filters.unscented import Unscented
 from fusion.methods.gps_ins.filter import Settings, run
 from fusion.methods.gps_ins.models import ExtendedModel, KalmanModel, UnscentedModel
+from gps_ins_support import COMMAND, EKF, KF, Truth, riccati, simulate
 
 MEASURED = Settings(heading="measurement", heading_walk_rad=0.02, min_speed_mps=0.0)
 OVERWRITTEN = replace(MEASURED, heading="overwrite")

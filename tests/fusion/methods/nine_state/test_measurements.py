@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference_filters import derivative
 
 from fusion.methods.nine_state.measurements import (
     SLOWEST_MPS,
@@ -20,6 +19,7 @@ from fusion.methods.nine_state.measurements import (
 )
 from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
 from fusion.types import Floats
+from reference_filters import derivative
 
 speeds = st.floats(0.6, 60.0)
 directions = st.floats(-math.pi, math.pi)

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from profile_support import identities, log_of
-from scenes.lahrech import lahrech_drive
 
 from fusion.errors import BadOptionsError
 from fusion.methods.base import DriveResult
@@ -24,6 +22,8 @@ from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.dem import Dem
 from fusion.types import AngularRate, Attitude, DriveLog, GnssVelocity, Odometry, no_progress
+from profile_support import identities, log_of
+from scenes.lahrech import lahrech_drive
 
 MakeLog = Callable[..., DriveLog]
 NAME = "odometer-map"

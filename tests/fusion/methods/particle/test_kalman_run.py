@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_filters import ReferenceFilter
 
 from fusion.methods.nine_state.run import DriveRun
 from fusion.methods.particle.kalman_run import KalmanRun
@@ -18,6 +17,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.types import Attitude, DriveLog, GnssVelocity, no_progress
+from reference_filters import ReferenceFilter
 
 MakeLog = Callable[..., DriveLog]
 

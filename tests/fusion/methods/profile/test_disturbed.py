@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from profile_support import Columns, World, coverage, inside, rmse, unchanged
 
 from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.write.csv_file import csv_columns
+from profile_support import Columns, World, coverage, inside, rmse, unchanged
 
 pytestmark = pytest.mark.slow
 

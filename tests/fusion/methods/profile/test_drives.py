@@ -8,15 +8,15 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from factor_support import roads, street
-from profile_support import hills, smoothed, street_log
 
+from factor_support import roads, street
 from fusion.errors import NoMatchError
 from fusion.methods.base import DriveResult
 from fusion.methods.profile.factors import MIN_CONFIDENCE
 from fusion.pipeline import run_drive
 from fusion.roads.table import RoadTable
 from fusion.types import DriveLog, Floats, GnssFix
+from profile_support import hills, smoothed, street_log
 
 START_S = 1.7e9
 SIDE_M = 60.0

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from profile_support import World, identities, log_of, whole
 
 from fusion.methods.profile.method import adjusted_slopes
 from fusion.network.adjust import Adjustment, adjust
@@ -19,6 +18,7 @@ from fusion.simulate.motion.routes import structures
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.windows import dem_slopes
+from profile_support import World, identities, log_of, whole
 
 pytestmark = pytest.mark.slow
 

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from factor_support import street
-from profile_support import Levels, Smoothed, hills, pressure_of, smoothed, street_log
 
+from factor_support import street
 from fusion.methods.profile.factors import LONE_ROUGHNESS, MIN_CONFIDENCE, pass_factors
 from fusion.methods.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN
 from fusion.methods.profile.model import BIAS, DRIFT, JUMP_SIGMA, MOUNT, SQUAT, decorrelated
@@ -23,6 +22,7 @@ from fusion.network.curve import (
 )
 from fusion.network.pass_factor import PassFactor
 from fusion.types import DriveLog
+from profile_support import Levels, Smoothed, hills, pressure_of, smoothed, street_log
 
 TABLE = street(55, 8, 70, 120, 0.6, 43, 390, 60, 25, 90)
 CONSTANTS = [MOUNT, BIAS, SQUAT]

@@ -6,6 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from fusion.errors import MissingSensorError
+from fusion.methods.base import DriveResult
+from fusion.pipeline import run_drive
+from fusion.simulate.drive import SimulatedDrive
+from fusion.simulate.scene.town import Town
+from fusion.simulate.write.csv_file import csv_columns
+from fusion.types import DriveLog
 from profile_support import (
     Columns,
     Outcome,
@@ -17,14 +25,6 @@ from profile_support import (
     pressure_of,
     rmse,
 )
-
-from fusion.errors import MissingSensorError
-from fusion.methods.base import DriveResult
-from fusion.pipeline import run_drive
-from fusion.simulate.drive import SimulatedDrive
-from fusion.simulate.scene.town import Town
-from fusion.simulate.write.csv_file import csv_columns
-from fusion.types import DriveLog
 
 FLEET = ((1, "m8"), (2, "phone"), (3, "m8"))
 LENGTH_S = 350.0

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from factor_support import street
-from profile_support import Levels, World, hills, log_of, pressure_of, smoothed, street_log
 
+from factor_support import street
 from fusion.methods.profile.measurements import (
     ALTITUDE,
     BARO,
@@ -21,6 +20,7 @@ from fusion.methods.profile.measurements import (
     binned,
 )
 from fusion.simulate.write.csv_file import csv_columns
+from profile_support import Levels, World, hills, log_of, pressure_of, smoothed, street_log
 
 TABLE = street(*[60.0] * 20)
 TIME_S = 1.7e9 + np.arange(110.0)

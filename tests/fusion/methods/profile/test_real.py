@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from profile_support import identities
 
 from fusion.formats import read_log
 from fusion.pipeline import run_drive
 from fusion.roads.osm import read_roads
 from fusion.terrain.dem import Dem
+from profile_support import identities
 
 pytestmark = pytest.mark.slow
 

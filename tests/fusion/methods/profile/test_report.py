@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from factor_support import street
-from profile_support import Levels, World, hills, log_of, street_log
 
+from factor_support import street
 from fusion.pipeline import run_drive
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.types import DriveLog
+from profile_support import Levels, World, hills, log_of, street_log
 
 TABLE = street(*[60.0] * 30)
 TIME_S = 1.7e9 + np.arange(175.0)

@@ -6,11 +6,11 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from profile_support import Outcome, World, coverage, inside
 
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import structures
 from fusion.terrain.dem import Dem
+from profile_support import Outcome, World, coverage, inside
 
 pytestmark = pytest.mark.slow
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes.lahrech import lahrech_drive
 
 from fusion.formats import read_log
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.receiver.wheels import PERFECT_WHEELS, TEN_PERCENT_WHEELS, WheelReadings, WheelSet
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns, write_csv
+from scenes.lahrech import lahrech_drive
 
 
 def rolling(drive: SimulatedDrive) -> WheelReadings:
