@@ -35,7 +35,11 @@ LIBRARY = {
 }
 """Room -> the rooms of the library that it may import from."""
 
-FRAGMENTS: Mapping[str, str] = {}
+FRAGMENTS: Mapping[str, str] = {
+    "app/map/outputs/csv_table.py": "one output, one file",
+    "fusion/formats/nmea.py": "one log format, one file",
+    "fusion/gnss/receiver.py": "one positioning, one file",
+}
 """Short files with one importer that stay by themselves, each with the reason."""
 
 

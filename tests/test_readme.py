@@ -225,12 +225,16 @@ def test_make_targets_in_the_text_exist() -> None:
 
 
 def test_files_in_the_text_exist() -> None:
-    named = re.findall(r"`((?:fusion|app|tests|benchmarks|migrations)/[\w/.]+)`", prose())
-    named += re.findall(r"\]\((\.docs/[^)]+)\)", prose())
-    assert named
-    for name in named:
-        if "NAME" not in name:
-            assert (REPOSITORY / name).exists(), name
+    for page in (README, *sorted((REPOSITORY / ".docs").glob("*.md"))):
+        text = TABLE.sub("", page.read_text())
+        named = re.findall(r"`((?:fusion|app|tests|benchmarks|migrations)/[\w/.]+)`", text)
+        links = re.findall(r"\]\(((?!https?:)[^)#]+)\)", text)
+        assert named or links, page
+        for name in named:
+            if "NAME" not in name:
+                assert (REPOSITORY / name).exists(), f"{page.name}: {name}"
+        for name in links:
+            assert (page.parent / name).exists(), f"{page.name}: {name}"
 
 
 def test_folders_of_the_layout_exist() -> None:
