@@ -27,7 +27,7 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "demo": Command(
-        "app.cli.demo",
+        "app.demo.command",
         "Simulate a town and drives, run them through a service of its own, and compare with the truth.",
     ),
     "up": Command(

@@ -23,6 +23,8 @@ from app.core.settings import Settings
 from app.core.text import GEO_JSON, dumps
 
 JSON = "application/json"
+EXAMPLE_ID = "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"
+"""Of a drive, in the examples of the OpenAPI document."""
 REVALIDATE = "public, no-cache"
 """Caches may keep the answer, but ask each time: a 304 costs one indexed row, a stale map costs trust."""
 

@@ -15,11 +15,10 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.core.db import Bounds
-from app.core.http import Link, link
+from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
 
-EXAMPLE_ID = "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
 EXAMPLE_BATCH = "http://127.0.0.1:8000/v1/drives/reprocess?batch=1795166382004000"
 

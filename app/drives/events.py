@@ -11,10 +11,10 @@ from fastapi import APIRouter
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from app.core.http import BaseUrl, Service, ServiceDep, found, problems
+from app.core.http import EXAMPLE_ID, BaseUrl, Service, ServiceDep, found, problems
 from app.core.text import dumps
 from app.drives import store as drives
-from app.drives.documents import EXAMPLE_ID, TERMINAL_STATUSES, Drive, linked
+from app.drives.documents import TERMINAL_STATUSES, Drive, linked
 
 HEARTBEAT_S = 15.0
 """Pauses are filled with comments, because proxies end connections on which nothing moves."""

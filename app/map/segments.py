@@ -13,6 +13,7 @@ from fastapi import APIRouter, Path, Query, Response
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from app.core.http import (
+    EXAMPLE_ID,
     BaseUrl,
     Link,
     ServiceDep,
@@ -25,7 +26,6 @@ from app.core.http import (
     with_query,
 )
 from app.core.text import GEO_JSON, SLOPE_DIGITS, Moment, rounded
-from app.drives.documents import EXAMPLE_ID
 from app.map import store as segments
 from app.map.attribution import attribution
 from app.map.segment import Segment
