@@ -20,7 +20,7 @@ from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import store as drives
 from app.embedded.cluster import EmbeddedPostgres
-from app.network import passes
+from app.network import extracts, passes
 from app.network import results as slopes
 from app.network import solve as network
 from app.network import versions as locks
@@ -165,7 +165,7 @@ def service_part(sizes: Sequence[int], repeat: int) -> list[dict[str, object]]:
         with sessions.begin() as session:
             roads.replace_roads(session, town.roads, "town.osm", "0" * 64)
         with sessions() as session:
-            ids = road_store.all_roads(session)[1]
+            ids = extracts.all_roads(session)[1]
         stored = 0
         for count in sizes:
             start = time.perf_counter()

@@ -39,8 +39,8 @@ SERVICE = {
     "core": set(),
     "embedded": {"core"},
     "roads": {"core", "network", "terrain"},
-    "terrain": {"core", "network", "roads"},
-    "network": {"core", "roads"},
+    "terrain": {"core", "network"},
+    "network": {"core"},
     "map": {"core", "network", "roads", "terrain"},
     "drives": {"core", "map", "network", "roads", "terrain"},
     "ops": {"core", "drives", "network", "roads"},
@@ -48,8 +48,7 @@ SERVICE = {
     "cli": {"core", "embedded", "drives", "main", "map", "network", "roads", "terrain"},
     "demo": {"cli", "core", "embedded", "map", "roads", "terrain"},
 }
-"""Room -> the rooms of the service that it may import from. Roads, terrain and network are one floor: an import of
-roads or terrain repairs the network, which reads the stored roads."""
+"""Room -> the rooms of the service that it may import from."""
 
 FRAGMENTS: Mapping[str, str] = {
     "app/map/outputs/csv_table.py": "one output, one file",

@@ -30,11 +30,11 @@ from app.drives import tracks
 from app.drives.documents import Drive
 from app.drives.outputs.track import track_length_m
 from app.drives.progress import Discarded, Interrupted, RunProgress, never
-from app.network import passes
+from app.network import extracts, passes
 from app.network import results as slopes
 from app.network import versions as locks
+from app.network.extracts import StoredRoads
 from app.roads import store as road_store
-from app.roads.store import StoredRoads
 from app.terrain import store as dem
 from app.terrain.store import DemSet
 from fusion.errors import FusionError
@@ -187,7 +187,7 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
                 "No roads have been imported yet. Import them (`versant import-roads FILE`), then ask for "
                 "this drive again."
             )
-        table, ids = road_store.roads_near(session, log.bounds_deg(), ROAD_MARGIN_M)
+        table, ids = extracts.roads_near(session, log.bounds_deg(), ROAD_MARGIN_M)
         return _Surroundings(StoredRoads(version.id, table, ids), dem.current_dem(session, bench.dem_dir))
 
 

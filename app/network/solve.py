@@ -13,9 +13,9 @@ import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
 from app.network.passes import Evidence, count_drives, read_evidence
 from app.network.publish import refresh_aggregates
-from app.roads.store import ROAD_COLUMNS, ROAD_ORDER, road_table
 from fusion.network.adjust import Adjustment, adjust
 from fusion.network.evidence import SegmentEvidence
 from fusion.network.window import WINDOW_RADIUS_M, Window, boxes_around, window_around

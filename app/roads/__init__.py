@@ -1,1 +1,1 @@
-"""The stored road network: reading it, importing it, what an import takes away."""
+"""The stored road network: importing it, what an import takes away, which import stands."""

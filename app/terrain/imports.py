@@ -21,8 +21,8 @@ from rasterio.warp import transform_bounds
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
+from app.network.extracts import roads_within
 from app.network.versions import bump_data_version, own_network
-from app.roads.store import roads_within
 from app.terrain.store import DemSet, DemSource, current_dem, replace_dem, set_dem_slopes
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable

@@ -11,6 +11,7 @@ import pytest
 
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import store as drives
+from app.network import extracts
 from app.network import results as slopes
 from app.network import versions as locks
 from app.roads import imports as roads
@@ -64,7 +65,7 @@ def segment_ids(sessions: Sessions, chain: Callable[..., RoadTable]) -> Ints:
     with sessions.begin() as session:
         roads.replace_roads(session, table, "chain.osm", "0" * 64)
     with sessions() as session:
-        return road_store.all_roads(session)[1]
+        return extracts.all_roads(session)[1]
 
 
 @pytest.fixture
@@ -74,7 +75,7 @@ def streets(sessions: Sessions, town: Town) -> tuple[RoadTable, Ints]:
         roads.replace_roads(
             session, town.roads, "town.osm", "0" * 64, dem_slope_percent=town.true_slope_percent + 1.0
         )
-        return road_store.all_roads(session)
+        return extracts.all_roads(session)
 
 
 @pytest.fixture

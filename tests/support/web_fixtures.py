@@ -25,6 +25,7 @@ from app.drives import tracks
 from app.drives.process import Workbench
 from app.embedded.cluster import EmbeddedPostgres
 from app.main import create_app
+from app.network import extracts
 from app.network import results as slopes
 from app.roads import imports as roads
 from app.roads import store as road_store
@@ -130,7 +131,7 @@ def fill_roads(sessions: Sessions) -> list[int]:
         dem_slope = np.where(np.arange(len(table)) % 4 == 0, np.nan, 1.5)
         roads.replace_roads(session, table, "grid.osm", "0" * 64, dem_slope_percent=dem_slope)
     with sessions() as session:
-        return [int(i) for i in road_store.all_roads(session)[1]]
+        return [int(i) for i in extracts.all_roads(session)[1]]
 
 
 def add_drive(
@@ -139,7 +140,7 @@ def add_drive(
     """A done drive with an estimate for each of these rows of the grid, as the worker would leave it."""
     key = uuid.uuid4().hex
     with sessions.begin() as session:
-        table, ids = road_store.all_roads(session)
+        table, ids = extracts.all_roads(session)
         drive, _ = drives.create_drive(
             session,
             sha256=key,

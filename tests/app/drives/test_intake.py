@@ -19,8 +19,8 @@ from app.drives import intake, queue
 from app.drives import store as drives
 from app.drives.documents import Drive
 from app.map import store as slopes
+from app.network import extracts as roads
 from app.roads import imports as road_imports
-from app.roads import store as roads
 from app.terrain import imports as dem_imports
 from app.terrain import store as dem
 from fusion.errors import BadOptionsError, RoadsError, TerrainError, UnknownNameError

@@ -16,10 +16,10 @@ from app.drives import intake, process
 from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench, hearing_report, process_drive
 from app.map import store as segments
+from app.network import extracts as roads
 from app.network import passes
 from app.network import results as slopes
 from app.network.rebuild import rebuild_network
-from app.roads import store as roads
 from fusion.formats import read_log
 from fusion.pipeline import parse_options, run_drive
 from fusion.roads.osm import read_roads

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from app.roads import store as roads
+from app.network import extracts as roads
 from network_support import drive_over, factor_of, new_drive, publish
 
 ITEMS = "/collections/segments/items"

@@ -14,8 +14,8 @@ from shapely.geometry import box
 
 from app.core.db import Sessions
 from app.map import store
+from app.network import extracts as road_store
 from app.roads import imports as roads
-from app.roads import store as road_store
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 

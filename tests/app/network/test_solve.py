@@ -12,9 +12,9 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.map import store as segments
+from app.network import extracts as road_store
 from app.network.rebuild import rebuild_network
 from app.roads import imports as roads
-from app.roads import store as road_store
 from fusion.network.combine import combine
 from fusion.network.evidence import CONSENSUS_PASSES
 from fusion.roads.table import RoadTable

@@ -10,9 +10,9 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.drives import store as drives
+from app.network import extracts as road_store
 from app.ops import stats
 from app.roads import imports as roads
-from app.roads import store as road_store
 from fusion.roads.table import RoadTable
 
 

@@ -17,7 +17,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.map import store as map_store
-from app.network import versions
+from app.network import extracts, versions
 from app.roads import imports as roads
 from app.roads import store as road_store
 from app.roads.imports import ImportCounts
@@ -44,7 +44,7 @@ def assert_equal(left: RoadTable, right: RoadTable) -> None:
 def test_a_town_comes_back_bit_for_bit(sessions: Sessions, town: Town) -> None:
     imported(sessions, town.roads)
     with sessions() as session:
-        table, ids = road_store.all_roads(session)
+        table, ids = extracts.all_roads(session)
     assert_equal(table, town.roads)
     assert len(set(ids.tolist())) == len(town.roads)
 
@@ -77,7 +77,7 @@ def test_any_coordinates_come_back_bit_for_bit(
     )
     imported(sessions, table)
     with sessions() as session:
-        assert_equal(road_store.all_roads(session)[0], table)
+        assert_equal(extracts.all_roads(session)[0], table)
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -90,8 +90,8 @@ def test_roads_near_is_near_of_the_whole(sessions: Sessions, town: Town, data: s
     margin = data.draw(st.floats(0, 500))
     box = (x[0], y[0], x[1], y[1])
     with sessions() as session:
-        near, ids = road_store.roads_near(session, box, margin)
-        whole, all_ids = road_store.all_roads(session)
+        near, ids = extracts.roads_near(session, box, margin)
+        whole, all_ids = extracts.all_roads(session)
     assert_equal(near, town.roads.near(box, margin))
     assert np.array_equal(ids, all_ids[rows_of(whole, near)])
 
@@ -115,7 +115,7 @@ def test_a_reimport_keeps_what_is_unchanged(
     )
 
     with sessions() as session:
-        table, ids = road_store.all_roads(session)
+        table, ids = extracts.all_roads(session)
         rows = {row.id: row for row in map_store.segment_items(session)}
         version = road_store.current_road_version(session)
     assert_equal(table, both)

@@ -1,0 +1,99 @@
+"""Extracts of the stored roads as the library's tables: whole, or around a place.
+
+How roads come into the database is in ``app.roads``; what was measured on them is not known here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Row, text
+from sqlalchemy.orm import Session
+
+from app.core.db import Bounds
+from fusion.roads.table import RoadTable, rows_of
+from fusion.types import Ints
+
+
+@dataclass(frozen=True)
+class StoredRoads:
+    """An extract of one road version; ``ids`` holds the database's id of each row, shape (n,)."""
+
+    version_id: int
+    table: RoadTable
+    ids: Ints
+
+
+_LINE_HEADER_BYTES = 9  # WKB: byte order, type, number of points
+_METRES_PER_DEGREE = 110_000.0  # a little less than any degree of latitude, so that boxes come out wider
+
+# What ``road_table`` reads, of the table that is called s (segments), and the order of its rows.
+ROAD_COLUMNS = """s.id, s.osm_way_id, s.from_node, s.to_node, ST_AsBinary(s.geom, 'NDR') AS line,
+           s.oneway, s.bridge, s.tunnel, s.layer, s.highway, s.name"""
+ROAD_ORDER = "s.osm_way_id, s.from_node, s.to_node"
+
+_ALL = text(f"SELECT {ROAD_COLUMNS} FROM segments AS s ORDER BY {ROAD_ORDER}")  # noqa: S608 - constants
+_IN_BOX = text(
+    f"""
+    SELECT {ROAD_COLUMNS} FROM segments AS s
+    WHERE s.geom && ST_MakeEnvelope(:west, :south, :east, :north, 4326)
+    ORDER BY {ROAD_ORDER}
+    """  # noqa: S608 - constants
+)
+
+
+def roads_near(session: Session, bounds_deg: Bounds, margin_m: float = 250.0) -> tuple[RoadTable, Ints]:
+    """The segments that ``RoadTable.near`` would select from the whole network, and their ids, shape (n,).
+
+    Coordinates are bit for bit those that were imported, rows sorted as in every ``RoadTable``, so that the
+    same log on the same roads gives the same numbers with and without a database.
+    """
+    west, south, east, north = bounds_deg
+    lat_margin = margin_m / _METRES_PER_DEGREE
+    farthest = min(max(abs(south), abs(north)) + lat_margin, 89.9)
+    lon_margin = lat_margin / float(np.cos(np.radians(farthest)))
+    wider, ids = roads_within(
+        session, (west - lon_margin, south - lat_margin, east + lon_margin, north + lat_margin)
+    )
+    near = wider.near(bounds_deg, margin_m)
+    return near, ids[rows_of(wider, near)]
+
+
+def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]:
+    """At least the segments whose bounding box meets ``bounds_deg``, and their ids, shape (n,).
+
+    The index compares boxes in single precision, rounded outwards, so a few more may come along.
+    """
+    west, south, east, north = bounds_deg
+    box = {"west": west, "south": south, "east": east, "north": north}
+    return road_table(list(session.execute(_IN_BOX, box)))
+
+
+def all_roads(session: Session) -> tuple[RoadTable, Ints]:
+    """The whole network and the segments' ids, shape (n,)."""
+    return road_table(list(session.execute(_ALL)))
+
+
+def road_table(rows: Sequence[Row[Any]]) -> tuple[RoadTable, Ints]:
+    """Rows of ``ROAD_COLUMNS`` in ``ROAD_ORDER`` as a table, and their ids, shape (n,)."""
+    lines = b"".join(bytes(row.line)[_LINE_HEADER_BYTES:] for row in rows)
+    lon0, lat0, lon1, lat1 = np.frombuffer(lines, "<f8").reshape(-1, 4).astype(np.float64).T.copy()
+    table = RoadTable(
+        osm_way_id=np.array([row.osm_way_id for row in rows], np.int64),
+        from_node=np.array([row.from_node for row in rows], np.int64),
+        to_node=np.array([row.to_node for row in rows], np.int64),
+        lon0_deg=lon0,
+        lat0_deg=lat0,
+        lon1_deg=lon1,
+        lat1_deg=lat1,
+        oneway=np.array([row.oneway for row in rows], np.int8),
+        bridge=np.array([row.bridge for row in rows], np.bool_),
+        tunnel=np.array([row.tunnel for row in rows], np.bool_),
+        layer=np.array([row.layer for row in rows], np.int8),
+        highway=np.array([row.highway for row in rows], np.object_),
+        name=np.array([row.name for row in rows], np.object_),
+    )
+    return table, np.array([row.id for row in rows], np.int64)
