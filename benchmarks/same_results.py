@@ -40,7 +40,7 @@ METHODS = (
     "profile", "particle", "odometer-map", "gps-ins-kf", "gps-ins-ekf", "gps-ins-ukf", "ukf-dem", "raw", "dem"
 )  # fmt: skip
 CLOCK = re.compile(rb'"updated_at":\s*"[^"]*"')
-SIMULATED = ("*.osm", "*.tif", "*.csv", "*.ubx", "*.gpx", "*.nmea")
+SIMULATED = ("*.osm", "*.tif", "*.csv", "*.csv.gz", "*.ubx", "*.gpx", "*.nmea")
 
 
 @dataclass(frozen=True)

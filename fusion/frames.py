@@ -15,6 +15,10 @@ from fusion.types import Floats
 
 GRAVITY_MPS2 = 9.80665
 """Standard gravity."""
+METRES_PER_DEGREE = 111_132.0
+"""Of latitude, on the mean. For margins and for telling fine from coarse; measuring takes ``LocalProjection``."""
+SHORTEST_DEGREE_M = 110_000.0
+"""A little less than any degree of latitude has, so that boxes in degrees come out wider than asked for."""
 
 
 @dataclass(frozen=True)

@@ -18,17 +18,9 @@ from typing import Any, BinaryIO, Self
 
 import fsspec
 
-from fusion.errors import FusionError
-
 _INCOMING = "incoming"
 _KEPT = "drives"
 _DATABASES = "databases"
-
-
-class UploadTooLargeError(FusionError):
-    """The upload exceeds the service's limit."""
-
-    kind = "upload-too-large"
 
 
 @dataclass(frozen=True)
@@ -49,16 +41,9 @@ class BlobStore:
         self._root = str(root).rstrip("/")
         self._noted: set[str] = set()
 
-    def writer(self, *, max_bytes: int | None = None) -> BlobWriter:
+    def writer(self) -> BlobWriter:
         """Begin a blob; write chunks, then ``finish`` it, or leave the ``with`` block to discard it."""
-        return BlobWriter(self._fs, self._root, max_bytes)
-
-    def put(self, chunks: Iterable[bytes], *, max_bytes: int | None = None) -> StoredBlob:
-        """Store ``chunks`` under a new key, one at a time; ``UploadTooLargeError`` past ``max_bytes``."""
-        with self.writer(max_bytes=max_bytes) as writer:
-            for chunk in chunks:
-                writer.write(chunk)
-            return writer.finish()
+        return BlobWriter(self._fs, self._root)
 
     def open(self, key: str) -> BinaryIO:
         """The blob's bytes as a file; ``FileNotFoundError`` when there is none."""
@@ -111,12 +96,14 @@ class BlobStore:
 
 
 class BlobWriter:
-    """One blob on its way in. Use as a context manager; without ``finish`` nothing is left behind."""
+    """One blob on its way in. Use as a context manager; without ``finish`` nothing is left behind.
 
-    def __init__(self, fs: Any, root: str, max_bytes: int | None) -> None:
+    How large a blob may become is for whoever writes it to say: ``size_bytes`` is what it has so far.
+    """
+
+    def __init__(self, fs: Any, root: str) -> None:
         self._fs = fs
         self._root = root
-        self._max_bytes = max_bytes
         self._name = uuid.uuid4().hex
         self._part = f"{root}/{_INCOMING}/{self._name}"
         self._hash = hashlib.sha256()
@@ -133,13 +120,8 @@ class BlobWriter:
             self.discard()
 
     def write(self, chunk: bytes) -> None:
-        """Append a chunk; ``UploadTooLargeError`` as soon as the limit is passed, before it is stored."""
+        """Append a chunk."""
         self.size_bytes += len(chunk)
-        if self._max_bytes is not None and self.size_bytes > self._max_bytes:
-            raise UploadTooLargeError(
-                f"The upload is larger than {self._max_bytes} bytes, the most that this service takes. "
-                "Compress it with gzip or split it into several drives."
-            )
         self._hash.update(chunk)
         self._file.write(chunk)
 

@@ -113,7 +113,7 @@ async def receive_upload(request: Request, blobs: BlobStore, max_bytes: int) -> 
     """
     source = upload_source(request.headers, request.query_params)
     _check_announced(request, max_bytes + source.envelope_bytes, max_bytes)
-    writer = await run_in_threadpool(blobs.writer, max_bytes=max_bytes)
+    writer = await run_in_threadpool(blobs.writer)
     try:
         await _copy(request, source, writer, max_bytes)
         return await run_in_threadpool(writer.finish), source.filename

@@ -14,6 +14,7 @@ from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
+from fusion.frames import SHORTEST_DEGREE_M
 from fusion.roads.table import RoadTable, rows_of
 from fusion.types import Ints
 
@@ -28,7 +29,6 @@ class StoredRoads:
 
 
 _LINE_HEADER_BYTES = 9  # WKB: byte order, type, number of points
-_METRES_PER_DEGREE = 110_000.0  # a little less than any degree of latitude, so that boxes come out wider
 
 # What ``road_table`` reads, of the table that is called s (segments), and the order of its rows.
 ROAD_COLUMNS = """s.id, s.osm_way_id, s.from_node, s.to_node, ST_AsBinary(s.geom, 'NDR') AS line,
@@ -52,7 +52,7 @@ def roads_near(session: Session, bounds_deg: Bounds, margin_m: float = 250.0) ->
     same log on the same roads gives the same numbers with and without a database.
     """
     west, south, east, north = bounds_deg
-    lat_margin = margin_m / _METRES_PER_DEGREE
+    lat_margin = margin_m / SHORTEST_DEGREE_M
     farthest = min(max(abs(south), abs(north)) + lat_margin, 89.9)
     lon_margin = lat_margin / float(np.cos(np.radians(farthest)))
     wider, ids = roads_within(

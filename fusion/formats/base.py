@@ -11,12 +11,10 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fusion.errors import EmptyLogError
-from fusion.types import DriveLog, Floats, GnssFix, Progress, SensorTable
+from fusion.types import Bools, DriveLog, Floats, GnssFix, Progress, SensorTable
 
-Bools = NDArray[np.bool_]
 Data = bytes | memoryview
 Place = Callable[[int], str]
 """Says where a row, an offset or a point of the input is, in words: ``line 7``, ``byte 1200``."""

@@ -8,14 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fusion.compiled import compiled
 from fusion.roads.grid import SegmentGrid, build_grid
 from fusion.roads.network import RoadNetwork
-from fusion.types import Floats, Ints
-
-Bools = NDArray[np.bool_]
+from fusion.types import Bools, Floats, Ints
 
 
 class ChainGraph(NamedTuple):

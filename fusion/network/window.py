@@ -12,6 +12,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+from fusion.frames import SHORTEST_DEGREE_M
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
@@ -23,7 +24,6 @@ LONGEST_GAP_M = 200.0
 """Longer ways between driven nodes get no slope."""
 
 _SHORTEST_M = 0.1  # a row without length would join its nodes
-_METRES_PER_DEGREE = 110_000.0  # a little less than any degree of latitude, so that boxes come out wider
 _STRIP_M = 200.0
 _HIGHEST_DEG = 89.9
 
@@ -124,8 +124,8 @@ def boxes_around(lon0: Floats, lat0: Floats, lon1: Floats, lat1: Floats, radius_
     Strips of latitude, each cut into the runs of longitude that are needed: an index finds what lies in them
     once, and a long drive costs its own length, not the area that it spans.
     """
-    margin = radius_m / _METRES_PER_DEGREE
-    step = _STRIP_M / _METRES_PER_DEGREE
+    margin = radius_m / SHORTEST_DEGREE_M
+    step = _STRIP_M / SHORTEST_DEGREE_M
     south, north = np.minimum(lat0, lat1) - margin, np.maximum(lat0, lat1) + margin
     widening = margin / np.cos(np.radians(np.minimum(np.maximum(np.abs(south), np.abs(north)), _HIGHEST_DEG)))
     west, east = np.minimum(lon0, lon1) - widening, np.maximum(lon0, lon1) + widening

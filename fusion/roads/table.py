@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pyproj import Geod
 
+from fusion.frames import METRES_PER_DEGREE
 from fusion.types import Floats, Ints
 
-_METRES_PER_DEGREE = 111_132.0  # of latitude, mean; only used to widen boxes
 _WGS84 = Geod(ellps="WGS84")
 
 
@@ -137,7 +137,7 @@ class RoadTable:
     def near(self, log_bounds_deg: tuple[float, float, float, float], margin_m: float = 250.0) -> RoadTable:
         """The segments whose bounding box comes within about ``margin_m`` of (west, south, east, north)."""
         west, south, east, north = log_bounds_deg
-        lat_margin = margin_m / _METRES_PER_DEGREE
+        lat_margin = margin_m / METRES_PER_DEGREE
         widest = min(max(abs(south), abs(north)) + lat_margin, 89.9)
         lon_margin = lat_margin / float(np.cos(np.radians(widest)))
         return self.within(west - lon_margin, south - lat_margin, east + lon_margin, north + lat_margin)

@@ -13,7 +13,7 @@ import numpy as np
 from pyproj import CRS, Transformer
 
 from fusion.compiled import compiled
-from fusion.frames import LocalProjection
+from fusion.frames import METRES_PER_DEGREE, LocalProjection
 from fusion.terrain.cache import DemCache
 from fusion.terrain.local_grid import LocalGrid
 from fusion.terrain.quality import read_scenes
@@ -25,9 +25,6 @@ BLOCK_POSTS = 256  # a side; what is read from files and kept at once, 0.5 MB
 _LOCAL_POSTS = 64  # a side; places so near each other share one map to the local plane
 _SNAP = 1e-7  # posts; below every position's accuracy, above the rounding of a projection
 _WGS84 = CRS.from_epsg(4326)
-_METRES_PER_DEGREE = (
-    111_132.0  # of latitude, mean; only for the posting, which orders mosaics and sizes margins
-)
 
 
 class Mosaic:
@@ -241,7 +238,7 @@ def _posting_m(raster: Raster) -> tuple[float, float]:
     a, b, _, d, e, f = raster.posts[:6]
     if raster.crs.is_geographic:
         lat = d * raster.columns / 2 + e * raster.rows / 2 + f
-        kx, ky = _METRES_PER_DEGREE * float(np.cos(np.radians(lat))), _METRES_PER_DEGREE
+        kx, ky = METRES_PER_DEGREE * float(np.cos(np.radians(lat))), METRES_PER_DEGREE
     else:
         kx = ky = float(raster.crs.axis_info[0].unit_conversion_factor)
     return float(np.hypot(a * kx, d * ky)), float(np.hypot(b * kx, e * ky))

@@ -15,12 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from fast import FAST_OPTIONS
 from fusion.simulate.bundle import Bundle, write_all
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 START_S, STOP_S, COMMAND_S = 90.0, 40.0, 120.0
-FAST = tuple(word for name, value in FAST_OPTIONS.items() for word in ("--option", f"{name}={value}"))
 PROC = Path("/proc")
 
 

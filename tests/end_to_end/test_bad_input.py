@@ -11,7 +11,6 @@ import httpx
 import pytest
 
 from app.cli.client import Client, ClientError
-from fast import FAST_OPTIONS
 from fusion.simulate.bundle import Bundle
 from tests.end_to_end.conftest import Up
 
@@ -79,7 +78,7 @@ def test_worker_goes_on_after_all_of_them(client: Client, simulated: Bundle, tmp
             waiting.append(client.upload(path))
         except ClientError:
             continue
-    good = client.upload(simulated.drives[2], options=FAST_OPTIONS)
+    good = client.upload(simulated.drives[2])
     assert client.wait(good.id, timeout_s=WAIT_S).status == "done"
     assert {client.wait(drive.id, timeout_s=WAIT_S).status for drive in waiting} == {"failed"}
 

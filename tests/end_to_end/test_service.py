@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from fusion.simulate.bundle import Bundle
-from tests.end_to_end.conftest import FAST, Up, versant
+from tests.end_to_end.conftest import Up, versant
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +37,6 @@ def uploaded(running: Up, simulated: Bundle, tmp_path_factory: pytest.TempPathFa
         "--wait",
         "--json",
         report,
-        *FAST,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     figures = json.loads(report.read_text())
@@ -127,7 +126,6 @@ def test_fuse_gives_the_numbers_of_the_service(
         "fuse",
         *simulated.drives,
         *("--roads", simulated.osm, "--dem", simulated.dem, "-o", out),
-        *FAST,
     )
     assert done.returncode == 0, done.stderr
     fused = {key(f): f["properties"] for f in json.loads(out.read_text())["features"]}

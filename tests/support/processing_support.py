@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy import text
 
-from app.core.blobs import BlobStore
+from app.core.blobs import BlobStore, StoredBlob
 from app.core.db import Sessions
 from app.drives import intake
 from app.drives import store as drives
@@ -19,6 +19,14 @@ from fusion.pipeline import parse_options
 Send = Callable[..., Drive]
 
 
+def put_blob(blobs: BlobStore, chunks: Iterable[bytes]) -> StoredBlob:
+    """Store chunks as a blob of their own."""
+    with blobs.writer() as writer:
+        for chunk in chunks:
+            writer.write(chunk)
+        return writer.finish()
+
+
 def accept_upload(
     sessions: Sessions,
     blobs: BlobStore,
@@ -27,11 +35,10 @@ def accept_upload(
     filename: str,
     method: str,
     options: Mapping[str, Any] | None = None,
-    max_bytes: int | None = None,
 ) -> tuple[Drive, bool]:
     """Store an upload and queue it, as the route does; the flag says whether it is new."""
     parse_options(method, options or {})
-    blob = blobs.put(chunks, max_bytes=max_bytes)
+    blob = put_blob(blobs, chunks)
     return intake.register_upload(sessions, blobs, blob, filename=filename, method=method, options=options)
 
 

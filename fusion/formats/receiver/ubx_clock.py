@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.formats.base import GPS_EPOCH_S, MAX_TIME_S, MIN_TIME_S, WEEK_S, Bools, Notes
+from fusion.formats.base import GPS_EPOCH_S, MAX_TIME_S, MIN_TIME_S, WEEK_S, Notes
 from fusion.formats.receiver.ubx_messages import Records
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 VALID_DATE_TIME = 3
 RESOLVED = 7

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.formats.base import Bools, Data
-from fusion.types import Ints, Progress, no_progress
+from fusion.formats.base import Data
+from fusion.types import Bools, Ints, Progress, no_progress
 
 SYNC = b"\xb5\x62"
 OVERHEAD_BYTES = 8

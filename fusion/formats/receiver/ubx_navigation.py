@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.formats.base import Bools, Data, Notes, Place, ground_velocity, usable_positions
+from fusion.formats.base import Data, Notes, Place, ground_velocity, usable_positions
 from fusion.formats.receiver.time_tags import Marks
 from fusion.formats.receiver.ubx_clock import (
     Evidence,
@@ -24,6 +24,7 @@ from fusion.frames import GRAVITY_MPS2
 from fusion.types import (
     AngularRate,
     Attitude,
+    Bools,
     Floats,
     GnssFix,
     GnssVelocity,

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fusion.formats.base import Bools, Data, Notes
+from fusion.formats.base import Data, Notes
 from fusion.formats.receiver.time_tags import MEAS_HZ, RAW_HZ, Marks, align
 from fusion.formats.receiver.ubx_frames import Frames
 from fusion.formats.receiver.ubx_messages import (
@@ -24,7 +24,7 @@ from fusion.formats.receiver.ubx_messages import (
     gather,
     signed_24,
 )
-from fusion.types import AngularRate, Floats, Ints, Odometry, SensorTable, SpecificForce
+from fusion.types import AngularRate, Bools, Floats, Ints, Odometry, SensorTable, SpecificForce
 
 FORCE = ("acc_x_mps2", "acc_y_mps2", "acc_z_mps2")
 RATE = ("gyr_x_radps", "gyr_y_radps", "gyr_z_radps")

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from app.core.blobs import BlobStore, UploadTooLargeError
+from app.core.blobs import BlobStore
+from processing_support import put_blob
 
 
 @pytest.fixture(params=["folder", "file-url", "memory"])
@@ -27,7 +28,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 def test_what_is_put_can_be_read(url: str) -> None:
     store = BlobStore(url)
-    blob = store.put([b"one", b"", b"two"])
+    blob = put_blob(store, [b"one", b"", b"two"])
     assert (blob.sha256, blob.size_bytes) == (hashlib.sha256(b"onetwo").hexdigest(), 6)
     with BlobStore(url).open(blob.key) as file:
         assert file.read() == b"onetwo"
@@ -36,22 +37,12 @@ def test_what_is_put_can_be_read(url: str) -> None:
 
 def test_the_same_bytes_twice_are_two_blobs(url: str) -> None:
     store = BlobStore(url)
-    first, second = store.put([b"x"]), store.put([b"x"])
+    first, second = put_blob(store, [b"x"]), put_blob(store, [b"x"])
     store.delete(first.key)
     store.delete(first.key)
     assert store.keys() == [second.key]
     with pytest.raises(FileNotFoundError):
         store.open(first.key)
-
-
-def test_a_blob_too_large_leaves_nothing(url: str) -> None:
-    store = BlobStore(url)
-    assert store.put([b"123", b"45"], max_bytes=5).size_bytes == 5
-    kept = store.keys()
-    with pytest.raises(UploadTooLargeError, match="5 bytes"):
-        store.put([b"123", b"456", pytest.fail], max_bytes=5)  # type: ignore[list-item]
-    assert store.keys() == kept
-    assert store.sweep(timedelta(0)) == 0
 
 
 def test_an_upload_that_breaks_off_leaves_nothing(url: str) -> None:
@@ -61,14 +52,14 @@ def test_an_upload_that_breaks_off_leaves_nothing(url: str) -> None:
 
     store = BlobStore(url)
     with pytest.raises(ConnectionError):
-        store.put(broken())
+        put_blob(store, broken())
     assert store.keys() == []
     assert store.sweep(timedelta(0)) == 0
 
 
 def test_the_part_of_a_killed_upload_is_swept_later(url: str) -> None:
     store = BlobStore(url)
-    kept = store.put([b"whole"])
+    kept = put_blob(store, [b"whole"])
     writer = store.writer()
     writer.write(b"part")
     writer._file.close()  # as the end of the process does
@@ -81,7 +72,7 @@ def test_the_part_of_a_killed_upload_is_swept_later(url: str) -> None:
 
 def test_only_old_blobs_are_removed(url: str) -> None:
     store = BlobStore(url)
-    first, second = store.put([b"1"]), store.put([b"2"])
+    first, second = put_blob(store, [b"1"]), put_blob(store, [b"2"])
     assert store.remove_old([first.key, second.key], timedelta(hours=1)) == 0
     assert store.remove_old([first.key, "drives/gone"], timedelta(0)) == 1
     assert store.keys() == [second.key]
@@ -99,7 +90,7 @@ def test_a_large_blob_takes_little_memory(tmp_path: Path) -> None:
     store = BlobStore(str(tmp_path))
     tracemalloc.start()
     try:
-        blob = store.put(chunk for _ in range(64))
+        blob = put_blob(store, (chunk for _ in range(64)))
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

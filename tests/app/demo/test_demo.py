@@ -15,7 +15,6 @@ from app.demo.baselines import straight_lines
 from app.demo.files import figures, write_files
 from app.demo.run import DemoError, demo_service, run_demo
 from app.demo.score import Estimate, Truth, by_kind, by_structure, examples, score
-from fast import FAST_OPTIONS
 from fusion.simulate.scene.town import Town
 
 ROADS = {
@@ -99,7 +98,6 @@ def test_small_demo_from_end_to_end(tmp_path: Path) -> None:
             bars,
             drives=2,
             duration_s=90.0,
-            options=FAST_OPTIONS,
         )
     files = write_files(result, tmp_path)
     assert all(path.stat().st_size > 0 for path in files.values())
@@ -131,4 +129,4 @@ def test_a_drive_that_fails_ends_the_demo_in_words(tmp_path: Path) -> None:
         console.progress() as bars,
         pytest.raises(DemoError, match="ended as failed"),
     ):
-        run_demo(service, settings, tmp_path, bars, drives=1, duration_s=2.0, options=FAST_OPTIONS)
+        run_demo(service, settings, tmp_path, bars, drives=1, duration_s=2.0)

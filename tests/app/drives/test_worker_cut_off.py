@@ -18,7 +18,7 @@ from app.drives import intake, worker
 from app.drives.process import Workbench
 from app.drives.queue import BEHIND
 from app.drives.worker import MAX_ATTEMPTS, MAX_DEATHS, make_queue, run_worker
-from processing_support import Send, drive_now
+from processing_support import Send, drive_now, put_blob
 
 PATIENCE_S = 120.0
 
@@ -117,7 +117,7 @@ def test_a_worker_sweeps_the_blob_store_again_and_again(
     thread.start()
     try:
         for _ in range(3):
-            orphan = bench.blobs.put([b"nobody's"])
+            orphan = put_blob(bench.blobs, [b"nobody's"])
             os.utime(settings.data_dir / "blobs" / orphan.key, (0, 0))
             deadline = time.monotonic() + PATIENCE_S
             while bench.blobs.keys() != [kept.blob_key]:

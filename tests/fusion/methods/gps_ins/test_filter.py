@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fusion.filters.unscented import Unscented
@@ -250,6 +250,7 @@ def test_fixes_whose_errors_hang_together_count_for_less() -> None:
     east=st.floats(-1e5, 1e5),
     name=st.sampled_from(sorted(MODELS)),
 )
+@example(seed=111, angle=0.0, east=36873.0, name="ukf")
 def test_turning_and_moving_the_plane_turns_and_moves_the_estimate(
     seed: int, angle: float, east: float, name: str
 ) -> None:
@@ -264,7 +265,11 @@ def test_turning_and_moving_the_plane_turns_and_moves_the_estimate(
     )
     one, two = run(drive, MODELS[name], policy), run(turned, MODELS[name], policy)
     back = np.column_stack([two.mean[:, 0] - east, two.mean[:, 1]]) @ np.array([[c, -s], [s, c]])
-    assert np.allclose(back, one.mean[:, :2], atol=1e-5)
+    # The unscented filter divides the bend of its points by alpha^2 (n + kappa) = 3e-6, and with it the rounding of
+    # coordinates (1e-16 of them) at each of 40 steps; the others only carry that rounding along.
+    farthest = float(np.abs([turned.x_m, turned.y_m, drive.x_m, drive.y_m]).max())
+    rounding = 1e-8 * farthest if name == "ukf" else 0.0
+    assert np.allclose(back, one.mean[:, :2], rtol=0.0, atol=1e-8 + rounding)
     assert np.allclose(two.h_sigma_m, one.h_sigma_m, rtol=1e-6)
 
 
