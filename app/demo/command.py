@@ -57,7 +57,7 @@ def demo(
             with console.progress() as bars:
                 result = run_demo(service, settings, output / "input", bars)
             files = write_files(result, output)
-            _show(console, result)
+            show_scores(console, result)
             typer.echo(f"\nDone in {time.perf_counter() - started:.0f} s. Open:")
             for what, path in files.items():
                 typer.echo(f"  {path}  ({what})")
@@ -71,7 +71,8 @@ def demo(
         raise typer.Exit(130)
 
 
-def _show(console: Console, result: DemoResult) -> None:
+def show_scores(console: Console, result: DemoResult) -> None:
+    """Print the slopes beside the truth: single segments, all of them, structures, classes of road."""
     from app.demo.score import examples
 
     estimates, features = result.estimates, {}

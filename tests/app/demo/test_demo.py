@@ -12,6 +12,7 @@ import pytest
 
 from app.cli.console import Console
 from app.demo.baselines import straight_lines
+from app.demo.command import show_scores
 from app.demo.files import figures, write_files
 from app.demo.run import DemoError, demo_service, run_demo
 from app.demo.score import Estimate, Truth, by_kind, by_structure, examples, score
@@ -88,7 +89,7 @@ def test_examples_are_distinct_and_not_more_than_asked(count: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.db
-def test_small_demo_from_end_to_end(tmp_path: Path) -> None:
+def test_small_demo_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     console = Console(quiet=True)
     with demo_service(console) as (service, settings), console.progress() as bars:
         result = run_demo(
@@ -118,6 +119,16 @@ def test_small_demo_from_end_to_end(tmp_path: Path) -> None:
     assert set(scores) == {"service", "raw", "dem"}
     assert scores["service"]["estimated"] > 0
     assert all(set(one) == {*scores, "straight"} for one in figures(result)["by_structure"].values())
+    show_scores(console, result)
+    shown = capsys.readouterr().out
+    assert f"of {len(result.truth)} driven segments" in shown
+    for part in (
+        "All driven segments",
+        "Bridges and tunnels beside the open road",
+        "Versant by class of road",
+    ):
+        assert part in shown
+    assert f"{scores['service']['rmse_percent']:.2f}" in shown
 
 
 @pytest.mark.slow
