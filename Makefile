@@ -31,7 +31,7 @@ check-types:
 	@$(BIN)/mypy
 
 check-tests:
-	@$(BIN)/python -m pytest -n 2 -m "not db and not slow"
+	@$(BIN)/python -m pytest -n 2 --dist loadfile -m "not db and not slow" --hypothesis-profile=quick
 
 lock: $(INSTALLED)  ## bring .lock/ up to pyproject.toml (UPGRADE=--upgrade: newest versions)
 	@PATH="$$PWD/$(BIN):$$PATH"; command -v uv > /dev/null || $(BIN)/pip install --quiet uv

@@ -57,6 +57,7 @@ def run(package: Path, what: str = RUN) -> tuple[float, int]:
     return float(total), int(hits)
 
 
+@pytest.mark.slow
 def test_an_edited_callee_is_compiled_into_its_caller_again(package: Path) -> None:
     assert run(package) == (6.0, 0)
     assert run(package) == (6.0, 1)  # nothing changed: from the cache
@@ -66,12 +67,14 @@ def test_an_edited_callee_is_compiled_into_its_caller_again(package: Path) -> No
     assert run(package) == (406.0, 1)
 
 
+@pytest.mark.slow
 def test_an_edited_constant_two_files_away_counts(package: Path) -> None:
     assert run(package)[0] == 6.0
     (package / "constants.py").write_text("FACTOR = 10.0\n")
     assert run(package) == (60.0, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decorator", ["compiled_vector", "compiled_parallel"])
 def test_every_decorator_keeps_the_rule(package: Path, decorator: str) -> None:
     (package / "kernel.py").write_text(KERNEL.format(decorator=decorator))
@@ -81,6 +84,7 @@ def test_every_decorator_keeps_the_rule(package: Path, decorator: str) -> None:
     assert run(package) == (60.0, 1)
 
 
+@pytest.mark.slow
 def test_a_class_that_has_moved_since_is_no_trouble(package: Path) -> None:
     """The old machine code names the class's old module, which is gone."""
     box = "from typing import NamedTuple\nclass Box(NamedTuple):\n    n: int\n"
@@ -94,6 +98,7 @@ def test_a_class_that_has_moved_since_is_no_trouble(package: Path) -> None:
         (package / f"{module}.py").unlink()
 
 
+@pytest.mark.slow
 def test_superseded_machine_code_is_removed(package: Path) -> None:
     run(package)
     before = sorted(path.name for path in (package / "__pycache__").glob("*.nb[ic]"))
@@ -104,6 +109,7 @@ def test_superseded_machine_code_is_removed(package: Path) -> None:
     assert not set(before) & set(after)
 
 
+@pytest.mark.slow
 def test_a_file_that_nobody_imports_changes_nothing(package: Path) -> None:
     assert run(package) == (6.0, 0)
     (package / "other.py").write_text("from kept.kernel import total\n")

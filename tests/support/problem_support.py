@@ -11,9 +11,11 @@ from app.core.errors import all_kinds
 from app.core.settings import Settings
 from app.main import create_app
 
+DESCRIPTION = create_app(Settings()).openapi()
+
 
 def operations() -> Iterator[tuple[str, str, dict[str, Any]]]:
-    for path, item in create_app(Settings()).openapi()["paths"].items():
+    for path, item in DESCRIPTION["paths"].items():
         for method, operation in item.items():
             yield method.upper(), path, operation
 

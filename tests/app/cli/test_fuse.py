@@ -146,6 +146,7 @@ def test_the_quality_layer_of_the_terrain_is_found_or_may_be_named(
     assert (spoilt.exit_code, f"{quality.name} is empty" in spoilt.stderr) == (1, True)
 
 
+@pytest.mark.slow
 def test_pictures_and_tracks_are_numbered_when_there_are_several(bundle: Bundle, tmp_path: Path) -> None:
     extra = ("--profile", tmp_path / "p.png", "--track", tmp_path / "t.geojson", "-o", tmp_path / "o.csv")
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, *extra).exit_code == 0

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from experiments import calais
 
 
+@pytest.mark.slow
 def test_calais_measures_what_its_tables_show(tmp_path: Path) -> None:
     """Every case on one drive, by the Kalman filter where there are particles: the limits of the issue hold."""
     scene = calais.Scene.make(2, calais.RECEIVER, tmp_path)

@@ -31,6 +31,7 @@ def scenes() -> list[Interchange]:
     return [make_interchange(seed) for seed in range(1, 13)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "sigma_m"), (("aster", 12.6), ("world30", 6.0)))
 def test_errors_are_as_large_as_the_thesis_says(
     scenes: list[Interchange], model: str, sigma_m: float
@@ -49,6 +50,7 @@ def test_errors_of_neighbours_hang_together(scene: Interchange) -> None:
         assert abs(far) < 0.35
 
 
+@pytest.mark.slow
 def test_few_scenes_mean_large_errors(scenes: list[Interchange]) -> None:
     model = DEM_MODELS["aster"]
     poor, good = [], []
@@ -61,6 +63,7 @@ def test_few_scenes_mean_large_errors(scenes: list[Interchange]) -> None:
     assert np.std(np.concatenate(poor)) > 1.8 * np.std(np.concatenate(good))
 
 
+@pytest.mark.slow
 def test_aster_is_the_thesis_grid_in_utm(scene: Interchange, tmp_path: Path) -> None:
     write_raster(scene, tmp_path / "aster.tif")
     write_quality(scene, tmp_path / "num.tif")
@@ -72,6 +75,7 @@ def test_aster_is_the_thesis_grid_in_utm(scene: Interchange, tmp_path: Path) -> 
         np.testing.assert_array_equal(number.read(1), scene_numbers(scene, DEM_MODELS["aster"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ("aster", "world30"))
 def test_the_raster_covers_every_road_and_errs_by_its_error(
     scene: Interchange, tmp_path: Path, model: str
@@ -86,6 +90,7 @@ def test_the_raster_covers_every_road_and_errs_by_its_error(
     assert np.std(seen - ground) == pytest.approx(expected, rel=0.35)
 
 
+@pytest.mark.slow
 def test_a_raster_without_error_is_the_surface_averaged(
     scene: Interchange, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -55,6 +55,7 @@ def test_the_extended_filter_is_the_kalman_filter() -> None:
     assert_equal(linearised(), linear())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [1e-3, 1e-2, 0.5, 1.0, 1e3])
 @pytest.mark.parametrize("kappa", [0.0, -1.0, 3.0])
 def test_the_unscented_filter_is_the_kalman_filter(alpha: float, kappa: float) -> None:

@@ -180,6 +180,7 @@ def compiled_loop(x, p, transition, process, design, variance, values):  # type:
     return x, p
 
 
+@pytest.mark.slow
 def test_a_compiled_loop_may_call_the_filter() -> None:
     x, p, transition, process, _, design, noise = random_case(3, 5, 3, 5)
     transition = transition / np.abs(np.linalg.eigvals(transition)).max()

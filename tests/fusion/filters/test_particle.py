@@ -70,6 +70,7 @@ def assert_near(
         assert abs(apart) < 2 * spread_error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trigger", [name for name in TRIGGERS if name != "never"])
 @pytest.mark.parametrize("resampling", list(RESAMPLERS))
 def test_resampled_it_stays_at_the_exact_posterior(resampling: str, trigger: str) -> None:

@@ -36,6 +36,7 @@ def normals(count: int, seed: int, step: int = 0, block: int = 0) -> np.ndarray:
     return draws.astype(float)
 
 
+@pytest.mark.slow
 def test_normals_follow_the_normal_distribution_in_body_and_tail() -> None:
     draws = normals(8_000_000, 3)
     edges = np.array([-np.inf, -4.5, -4, -3, -2, -1, -0.2, -0.01, 0, 0.01, 0.2, 1, 2, 3, 4, 4.5, np.inf])
@@ -45,6 +46,7 @@ def test_normals_follow_the_normal_distribution_in_body_and_tail() -> None:
     assert stats.kstest(draws[:1_000_000], "norm").pvalue > RARE
 
 
+@pytest.mark.slow
 def test_the_tails_reach_beyond_five_sigma_as_often_as_they_should() -> None:
     beyond = sum(int(np.sum(np.abs(normals(8_000_000, 4, step)) > 5)) for step in range(8))
     expected = 64_000_000 * 2 * stats.norm.sf(5)
@@ -52,6 +54,7 @@ def test_the_tails_reach_beyond_five_sigma_as_often_as_they_should() -> None:
     assert stats.poisson.sf(beyond - 1, expected) > RARE
 
 
+@pytest.mark.slow
 def test_moments_up_to_the_sixth() -> None:
     draws = normals(8_000_000, 5)
     for order in range(1, 7):
@@ -67,6 +70,7 @@ def test_streams_of_different_keys_are_independent(other: tuple[int, int, int]) 
         assert abs(np.corrcoef(a, b)[0, 1]) < FIVE_SIGMA / math.sqrt(len(first))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [1, 2, LANES, 2 * LANES, GROUP // 2, GROUP, 2048])
 def test_draws_of_one_block_are_independent(lag: int) -> None:
     """Half a GROUP apart are the two of a pair, a GROUP two draws of one stream, 2048 two states of a particle."""

@@ -110,6 +110,7 @@ def test_every_law_is_unbiased(scheme: str) -> None:
     assert mean == pytest.approx(5 * WEIGHTS)
 
 
+@pytest.mark.slow
 @each_scheme
 def test_the_numbers_of_descendants_follow_their_law(scheme: str) -> None:
     assert p_value(RESAMPLERS[scheme], LAWS[scheme](WEIGHTS)) > FALSE_ALARM
@@ -129,6 +130,7 @@ def slipped_points(weights: np.ndarray, seed: int, step: int) -> np.ndarray:
     return np.searchsorted(np.cumsum(weights), (np.arange(len(weights)) + u) / len(weights), side="right")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scheme", "wrong"), [("residual", wrong_remainders), ("systematic", slipped_points)]
 )
@@ -136,6 +138,7 @@ def test_the_test_of_the_law_sees_known_mistakes(scheme: str, wrong: Resampler) 
     assert p_value(wrong, LAWS[scheme](WEIGHTS)) < FALSE_ALARM
 
 
+@pytest.mark.slow
 @each_scheme
 def test_large_clouds_are_unbiased_across_the_blocks_of_the_loops(scheme: str) -> None:
     """Descendants of 50 groups of neighbours, by a z test whose error bound is that of the least exact scheme."""

@@ -278,6 +278,7 @@ def test_every_resampling_scheme_has_its_counterpart() -> None:
     assert set(THEIRS) == set(RESAMPLERS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", list(THEIRS))
 def test_resampling_follows_the_same_law(scheme: str) -> None:
     """The numbers of descendants of all particles together, drawn 3000 times each (weights ascend: they sort)."""

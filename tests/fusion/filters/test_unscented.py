@@ -163,6 +163,7 @@ def test_no_heading_is_worse_than_another(turn_rad: float, alpha: float) -> None
     assert p == pytest.approx(expected_p, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_small_alpha_is_stable_over_thousands_of_steps() -> None:
     """A vehicle circles some kilometres from the origin: as with alpha = 1, near the extended filter and the truth."""
     rng = np.random.default_rng(3)

@@ -80,6 +80,7 @@ def test_the_report_is_json_and_says_what_was_done(
     assert again["epochs"] > 200
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_numbers(
     method: str, make_log: MakeLog, town: Town, town_dem: Dem
 ) -> None:
@@ -87,6 +88,7 @@ def test_the_same_input_gives_the_same_numbers(
     assert run(method, log, town, town_dem).slopes == run(method, log, town, town_dem).slopes
 
 
+@pytest.mark.slow
 def test_an_outage_is_survived(method: str, make_log: MakeLog, town: Town, town_dem: Dem) -> None:
     log = make_log(2, duration_s=300, outages=[(100.0, 40.0)])
     assert len(run(method, log, town, town_dem).slopes) > 5

@@ -176,6 +176,7 @@ def test_the_direction_of_a_road_is_compared_across_the_seam() -> None:
     assert estimate.state[VX] == pytest.approx(mean[VX], abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unscented", SPREADS, ids=str)
 def test_in_mild_curvature_all_filters_agree(unscented: Unscented) -> None:
     """At 12 m/s angles are nearly linear: the extended and the unscented filter lie within a cloud's sampling error."""

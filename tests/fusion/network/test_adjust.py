@@ -323,6 +323,7 @@ def test_many_drives_over_a_long_hilly_road_stay_solvable() -> None:
     assert np.all(np.abs(found.slope_percent - 12.0) < 1.96 * found.slope_sigma_percent)
 
 
+@pytest.mark.slow
 def test_true_slopes_lie_within_sigma_as_often_as_sigma_says() -> None:
     """Roads drawn from the prior itself, measured with known noise: 95 % within 1.96 sigma, never far fewer."""
     rng = np.random.default_rng(12)

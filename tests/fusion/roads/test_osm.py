@@ -229,6 +229,7 @@ def test_real_extracts_agree_with_a_plain_xml_reading(shared_data: Path, name: s
     assert set(keys(read_roads(shared_data / name))) == expected
 
 
+@pytest.mark.slow
 def test_real_pbf(shared_data: Path) -> None:
     table = read_roads(shared_data / "maps" / "heidelberg-2024-09.test.osm.pbf")
     assert len(table) > 100_000

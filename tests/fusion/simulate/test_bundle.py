@@ -41,6 +41,7 @@ def test_every_drive_of_a_bundle_is_read_back(bundle: Bundle) -> None:
         assert np.median(log.force.acc_z_mps2) == pytest.approx(9.8, abs=0.7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", (1, 2, 3))
 def test_demonstration_drives_show_everything(seed: int) -> None:
     town = make_town(seed)

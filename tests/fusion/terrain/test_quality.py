@@ -112,6 +112,7 @@ def test_a_declared_void_of_the_quality_layer_is_no_scene(tmp_path: Path, write_
         assert dem.filtered(1).heights(*place(5, 4)) == 114
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 999), st.integers(1, 9), st.sampled_from(list(WINDOWS)))
 def test_rejected_posts_are_voids_in_every_respect(

@@ -62,6 +62,7 @@ def test_the_steady_state_is_the_analytic_one(name: str) -> None:
     assert math.sqrt(filtered.covariance[-1, 0, 0]) == pytest.approx(2.72, abs=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gps_sigma_m", "whole_run_m"), [(15.0, 4.31), (10.0, 3.23)])
 def test_errors_are_those_that_the_covariance_states(gps_sigma_m: float, whole_run_m: float) -> None:
     """Mean 2-D error is sqrt(pi / 2) sigma at every step, the raw start included.
@@ -80,6 +81,7 @@ def test_errors_are_those_that_the_covariance_states(gps_sigma_m: float, whole_r
     assert np.mean([e[SETTLED:].mean() for e in errors]) < raw / 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("policy", POLICIES, ids=lambda s: s.heading)
 @pytest.mark.parametrize("seed", range(4))
@@ -90,6 +92,7 @@ def test_a_settled_filter_leaves_at_most_a_third_of_the_gps_error(
     assert truth.run(MODELS[name], policy)[SETTLED:].mean() < truth.gps_errors()[SETTLED:].mean() / 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", POLICIES, ids=lambda s: s.heading)
 def test_a_turning_drive_costs_the_recommended_handling_little(policy: Settings) -> None:
     """Spec 2.6: with the heading as a measurement, or overwritten with reset, EKF and UKF come to the KF's level."""
@@ -111,6 +114,7 @@ def test_ekf_and_ukf_are_centimetres_apart_when_turning(seed: int, policy: Setti
     assert abs(truth.errors(ekf).mean() - truth.errors(ukf).mean()) < 0.1
 
 
+@pytest.mark.slow
 def test_overwriting_without_a_reset_is_worse_than_with() -> None:
     """The variance of a heading that was just replaced goes on growing, and fixes are followed for no reason."""
     truths = [simulate(seed, **TURNING) for seed in range(20)]
@@ -121,6 +125,7 @@ def test_overwriting_without_a_reset_is_worse_than_with() -> None:
         assert np.mean(kept - reset) > 4 * np.std(kept - reset) / math.sqrt(len(truths))
 
 
+@pytest.mark.slow
 def test_the_heading_estimated_from_gps_alone_is_the_worst() -> None:
     """Spec 5.1: handling of the heading matters more than the choice of the filter."""
     policy = POLICIES[0]
@@ -146,6 +151,7 @@ def test_redrawing_changes_nothing_where_the_model_is_linear(seed: int) -> None:
     assert np.allclose(kept.covariance[60:] - 0.25 * np.eye(2), drawn.covariance[60:], atol=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_an_outage_is_dead_reckoning_and_the_covariance_grows_by_the_walk(name: str) -> None:
     """40 s without fixes add 40 Q; speed and heading carry the estimate to where the walk leaves the vehicle."""

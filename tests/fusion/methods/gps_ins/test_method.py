@@ -77,6 +77,7 @@ def test_slopes_beat_both_baselines_and_are_calibrated(make_log: MakeLog, town: 
     assert abs(rms(pooled[ALL[0]][0]) - rms(pooled[ALL[2]][0])) < 0.2 * rms(pooled[ALL[0]][0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "policy"),
     [(name, policy) for name in THIRD for policy in ("command", "overwrite", "measurement")],
@@ -169,6 +170,7 @@ def test_a_wrongly_mounted_yaw_sensor_is_turned_unless_told_not_to(make_log: Mak
     assert left.report["mean_nis"] > 10 * aligned.report["mean_nis"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "options"),
     [

@@ -43,6 +43,7 @@ def test_the_printed_command_runs_away_by_what_it_leaves_out(seed: int) -> None:
     assert filtered.mean - np.column_stack([truth.x_m, truth.y_m]) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_printed_command_costs_hundreds_of_metres() -> None:
     """Spec 2.6: about 635 m against 4.3 m (100 s, 200 runs). Over headings all round |d| is 4 v / pi on average."""
     truths = [simulate(seed) for seed in range(40)]
@@ -79,6 +80,7 @@ def test_a_filter_that_ran_beyond_all_numbers_starts_anew() -> None:
     assert filtered.starts.sum() > 1
 
 
+@pytest.mark.slow
 def test_the_printed_jacobian_harms_where_the_heading_is_estimated() -> None:
     """Spec 2.6: 157 to 178 m where fixes alone correct the heading, harmless where the INS does."""
     wrong = ExtendedModel(printed_jacobian=True)

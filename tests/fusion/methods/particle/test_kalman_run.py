@@ -115,6 +115,7 @@ def assert_equal(run: KalmanRun, slow: DriveRun) -> None:
     assert np.cos(one.heading_rad - other.heading_rad) == pytest.approx(1.0, abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("filter_name", ["ekf", "kf"])
 @pytest.mark.parametrize("change", LOGS, ids=lambda f: f.__name__)
 def test_the_compiled_run_is_the_textbook_filter(
@@ -132,6 +133,7 @@ def test_the_compiled_run_is_the_textbook_filter(
         assert not run.rows.outlier.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("filter_name", ["ekf", "kf"])
 @pytest.mark.parametrize("choice", CHOICES, ids=str)
 @pytest.mark.parametrize("with_dem", [True, False])

@@ -206,6 +206,7 @@ def test_with_every_option_off_nothing_is_left(world: World, fleet: list[Simulat
     assert run(log, fleet[0].town, **(off | {"doppler": True})).slopes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("option", "sensor"),
     [("altitude", "altitude"), ("doppler", "doppler"), ("pitch", "pitch"), ("force", "specific force")],

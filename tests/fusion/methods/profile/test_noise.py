@@ -109,6 +109,7 @@ TRUTHS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", TRUTHS, ids=["smooth road", "ordinary", "poor receiver"])
 def test_levels_are_recovered(truth: Noise) -> None:
     found = [simulate(seed, truth).learned().noise for seed in range(4)]
@@ -142,6 +143,7 @@ def scores(one: Simulated, learned: Learned) -> np.ndarray:
     return np.asarray((learned.smoothed.mean[:, GRADE] - one.grade) / sigma)[5::10]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("springs", "low", "high"), [(0.012, 0.88, 1.01), (0.0, 0.5, 0.88)])
 def test_errors_that_pitch_and_force_share_count_once(springs: float, low: float, high: float) -> None:
     """Both ride on the same springs: two sensors, one error. Where each has its own, two know more than one."""
@@ -218,6 +220,7 @@ def test_a_height_that_jumps_is_found_where_it_does() -> None:
     assert np.mean(np.abs(scores(moved, learned)) < 1.96) > 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tails", "allowed"), [(False, 0), (True, 1)], ids=["gauss", "student"])
 def test_steady_drives_have_no_sudden_changes(tails: bool, allowed: int) -> None:
     """With tails far heavier than any receiver's (three degrees of freedom) one drive in ten may look so."""

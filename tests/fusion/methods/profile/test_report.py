@@ -82,6 +82,7 @@ def test_no_doppler() -> None:
     assert len(said(drive_log(without=["velocity"]), "Doppler")) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "word"), [(0.1, "worse"), (10.0, "better")])
 def test_a_wrong_accuracy_of_velocities(factor: float, word: str) -> None:
     """Over a drive long enough to be sure."""

@@ -97,6 +97,7 @@ def test_gauss_markov_starts_in_its_stationary_state() -> None:
     assert np.std(first) == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("receiver", ("m8", "m8u", "phone", "f9p"))
 def test_errors_have_the_size_that_the_profile_says(town: Town, receiver: str) -> None:
     p = RECEIVERS[receiver]

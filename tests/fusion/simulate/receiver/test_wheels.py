@@ -73,6 +73,7 @@ def test_standing_wheels_stand(town: Town) -> None:
     np.testing.assert_array_equal(np.diff(wheels.left_rad)[still], 0.0)
 
 
+@pytest.mark.slow
 def test_errors_have_the_size_that_was_asked_for(town: Town) -> None:
     asked = WheelSet(radius_error=0.01, slip=0.05, slip_each=0.02, ticks_per_turn=0)
     radii, common, own = [], [], []
