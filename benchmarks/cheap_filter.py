@@ -32,6 +32,7 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.sequences import find_sequences, load_tool, make_log
 from fusion.formats import read_log
 from fusion.methods import METHODS
 from fusion.methods.particle.method import prepare, threads_for
@@ -45,7 +46,6 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, no_progress
-from slope_accuracy import find_sequences, load_tool, make_log
 
 Key = tuple[int, int, int]
 Slopes = dict[Key, tuple[float, float]]
@@ -84,11 +84,11 @@ def roads_of(args: argparse.Namespace, folder: Path) -> Iterator[tuple[str, list
     tool = load_tool(args.roadtruth or args.data_dir.parent.parent / "tools" / "roadtruth.py")
     for sequence in find_sequences(args.data_dir):
         if sequence.name in args.roads.split(","):
-            logs = [make_log(tool, sequence, seed, args, folder) for seed in range(args.seeds)]
-            yield (
-                sequence.name,
-                [drive_of(log, sequence.roads, sequence.dem, sequence.truth) for log in logs],
-            )
+            logs = [
+                make_log(tool, sequence, seed, folder, args.profile, args.cut) for seed in range(args.seeds)
+            ]
+            truth = {key: true.slope_percent for key, true in sequence.truth.items()}
+            yield sequence.name, [drive_of(log, sequence.roads, sequence.dem, truth) for log in logs]
     if "town" not in args.roads.split(","):
         return
     town = make_town(seed=1)

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import tempfile
 import time
-from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import slope_accuracy as accuracy
+from accuracy.scoring import Errors
+from accuracy.sequences import Sequence as Road
+from accuracy.sequences import estimate, find_sequences, load_tool, make_log, tool_beside
 from experiments.rows import Row
 from fusion.methods import METHODS
 from fusion.types import Progress
@@ -30,14 +31,13 @@ Values = dict[str, list[float]]
 
 def run(seeds: int, progress: Progress, data_dir: Path, roadtruth: Path | None = None) -> list[Row]:
     """Scores of every method, by sequence, whole and cut."""
-    tool = accuracy.load_tool(roadtruth or data_dir.parent.parent / "tools" / "roadtruth.py")
-    sequences = [s for s in accuracy.find_sequences(data_dir) if s.name in SEQUENCES]
+    tool = load_tool(roadtruth or tool_beside(data_dir))
+    sequences = [s for s in find_sequences(data_dir) if s.name in SEQUENCES]
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
         todo = [(sequence, cut) for sequence in sequences for cut in CUTS]
         for k, (sequence, cut) in enumerate(todo):
-            args = Namespace(profile="m8", cut=CUTS[cut])
-            logs = [accuracy.make_log(tool, sequence, seed, args, Path(folder)) for seed in range(seeds)]
+            logs = [make_log(tool, sequence, seed, Path(folder), "m8", CUTS[cut]) for seed in range(seeds)]
             for j, method in enumerate(METHODS):
                 progress("methods", (k + j / len(METHODS)) / len(todo))
                 rows += _rows(
@@ -46,19 +46,17 @@ def run(seeds: int, progress: Progress, data_dir: Path, roadtruth: Path | None =
     return rows
 
 
-def _scores(sequence: accuracy.Sequence, logs: Sequence[Path], method: str) -> Values:
+def _scores(sequence: Road, logs: Sequence[Path], method: str) -> Values:
     """Each quantity, one value a log."""
     found: Values = {quantity: [] for quantity, _ in _QUANTITIES}
     for log in logs:
         begin = time.perf_counter()
-        slopes = accuracy.estimate(sequence, [log], method, {})
+        slopes = estimate(sequence, [log], method)
         found["time"].append(time.perf_counter() - begin)
-        scores = accuracy.Scores([], [], [], [], [])
-        accuracy.add_score(scores, sequence.truth, slopes)
-        inside = scores.inside
-        found["RMSE"].append(scores.rmse[0] if scores.rmse else float("nan"))
-        found["coverage"].append(100 * scores.coverage[0])
-        found["within 1.96 sigma"].append(100 * sum(inside) / len(inside) if inside else float("nan"))
+        errors = Errors.of(sequence.truth, slopes)
+        found["RMSE"].append(errors.rmse if len(errors) else float("nan"))
+        found["coverage"].append(100 * errors.coverage)
+        found["within 1.96 sigma"].append(100 * errors.within_95 if len(errors) else float("nan"))
     return found
 
 
