@@ -7,10 +7,11 @@
 
 DATA_DIR holds sequences: ``ref_XX.csv`` (precise track) with ``truth_XX.csv`` (slope per segment), a road file
 whose name contains XX, and DEM tiles (``*.hgt``, ``*.tif``) if there are any; or one real log, ``log.csv`` with
-``truth.csv`` and ``roads.osm``. From each ``ref_XX.csv`` the tool ``roadtruth.py`` (``--roadtruth PATH``, by default
-``../tools`` beside DATA_DIR's parent) makes receiver logs, one a seed. With ``--drives N`` each score is of N drives
-put together as ``versant fuse`` does, seeds s*N .. s*N+N-1; several numbers give a block of tables each, and the
-baselines are run for the first of them. ``--sequences`` takes only some.
+``roads.osm``, ``truth.csv`` and its precise track ``ref.csv`` (one of the two is enough). From each ``ref_XX.csv`` the
+tool ``roadtruth.py`` (``--roadtruth PATH``, by default ``../tools`` beside DATA_DIR's parent) makes receiver logs, one
+a seed. With ``--drives N`` each score is of N drives put together as ``versant fuse`` does, seeds s*N .. s*N+N-1;
+several numbers give a block of tables each, and the baselines are run for the first of them. ``--sequences`` takes
+only some.
 
 For each sequence and method, means over the seeds (spread of the RMSE in brackets): RMSE, RMSE with segments weighted
 by their length, and 90th percentile of |error| in percent of slope, coverage (share of truth segments with an

@@ -210,12 +210,12 @@ def estimate(
     return slopes_of(fuse(sequence, logs, method, options))
 
 
-def parser_of(description: str | None) -> argparse.ArgumentParser:
-    """A command line with what every benchmark of accuracy takes: DATA_DIR, ``--json`` and ``--roadtruth``."""
+def parser_of(description: str | None, tool: str = "roadtruth") -> argparse.ArgumentParser:
+    """A command line with what benchmarks on recorded data take: DATA_DIR, ``--json`` and where the tool lies."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("data_dir", type=Path, metavar="DATA_DIR")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
-    parser.add_argument("--roadtruth", type=Path, metavar="PATH", help="where roadtruth.py lies")
+    parser.add_argument(f"--{tool}", type=Path, metavar="PATH", help=f"where {tool}.py lies")
     return parser
