@@ -82,9 +82,14 @@ def outside_blocks(
     return keep
 
 
-def with_barometer(columns: Columns, height_m: Floats, rng: np.random.Generator) -> Columns:
-    """The columns with the pressures that a drifting barometer shows at the true heights of their epochs."""
-    step_s = np.diff(columns["time_s"], prepend=columns["time_s"][0])
-    walk = np.cumsum(rng.normal(size=len(step_s)) * BAROMETER_DRIFT_M * np.sqrt(step_s / BAROMETER_DRIFT_S))
-    shown_m = height_m + walk + BAROMETER_WHITE_M * rng.normal(size=len(step_s))
+def with_barometer(columns: Columns, height_m: Floats, rng: np.random.Generator | None) -> Columns:
+    """The columns with the pressures that a drifting barometer shows at the true heights of their epochs.
+
+    ``rng`` is the source of its noise; without one it has none.
+    """
+    shown_m = height_m
+    if rng is not None:
+        step_s = np.diff(columns["time_s"], prepend=columns["time_s"][0])
+        walk = rng.normal(size=len(step_s)) * BAROMETER_DRIFT_M * np.sqrt(step_s / BAROMETER_DRIFT_S)
+        shown_m = height_m + np.cumsum(walk) + BAROMETER_WHITE_M * rng.normal(size=len(step_s))
     return {**columns, "pressure_hpa": _SEA_LEVEL_HPA * (1 - shown_m / _SCALE_M) ** _EXPONENT}

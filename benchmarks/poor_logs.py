@@ -1,0 +1,196 @@
+#!/usr/bin/env python3
+"""A ladder of poor logs: what slopes are worth when sensors are missing and epochs are far apart.
+
+    python benchmarks/poor_logs.py DATA_DIR [--method NAME] [--seeds 5] [--sequences 00,09,10] [--every 1,5,10]
+                                   [--json FILE]
+
+DATA_DIR is the folder ``karlsruhe``, or the one that holds it. The tool ``roadtruth.py`` makes logs of its reference
+drives as a receiver of the M8 class records them, one a seed; of those are left
+
+    everything           all sensors, with the SRTM tiles: the upper rung
+    barometer            positions and pressure; 0.1 m of white noise, and a random walk of 0.5 m in ten minutes
+    altitude             positions and altitudes, as in a GPX file: no accuracies, no velocities
+    altitude and SRTM    the same with the tiles
+    positions and SRTM   positions alone with the tiles
+
+each at one epoch in 1, 5 and 10 s. Printed for each: RMSE (spread over the seeds), share of the true slopes that have
+an estimate, share of errors within 1.96 sigma, root mean square of error over sigma, RMSE on segments below 15 m, and
+the RMSE of the same logs without noise: means over the sequences, errors pooled. Rows by sequence are in the JSON.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from argparse import Namespace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import NamedTuple
+
+import numpy as np
+
+from accuracy.logs import (
+    ALTITUDES,
+    POSITIONS,
+    only,
+    read_columns,
+    thinned,
+    with_barometer,
+    write_columns,
+)
+from accuracy.scoring import (
+    LENGTH_CLASSES_M,
+    Errors,
+    Row,
+    figures,
+    show_progress,
+    text_table,
+    write_json,
+)
+from accuracy.sequences import (
+    NOISE_FREE,
+    Sequence,
+    estimate,
+    find_sequences,
+    folder_of,
+    load_tool,
+    make_log,
+    parser_of,
+    tool_beside,
+)
+from fusion.errors import FusionError
+from fusion.registry import DEFAULT_METHOD
+
+COLUMNS = {
+    "log": ("log", ""),
+    "every_s": ("every s", "g"),
+    "rmse_percent": ("RMSE %", ".3f"),
+    "rmse_spread": ("(spread)", ".3f"),
+    "coverage": ("cover", ".1%"),
+    "within_95": ("in 1.96s", ".1%"),
+    "z_rms": ("z-rms", ".2f"),
+    "short_rmse_percent": (f"below {LENGTH_CLASSES_M[0]:g} m", ".3f"),
+    "noise_free_rmse_percent": ("noise-free RMSE %", ".3f"),
+}
+
+
+class Rung(NamedTuple):
+    """The columns left of a log (None: all), whether pressure comes to them, and whether the tiles are there."""
+
+    columns: tuple[str, ...] | None
+    barometer: bool
+    dem: bool
+
+
+GPX = tuple(name for name in POSITIONS if name != "h_acc_m")
+RUNGS = {
+    "everything": Rung(None, barometer=False, dem=True),
+    "barometer": Rung(POSITIONS, barometer=True, dem=False),
+    "altitude": Rung((*GPX, *ALTITUDES), barometer=False, dem=False),
+    "altitude and SRTM": Rung((*GPX, *ALTITUDES), barometer=False, dem=True),
+    "positions and SRTM": Rung(GPX, barometer=False, dem=True),
+}
+RECEIVER = "m8"
+Runs = dict[str, list[list[Errors]]]
+"""Errors by receiver, seed and sequence."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What logs are made with."""
+
+    tool: ModuleType
+    folder: Path
+    method: str
+    seeds: int
+
+    def rows(self, sequences: list[Sequence], rung: str, every_s: float) -> list[Row]:
+        """A row for each sequence, then one for all of them."""
+        show_progress(f"{rung}, every {every_s:g} s")
+        by_road: dict[str, Runs] = {
+            s.name: {
+                receiver: [
+                    [self.errors(s, RUNGS[rung], every_s, seed, receiver)] for seed in range(self.seeds)
+                ]
+                for receiver in (RECEIVER, NOISE_FREE)
+            }
+            for s in sequences
+        }
+        together = {
+            receiver: [
+                [e for (e,) in of_seed]
+                for of_seed in zip(*(runs[receiver] for runs in by_road.values()), strict=True)
+            ]
+            for receiver in (RECEIVER, NOISE_FREE)
+        }
+        return [
+            {"log": rung, "every_s": every_s, "sequence": name, **summarise(runs)}
+            for name, runs in {**by_road, "all": together}.items()
+        ]
+
+    def errors(self, sequence: Sequence, rung: Rung, every_s: float, seed: int, receiver: str) -> Errors:
+        """Errors of one poor log."""
+        columns = read_columns(make_log(self.tool, sequence, seed, self.folder, receiver))
+        left = columns if rung.columns is None else only(columns, rung.columns)
+        if rung.barometer:
+            exact = read_columns(make_log(self.tool, sequence, seed, self.folder, NOISE_FREE))
+            rng = None if receiver == NOISE_FREE else np.random.default_rng([seed, 2])
+            left = with_barometer(left, exact["alt_msl_m"], rng)
+        log = write_columns(thinned(left, every_s), self.folder / "poor.csv")
+        road = sequence if rung.dem else replace(sequence, dem=None)
+        return Errors.of(sequence.truth, estimate(road, [log], self.method))
+
+
+def run(args: Namespace) -> list[Row]:
+    """Every rung at every sampling."""
+    folder = folder_of(args.data_dir, "karlsruhe")
+    tool = load_tool(args.roadtruth or tool_beside(folder))
+    sequences = [s for s in find_sequences(folder) if s.name in args.sequences.split(",")]
+    if not sequences:
+        sys.exit(f"{folder}: no sequence named {args.sequences}")
+    with tempfile.TemporaryDirectory() as temporary:
+        bench = Bench(tool, Path(temporary), args.method, args.seeds)
+        rows = [
+            row
+            for rung in RUNGS
+            for every_s in map(float, args.every.split(","))
+            for row in bench.rows(sequences, rung, every_s)
+        ]
+    show_progress("")
+    return rows
+
+
+def summarise(runs: Runs) -> Row:
+    """The figures of logs with noise, and what those without noise and short segments give."""
+    pooled = Errors.pooled([e for of_seed in runs[RECEIVER] for e in of_seed])
+    short = pooled.take(pooled.length_m < LENGTH_CLASSES_M[0])
+    clean = figures(runs[NOISE_FREE])
+    return {
+        "coverage": 0.0,
+        **(figures(runs[RECEIVER]) or {}),
+        "short_rmse_percent": short.rmse if len(short) else None,
+        "noise_free_rmse_percent": clean["rmse_percent"] if clean else None,
+    }
+
+
+def main() -> None:
+    """Parse the command line, run, print."""
+    parser = parser_of(__doc__)
+    parser.add_argument("--method", default=DEFAULT_METHOD)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--sequences", default="00,09,10")
+    parser.add_argument("--every", default="1,5,10", help="seconds between epochs, separated by commas")
+    args = parser.parse_args()
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
+    try:
+        rows = run(args)
+    except FusionError as error:
+        sys.exit(str(error))
+    print(text_table([row for row in rows if row["sequence"] == "all"], COLUMNS))
+    write_json(args.json, rows)
+
+
+if __name__ == "__main__":
+    main()

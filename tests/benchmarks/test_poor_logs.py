@@ -1,0 +1,36 @@
+"""The rungs of the ladder leave columns that a log has, and no more than they say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import poor_logs
+from accuracy.scoring import Errors
+from accuracy.sequences import NOISE_FREE, TrueSlope, Truth
+from fusion.formats.csv_cells import COLUMNS
+
+TRUTH: Truth = {(1, 1, 2): TrueSlope(2.0, 10.0, 10.0), (1, 2, 3): TrueSlope(-4.0, 50.0, 50.0)}
+
+
+def test_rungs_leave_columns_of_a_log() -> None:
+    for rung in poor_logs.RUNGS.values():
+        assert set(rung.columns or ()) <= set(COLUMNS)
+    left = poor_logs.RUNGS["altitude"].columns
+    assert left is not None
+    assert set(left) == {"time_s", "lat_deg", "lon_deg", "alt_msl_m"}
+    assert poor_logs.RUNGS["positions and SRTM"].dem
+
+
+def test_short_segments_have_a_figure_of_their_own() -> None:
+    errors = Errors.of(TRUTH, {(1, 1, 2): (2.5, 1.0), (1, 2, 3): (-4.1, 1.0)})
+    row = poor_logs.summarise({poor_logs.RECEIVER: [[errors]], NOISE_FREE: [[Errors.of(TRUTH, {})]]})
+    assert np.isclose(row["short_rmse_percent"], 0.5)
+    assert np.isclose(row["rmse_percent"], np.sqrt((0.25 + 0.01) / 2))
+    assert row["noise_free_rmse_percent"] is None
+
+
+def test_a_rung_that_yields_nothing_has_a_row() -> None:
+    nothing = [[Errors.of(TRUTH, {})]]
+    row = poor_logs.summarise({poor_logs.RECEIVER: nothing, NOISE_FREE: nothing})
+    assert row["coverage"] == 0.0
+    assert "rmse_percent" not in row
