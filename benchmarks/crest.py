@@ -31,20 +31,13 @@ import numpy as np
 
 from accuracy.logs import Columns, rows_of, write_columns
 from accuracy.scoring import TWO_SIDED_95, Row, rms, show_progress, text_table, write_json
+from accuracy.streets import drive_along, make_street
 from app.cli.fuse_files import Fusion
 from fusion.errors import FusionError
-from fusion.frames import LocalProjection
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD
-from fusion.simulate.drive import simulate_drive
-from fusion.simulate.motion.routes import Route
-from fusion.simulate.motion.vehicle import Driver
 from fusion.simulate.receiver.profiles import RECEIVERS
-from fusion.simulate.scene.heights import regression_slope
-from fusion.simulate.scene.plan import Kind
-from fusion.simulate.scene.segments import Way, node_ids, tabulate
-from fusion.simulate.scene.terrain import Terrain
-from fusion.simulate.scene.town import CENTRE_LAT_DEG, CENTRE_LON_DEG, Town
+from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns
 
 APPROACH_M = 150.0
@@ -73,43 +66,14 @@ COLUMNS = {
 
 def make_crest(length_m: float, grade: float) -> Town:
     """Three segments in a row eastwards: up at a constant grade, over the crest, down at a constant grade."""
-    x = np.cumsum([0.0, APPROACH_M, length_m, APPROACH_M])
-    plane = LocalProjection(CENTRE_LON_DEG, CENTRE_LAT_DEG)
-    lon, lat = plane.to_lonlat(x, np.zeros(4))
-    grades = np.array([grade, grade, -grade, -grade])
-    way = Way(1, "Crest", Kind("tertiary"), (0, 1, 2, 3), grades)
-    cut = tabulate([way], lon, lat)
-    up = grade * APPROACH_M
-    height = 200.0 + np.array([0.0, up, up, 0.0])
-    length = np.diff(x)
-    slope = regression_slope(height[cut.start], height[cut.end], cut.grade_start, cut.grade_end, length)
-    return Town(
-        seed=0,
-        roads=cut.roads,
-        start=cut.start,
-        end=cut.end,
-        grade_start=cut.grade_start,
-        grade_end=cut.grade_end,
-        length_m=length,
-        true_slope_percent=100 * slope,
-        node_id=node_ids(4),
-        node_lon_deg=lon,
-        node_lat_deg=lat,
-        node_x_m=x,
-        node_y_m=np.zeros(4),
-        node_height_m=height,
-        ways=(way,),
-        footways=(),
-        terrain=Terrain.random(np.random.default_rng(0)),
-        projection=plane,
-    )
+    east = np.cumsum([0.0, APPROACH_M, length_m, APPROACH_M])
+    height = 200.0 + grade * APPROACH_M * np.array([0.0, 1.0, 1.0, 0.0])
+    return make_street(east, height, grade * np.array([1.0, 1.0, -1.0, -1.0]))
 
 
 def drive_over(town: Town, seed: int, receiver: str, part_m: float | None) -> Columns:
     """The log of a drive over the crest, to its end or over its first ``part_m`` only."""
-    route = Route(np.arange(3), np.ones(3, bool))
-    driver = Driver(stop_chance=0.0)
-    drive = simulate_drive(town, seed, 300.0, receiver=receiver, route=route, driver=driver)
+    drive = drive_along(town, seed, receiver)
     columns, at = csv_columns(drive), drive.truth
     if part_m is None:
         return columns
