@@ -17,7 +17,7 @@ DATA_DIR is the folder ``karlsruhe``, or the one that holds it. Logs are those o
 Printed for each sequence and model: RMSE (spread over the seeds), share of the true slopes that have an estimate, share
 of errors within 1.96 sigma, root mean square of error over sigma; then what the reports of the drives say of the model:
 its measurements, the share of outliers among them, the level of its noise as it was learned, and the warnings that name
-it. A model that is as good as lidar ought to count as such, and one that is wrong ought to be called wrong.
+it (numbers as #). A model as good as lidar ought to count as such, and one that is wrong ought to be called wrong.
 """
 
 from __future__ import annotations
@@ -193,7 +193,8 @@ def reported(reports: list[dict[str, Any]]) -> Row:
     """What the drives' reports say of the elevation model."""
     dem = [sensors["dem"] for r in reports if "dem" in (sensors := r.get("sensors", {}))]
     count = sum(one["measurements"] for one in dem)
-    warnings = Counter(w for r in reports for w in r.get("warnings", ()) if _NAMED.search(w))
+    said = [text for r in reports for text in r.get("warnings", ()) if _NAMED.search(text)]
+    warnings = Counter(re.sub(r"\d+(\.\d+)?", "#", text) for text in said)
     return {
         "measurements": count / len(dem) if dem else None,
         "outliers": sum(one["outliers"] for one in dem) / count if count else None,

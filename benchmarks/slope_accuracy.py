@@ -62,7 +62,7 @@ COLUMNS = {
     "method": ("method", ""),
     "rmse_percent": ("RMSE %", ".3f"),
     "rmse_spread": ("(spread)", ".3f"),
-    "weighted_rmse_percent": ("by length", ".3f"),
+    "weighted_rmse_percent": ("per metre", ".3f"),
     "p90_percent": ("p90 %", ".3f"),
     "coverage": ("cover", ".1%"),
     "within_95": ("in 1.96s", ".1%"),

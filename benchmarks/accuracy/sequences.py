@@ -32,7 +32,9 @@ Key = tuple[int, int, int]
 RECEIVERS = ("m8", "phone", "f9p")
 NOISE_FREE = "noise-free"
 """The receiver that errs by millimetres and says so. What is wrong with slopes from its logs is wrong with the sampling
-once a second, with the line of the road on the map, with the definition of the truth, or with the estimator."""
+once a second, with the line of the road on the map, with the definition of the truth, or with the estimator. The body's
+movement on its springs stays in its pitch and accelerations, and one percent in its speed signal: the tool has no
+log without them."""
 _TINY = {"mount": 0.0, "acc_bias": 0.0, "bias_v": 0.0, "pitch": 0.01, "acc": 0.001, "vh": 0.002, "vv": 0.002}
 _NOISE_FREE = {"h": (0.002, 100, 0.001), "v": (0.002, 120, 0.001), "h_acc": 0.01, "v_acc": 0.01, **_TINY}
 
