@@ -6,6 +6,7 @@ network adjustment for logs at hand. Nothing here knows files, people or where a
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
@@ -17,16 +18,15 @@ from fusion.errors import BadOptionsError, EmptyLogError, MethodError, NoMatchEr
 from fusion.frames import LocalProjection
 from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
-from fusion.network.adjust import adjust
+from fusion.network.adjust import adjust, terrain_of
 from fusion.network.combine import SlopePart
-from fusion.network.evidence import SegmentEvidence, passes_by_segment
 from fusion.network.pass_factor import PassFactor
+from fusion.network.unknowns import knot_positions
 from fusion.network.window import gap_rows
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
-from fusion.terrain.windows import dem_slopes
 from fusion.types import DriveLog, Ints, Progress, Track, no_progress
 
 ROAD_MARGIN_M = 250.0
@@ -178,16 +178,14 @@ def solve_network(roads: RoadTable, dem: Dem | None, drives: Sequence[FusedDrive
     )
     if not numbers:
         return SolvedNetwork({}, rejected)
-    factors, drive_of = _factors_by_file_row(drives, numbers)
-    evidence = {row: SegmentEvidence.build(keyed) for row, keyed in passes_by_segment(factors).items()}
-    accepted = {
-        row: {drive_of[key] for key in one.keys[one.accepted].tolist()} for row, one in evidence.items()
+    passes = {
+        number: [replace(f, segment=int(drives[number].rows[f.segment])) for f in drives[number].result.factors]
+        for number in numbers
     }
-    for row, one in evidence.items():
-        for number in {drive_of[key] for key in one.keys.tolist()} - accepted[row]:
-            rejected[number] += 1
-    near = surroundings([drives[k] for k in numbers])
-    return SolvedNetwork(_solved_parts(roads, dem, near, evidence, accepted), rejected)
+    solved = _solved(roads, dem, surroundings([drives[k] for k in numbers]), passes)
+    for (number, _), weight in solved.heard.items():
+        rejected[number] += weight == 0
+    return SolvedNetwork(solved.parts, rejected)
 
 
 def surroundings(drives: Sequence[FusedDrive]) -> Ints:
@@ -199,43 +197,38 @@ def _begin(one: FusedDrive) -> float:
     return float(one.result.track.time_s[0])
 
 
-def _factors_by_file_row(
-    drives: Sequence[FusedDrive], numbers: Sequence[int]
-) -> tuple[list[PassFactor], list[int]]:
-    """The factors of the drives with these numbers, over rows of the road file, and the drive that each is of."""
-    factors: list[PassFactor] = []
-    drive_of: list[int] = []
-    for number in numbers:
-        one = drives[number]
-        for factor in one.result.factors:
-            factors.append(replace(factor, segments=tuple(int(one.rows[s]) for s in factor.segments)))
-            drive_of.append(number)
-    return factors, drive_of
+class _Solved(NamedTuple):
+    parts: dict[int, list[SlopePart]]
+    heard: dict[tuple[int, int], int]
 
 
-def _solved_parts(
-    roads: RoadTable,
-    dem: Dem | None,
-    near: Ints,
-    evidence: Mapping[int, SegmentEvidence],
-    accepted: Mapping[int, set[int]],
-) -> dict[int, list[SlopePart]]:
-    """The solution over the rows ``near``; ``accepted``: the drives accepted on each row."""
-    table, driven = roads.subset(near), np.isin(near, list(evidence))
+def _solved(roads: RoadTable, dem: Dem | None, near: Ints, passes: Mapping[int, Sequence[PassFactor]]) -> _Solved:
+    """The solution over the rows ``near``, and for each drive and row how many of its passes are heard there."""
+    table = roads.subset(near)
+    driven = np.isin(near, [f.segment for said in passes.values() for f in said])
     solved = driven | gap_rows(table, driven)
     table, rows = table.subset(solved), near[solved]
-    terrain = dem_slopes(dem, table) if dem else np.full(len(table), np.nan)
-    result = adjust(table, [evidence.get(row) for row in rows.tolist()], terrain, rows)
+    row_of = {int(row): k for k, row in enumerate(rows)}
+    terrain = terrain_of(dem.heights(*knot_positions(table))) if dem else None
+    # In the order of driving, so that the order in which logs are named changes no digit.
+    own = {k: [replace(f, segment=row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
+    result = adjust(table, own, terrain)
+    names = list(passes)
+    heard: dict[tuple[int, int], int] = {}
+    for (k, sequence), good in result.heard.items():
+        row = int(rows[next(f.segment for f in own[k] if f.sequence == sequence)])
+        heard[names[k], row] = heard.get((names[k], row), 0) + good
+    drives_on = Counter(row for (_, row), count in heard.items() if count)
     columns = zip(
         rows.tolist(),
         result.slope_percent.tolist(),
         result.slope_sigma_percent.tolist(),
-        [len(accepted.get(row, ())) for row in rows.tolist()],
         result.observations.tolist(),
         strict=True,
     )
-    return {
-        row: [SlopePart(slope, sigma, count, observations, network=True)]
-        for row, slope, sigma, count, observations in columns
+    parts = {
+        row: [SlopePart(slope, sigma, drives_on[row], observations, network=True)]
+        for row, slope, sigma, observations in columns
         if np.isfinite(slope) and np.isfinite(sigma)
     }
+    return _Solved(parts, heard)

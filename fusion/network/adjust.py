@@ -1,266 +1,288 @@
-"""The slopes of a road network from all drives together: one sparse least-squares solution for the heights.
+"""The heights of a road network from all drives together: one sparse least-squares solution.
 
-Unknowns are the heights and grades at the knots of ``fusion.network.curve`` along each segment, and a height at every
-node, at which the segments that meet there roughly agree. Every drive's passes enter as likelihoods
-(``fusion.network.evidence``), the smoothness of roads enters once, the elevation model as a weak slope. The idea is
-geodesy's network adjustment; ``benchmarks/adjustment.py`` measures how it grows. Drives and sensors are not known here.
+Unknowns are heights and grades at the knots of every segment (``fusion.network.curve``), a height at every node, and
+what each drive carries along (``fusion.network.unknowns``). The idea is geodesy's network adjustment. Heavy tails are
+Student's t, found in rounds of reweighting: of the road's roughness, of the agreement at nodes, of whole passes, and of
+a height sensor's way from one pass to the next. Sensors are not known here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
-from fusion.filters.sparse_inverse import NormalEquations
-from fusion.network.curve import slope_rows, smoothness_block
-from fusion.network.equations import EquationSystem, Unknowns
-from fusion.network.evidence import SegmentEvidence
+from fusion.network.curve import place_rows, slope_rows, smoothness_block
+from fusion.network.equations import Blocks, EquationSystem, Solution
 from fusion.network.joints import couplings
+from fusion.network.pass_factor import CONSTANT_SIGMA, ENTRY, EXIT, HEIGHT_SENSORS, LAG, PassFactor
+from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
 
+ROUNDS = 4
 DEFAULT_ROUGHNESS = 3e-5
-"""Variance of the grade's change per metre where no drive has learned it: between flat towns and hills."""
-
 ROUGHNESS_BOUNDS = (3e-7, 1e-3)
-"""The flattest of towns and the roughest of tracks."""
-
-ROUGHNESS_FACTOR = 2.0
-"""Grades change more at a few places than elsewhere: a drive's likelihood finds the quiet stretches' strength."""
+ROUGHNESS_FREEDOM = 3.0
+ROUGHNESS_START = 10.0
 STRUCTURE_FACTOR = 0.1
-"""Bridges and tunnels are built smoother than the roads to them."""
-TAIL_FREEDOM = 2.0
-TAIL_ROUNDS = 3
-TAIL_START = 10.0
-"""Changes of grade follow Student's t with so many degrees of freedom (kinks, kerbs), found in so many rounds, which
-begin with a prior so many times weaker: what is smoothed away at first is never found again."""
+NODE_SIGMA_M = 0.05
+NODE_FREEDOM = 2.0
+PASS_FREEDOM = 4.0
+WALK_FREEDOM = 2.0
+START_SIGMA_M = (30.0, 300.0)
+GRADE_SIGMA = 0.2
+PLACE_SIGMA_M = 2.0
+LAG_MEAN_S = (2.0, 1.0)
+LAG_SIGMA_S = 1.5
+REJECT_SIGMAS = 4.0
 
-GRADE_PRIOR_SIGMA = 0.2
-"""One sigma of the weak belief that a road's grade is near 0; keeps unmeasured unknowns in bounds."""
 
-RIDGE = 1e-10
-"""Share of the diagonal that is added where rounding has left the equations not quite positive definite."""
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Heights of an elevation model at the knots of the segments, one after another, m (NaN unknown), and its error."""
 
-DEM_SIGMA_PERCENT = 6.0
-DEM_LENGTH_M = 90.0
-"""A DEM's slope is this wrong over a stretch of the spacing of its posts; over longer ones less, in proportion."""
-
-NODE_SIGMA_M = 2.0
-"""How well the heights of segments agree where they meet. Camber and lanes are centimetres; the rest lets go of loops:
-around a block small errors that all drives share sum up, and a drive would change slopes a mile away (measured: nothing
-is lost but a little on logs that have nothing except heights)."""
-
-SIGMA_FLOOR_PERCENT = 0.18
-"""What the definition of a segment's slope leaves open, however often it is driven (spec 7: 0.12 to 0.18 %)."""
+    height_m: Floats
+    sigma_m: float
+    length_m: float
 
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """Slopes of the rows of a window, shape (n,), positive from from_node to to_node.
-
-    ``observations`` and ``passes`` count what was accepted, ``rejected`` the passes that were not; gaps have 0.
-    """
+    """Slopes of whole segments, shape (n,), positive from from_node to to_node, and what they rest on."""
 
     slope_percent: Floats
     slope_sigma_percent: Floats
+    driven_share: Floats
     observations: Ints
     passes: Ints
     rejected: Ints
+    heard: dict[tuple[int, int], bool]
+    """Whether each pass, by drive and sequence, agrees with the solution"""
+    lag_s: dict[int, float]
+    lag_mean_s: float
+    solution: Solution
+    unknowns: RoadUnknowns
 
 
-def adjust(
-    network: RoadTable,
-    evidence: Sequence[SegmentEvidence | None],
-    dem_slope_percent: Floats,
-    ids: Ints | None = None,
-) -> Adjustment:
-    """Solve a window of the network.
-
-    ``evidence`` has one entry a row, None for a gap between driven ones, which gets a slope as well;
-    ``dem_slope_percent`` has shape (n,), NaN unknown; ``ids`` says what the segments inside the evidence refer to (by
-    default the rows' numbers). What a factor says conditional on segments outside the window is marginalised.
-    """
-    n = len(network)
-    if not n:
-        return Adjustment(np.empty(0), np.empty(0), *(np.empty(0, np.int64) for _ in range(3)))
-    unknowns = Unknowns(network)
-    row_of = {int(i): row for row, i in enumerate(np.arange(n) if ids is None else ids)}
-    known = [None if e is None or not e.accepted.any() else e for e in evidence]
-    system = EquationSystem(unknowns.size)
-    _add_nodes(system, unknowns, network)
-    _add_dem(system, unknowns, network, dem_slope_percent)
-    _add_bounds(system, unknowns)
-    for one in known:
-        for history, (information, vector) in () if one is None else one.groups.items():
-            _add_factor(system, unknowns, [row_of.get(s, -1) for s in history], information, vector)
-    equations, solution = _solve(system, _RoughnessPrior(unknowns, known))
-    slope, sigma = _slopes(equations, solution, unknowns, known)
-    counts = [(0, 0, 0) if e is None else _pass_counts(e) for e in evidence]
-    observations, passes, rejected = np.array(counts, np.int64).reshape(n, 3).T
-    return Adjustment(slope, sigma, observations, passes, rejected)
+DEM_SIGMA_M, DEM_LENGTH_M = 6.0, 300.0
 
 
-def _pass_counts(evidence: SegmentEvidence) -> tuple[int, int, int]:
-    """Observations, accepted passes and rejected passes of a segment."""
-    accepted = evidence.accepted
-    return evidence.observations if accepted.any() else 0, int(accepted.sum()), int((~accepted).sum())
+def terrain_of(height_m: Floats) -> Terrain:
+    """Heights at the knots (``unknowns.knot_positions``) with the errors of an SRTM."""
+    return Terrain(height_m, DEM_SIGMA_M, DEM_LENGTH_M)
 
 
-class _RoughnessPrior:
-    """The one smoothness prior: grades are random walks whose strength the drives have learned, with heavy tails."""
+class _Road:
+    """What is believed of roads: nodes agree, grades go on, and walk at random in between."""
 
-    def __init__(self, unknowns: Unknowns, evidence: Sequence[SegmentEvidence | None]) -> None:
-        learned = [DEFAULT_ROUGHNESS if e is None else e.roughness for e in evidence]
-        usual = ROUGHNESS_FACTOR * np.clip(learned, *ROUGHNESS_BOUNDS)
-        usual = np.where(unknowns.structure, STRUCTURE_FACTOR * usual, usual)
-        self._parts = []
-        for intervals in np.unique(unknowns.intervals).tolist():
-            rows = unknowns.rows_with(intervals)
-            variables = unknowns.variables(rows)
-            unit = np.array([smoothness_block(d) for d in unknowns.length_m[rows] / intervals])
-            for j in range(intervals):
-                self._parts.append((variables[:, 2 * j : 2 * j + 4], unit, usual[rows]))
-        self._strength = [TAIL_START * usual for _, _, usual in self._parts]
+    def __init__(self, network: RoadTable, passes: Sequence[PassFactor]) -> None:
+        self.unknowns = u = RoadUnknowns(network)
+        rows = np.arange(len(network))
+        ends = [np.column_stack([node, u.end(rows, np.full(len(rows), at))]) for node, at in ((u.start_node, False), (u.end_node, True))]
+        self.ties = Blocks.of_rows(np.concatenate(ends), np.array([-1.0, 1.0]), 0.0, NODE_SIGMA_M**2)
+        c = couplings(network)
+        pair = np.column_stack([u.end(c.row_a, c.end_a) + 1, u.end(c.row_b, c.end_b) + 1])
+        sign = np.column_stack([np.ones(len(pair)), np.where(c.end_a == c.end_b, 1.0, -1.0)])
+        self.fixed = [Blocks.of_rows(pair, sign, 0.0, c.sigma**2)]
+        self.roughness: list[Blocks] = []
+        self.factor: list[Floats] = []
+        for mine in u.by_intervals():
+            variables, n = u.variables(mine), int(u.intervals[mine[0]])
+            weak = np.diag(np.tile([1e-10, GRADE_SIGMA**-2], n + 1)) + 1e-12  # every pair of a segment shares an equation
+            self.fixed.append(Blocks(variables, np.broadcast_to(weak, (len(mine), *weak.shape)), np.zeros(variables.shape), np.ones(len(mine))))
+            unit = np.array([smoothness_block(d) for d in u.length_m[mine] / n])
+            for j in range(n):
+                self.roughness.append(Blocks(variables[:, 2 * j : 2 * j + 4], unit, np.zeros((len(mine), 4)), np.ones(len(mine))))
+                self.factor.append(np.where(u.structure[mine], STRUCTURE_FACTOR, 1.0))
+        learned = [DEFAULT_ROUGHNESS, *(p.roughness for p in passes)]
+        self.usual = float(np.clip(np.exp(np.mean(np.log(learned[1:] or learned))), *ROUGHNESS_BOUNDS))
+        self._begin = self.usual
+        for one, factor in zip(self.roughness, self.factor, strict=True):
+            one.weight = 1 / (2 * ROUGHNESS_START * self.usual * factor)
 
-    def add_to(self, system: EquationSystem) -> None:
-        """Add the prior at its present strength."""
-        for (variables, unit, _), strength in zip(self._parts, self._strength, strict=True):
-            system.add(variables, unit / strength[:, None, None])
+    def blocks(self) -> list[Blocks]:
+        return [*self.fixed, self.ties, *self.roughness]
 
-    def learn(self, equations: NormalEquations, solution: Floats) -> None:
-        """Strengthen or weaken each interval by what the solution says that its grade does there (EM)."""
-        for k, (variables, unit, usual) in enumerate(self._parts):
-            x = solution[variables]
-            change = np.einsum("mi,mij,mj->m", x, unit, x)
-            change += np.einsum("mij,mji->m", unit, equations.covariance(variables))
-            self._strength[k] = (TAIL_FREEDOM * usual + np.maximum(change, 0.0)) / (TAIL_FREEDOM + 2)
-
-
-def _solve(system: EquationSystem, roughness: _RoughnessPrior) -> tuple[NormalEquations, Floats]:
-    """The solution with the strength of the prior found on the way."""
-    order: Ints | None = None
-    for last in [False] * TAIL_ROUNDS + [True]:
-        whole = system.copy()
-        roughness.add_to(whole)
-        equations = _factorised(whole.matrix(), order)
-        order = equations.order
-        solution = equations.solve(whole.vector)
-        if not last:
-            roughness.learn(equations, solution)
-    return equations, solution
-
-
-def _factorised(matrix: scipy.sparse.csc_matrix, order: Ints | None) -> NormalEquations:
-    """The factorised equations; rounding in long sums of factors may ask for a hair more."""
-    try:
-        return NormalEquations(matrix, order)
-    except ValueError:
-        matrix.setdiag((1 + RIDGE) * matrix.diagonal())
-        return NormalEquations(matrix, order)
+    def learn(self, solution: Solution) -> None:
+        """Weigh ties and intervals by what the solution says that they do; and the usual roughness itself."""
+        squares = self.ties.expected_squares(solution)
+        self.ties.weight = (NODE_FREEDOM + 1) / (NODE_FREEDOM + squares)
+        change = [np.maximum(b.expected_squares(solution), 0.0) / f for b, f in zip(self.roughness, self.factor, strict=True)]
+        whole = np.concatenate(change)
+        for _ in range(5):
+            weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + whole / self.usual)
+            self.usual = float((np.sum(weight * whole) + 20 * self._begin) / (2 * len(whole) + 20))
+        for one, c, f in zip(self.roughness, change, self.factor, strict=True):
+            one.weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * self.usual + c) / f
 
 
-def _add_bounds(system: EquationSystem, unknowns: Unknowns) -> None:
-    """Weakly believe that roads are not steep; all of a segment's unknowns meet here, so that covariances are found."""
-    for intervals in np.unique(unknowns.intervals).tolist():
-        variables = unknowns.variables(unknowns.rows_with(intervals))
-        block = np.diag(np.tile([0.0, GRADE_PRIOR_SIGMA**-2], intervals + 1))
-        system.add(variables, np.broadcast_to(block, (len(variables), *block.shape)))
+class _Drives:
+    """What all drives say: their passes, and how the errors that they carry along hang together."""
+
+    def __init__(self, drives: Mapping[int, Sequence[PassFactor]], road: RoadUnknowns) -> None:
+        self.names = sorted(drives)
+        self.passes = {d: sorted(drives[d], key=lambda p: p.sequence) for d in self.names}
+        size = road.size
+        self.unknowns: dict[int, DriveUnknowns] = {}
+        for d in self.names:
+            self.unknowns[d] = DriveUnknowns(self.passes[d], size)
+            size = self.unknowns[d].end
+        lags = [u.lag for u in self.unknowns.values() if u.lag is not None]
+        self.lag_mean = size if lags else None
+        self.size = size + bool(lags)
+        self.fixed = self._beliefs(lags)
+        self.walks = self._walks()
+        self.groups = self._groups(road)
+
+    def _beliefs(self, lags: list[int]) -> list[Blocks]:
+        out = []
+        for u in self.unknowns.values():
+            kinds = np.array(list(u.constants.items()), np.int64).reshape(-1, 2)
+            kinds = kinds[kinds[:, 1] != LAG]
+            sigma = np.array(CONSTANT_SIGMA)[kinds[:, 1]]
+            out.append(Blocks.of_rows(kinds[:, :1], np.ones((len(kinds), 1)), 0.0, sigma**2))
+            for s in range(len(HEIGHT_SENSORS)):
+                first = u.of_pass[u.of_pass[:, ENTRY.start + s] >= 0, ENTRY.start + s][:1]
+                out.append(Blocks.of_rows(first[:, None], np.ones((len(first), 1)), 0.0, START_SIGMA_M[s] ** 2))
+        if lags:
+            out.append(Blocks.of_rows(np.array([[self.lag_mean]]), np.ones((1, 1)), LAG_MEAN_S[0], LAG_MEAN_S[1] ** 2))
+            pairs = np.column_stack([lags, np.full(len(lags), self.lag_mean)])
+            out.append(Blocks.of_rows(pairs, np.array([1.0, -1.0]), 0.0, LAG_SIGMA_S**2))
+        return [b for b in out if len(b.variables)]
+
+    def _walks(self) -> Blocks:
+        """From one pass to the next an error walks on; over a second, where the passes meet."""
+        pairs, variance = [np.empty((0, 2), np.int64)], [np.empty(0)]
+        for d in self.names:
+            u, passes = self.unknowns[d], self.passes[d]
+            for s in range(len(HEIGHT_SENSORS)):
+                before, after = u.joints(s)
+                pairs.append(np.column_stack([u.of_pass[before, EXIT.start + s], u.of_pass[after, ENTRY.start + s]]))
+                apart = [max(passes[b].first_time_s - passes[a].last_time_s, 0.0) + 1.0 for a, b in zip(before, after, strict=True)]
+                rate = [passes[b].walk_m2_per_s[s] for b in after]
+                variance.append(np.array(apart) * np.array(rate))
+        return Blocks.of_rows(np.concatenate(pairs), np.array([-1.0, 1.0]), 0.0, np.concatenate(variance))
+
+    def _groups(self, road: RoadUnknowns) -> list[tuple[list[tuple[int, int]], Blocks, Floats, Floats]]:
+        """Passes with equal numbers of unknowns: which, their blocks, squares and numbers of measurements."""
+        by_size: dict[tuple[int, bytes], list[tuple[int, int]]] = {}
+        for d in self.names:
+            for k, one in enumerate(self.passes[d]):
+                by_size.setdefault((len(one.vector), one.used.tobytes()), []).append((d, k))
+        out = []
+        for members in by_size.values():
+            factors = [self.passes[d][k] for d, k in members]
+            knots = len(factors[0].vector) - factors[0].used.size
+            kept = np.concatenate([np.ones(knots, bool), factors[0].used])
+            own = np.array([self.unknowns[d].of_pass[k][factors[0].used] for d, k in members]).reshape(len(members), -1)
+            rows = np.array([f.segment for f in factors])
+            blocks = Blocks(
+                np.concatenate([road.variables(rows), own], axis=1),
+                np.array([f.information[np.ix_(kept, kept)] for f in factors]),
+                np.array([f.vector[kept] for f in factors]),
+                np.ones(len(members)),
+            )
+            out.append((members, blocks, np.array([f.square for f in factors]), np.array([max(f.rows, 1) for f in factors], float)))
+        return out
+
+    def blocks(self) -> list[Blocks]:
+        return [*self.fixed, self.walks, *(b for _, b, _, _ in self.groups)]
+
+    def learn(self, solution: Solution) -> None:
+        if len(self.walks.variables):
+            self.walks.weight = (WALK_FREEDOM + 1) / (WALK_FREEDOM + self.walks.expected_squares(solution))
+        for (_, blocks, square, rows), misfit in zip(self.groups, self.misfits(solution), strict=True):
+            del square, rows
+            blocks.weight = _pass_weight(misfit)
+
+    def misfits(self, solution: Solution) -> list[Floats]:
+        """Chi-square of each pass for each of its measurements, group by group."""
+        return [
+            np.maximum(square - 2 * np.sum(b.vector * solution.x[b.variables], axis=1) + b.squares(solution.x), 0.0) / rows
+            for _, b, square, rows in self.groups
+        ]
 
 
-def _add_nodes(system: EquationSystem, unknowns: Unknowns, network: RoadTable) -> None:
-    """At a node heights meet and the grade goes on, the less surely the sharper the turn."""
-    rows = np.arange(len(network))
-    for node, at_end in ((unknowns.start_node, False), (unknowns.end_node, True)):
-        heights = unknowns.end(rows, np.full(len(rows), at_end))
-        _add_differences(system, node, heights, -np.ones(len(rows)), np.full(len(rows), NODE_SIGMA_M))
-    c = couplings(network)
-    sign = np.where(c.end_a == c.end_b, 1.0, -1.0)
-    _add_differences(
-        system, unknowns.end(c.row_a, c.end_a) + 1, unknowns.end(c.row_b, c.end_b) + 1, sign, c.sigma
-    )
+def _pass_weight(misfit: Floats) -> Floats:
+    weight = (PASS_FREEDOM + 1) / (PASS_FREEDOM + misfit)
+    return np.asarray(weight * np.minimum(1.0, REJECT_SIGMAS**2 / np.maximum(misfit, 1e-9)))
 
 
-def _add_differences(system: EquationSystem, a: Ints, b: Ints, sign: Floats, sigma: Floats) -> None:
-    """Observations x_a + sign * x_b = 0."""
-    blocks = np.empty((len(a), 2, 2))
-    blocks[:, 0, 0] = blocks[:, 1, 1] = sigma**-2
-    blocks[:, 0, 1] = blocks[:, 1, 0] = sign * sigma**-2
-    system.add(np.column_stack([a, b]), blocks)
+def adjust(network: RoadTable, drives: Mapping[int, Sequence[PassFactor]], terrain: Terrain | None = None) -> Adjustment:
+    """Solve a network; ``PassFactor.segment`` are its rows, the keys of ``drives`` any numbers that differ."""
+    everything = [p for d in sorted(drives) for p in drives[d]]
+    road = _Road(network, everything)
+    said = _Drives(drives, road.unknowns)
+    model = [] if terrain is None else _terrain_blocks(road.unknowns, terrain)
+    last = np.array([] if said.lag_mean is None else [said.lag_mean], np.int64)
+    system = EquationSystem(said.size, [*road.blocks(), *said.blocks(), *model], last)
+    for number in range(ROUNDS):
+        solution = system.solve()
+        if number < ROUNDS - 1:
+            road.learn(solution)
+            said.learn(solution)
+    return _published(network, road, said, solution)
 
 
-def _add_dem(
-    system: EquationSystem, unknowns: Unknowns, network: RoadTable, dem_slope_percent: Floats
-) -> None:
-    """The DEM's slope as a weak observation, not on structures nor beside them."""
-    structure = network.bridge | network.tunnel
+def _terrain_blocks(unknowns: RoadUnknowns, terrain: Terrain) -> list[Blocks]:
+    """The elevation model's errors as an Ornstein-Uhlenbeck process along every segment, away from structures."""
     touched = np.zeros(unknowns.nodes, bool)
-    touched[unknowns.start_node[structure]] = touched[unknowns.end_node[structure]] = True
-    beside = touched[unknowns.start_node] | touched[unknowns.end_node]
-    use = np.isfinite(dem_slope_percent) & ~structure & ~beside
-    rows = np.flatnonzero(use)
-    length = unknowns.length_m[rows]
-    share = DEM_LENGTH_M / length
-    sigma = DEM_SIGMA_PERCENT / 100 * np.where(share > 1, np.sqrt(share), share)
-    design = np.column_stack([-1 / length, 1 / length])
-    weight = sigma**-2
-    system.add(
-        np.column_stack([unknowns.end(rows, np.full(len(rows), at_end)) for at_end in (False, True)]),
-        weight[:, None, None] * design[:, :, None] * design[:, None, :],
-        (weight * dem_slope_percent[rows] / 100)[:, None] * design,
-    )
+    touched[unknowns.start_node[unknowns.structure]] = touched[unknowns.end_node[unknowns.structure]] = True
+    clear = ~(unknowns.structure | touched[unknowns.start_node] | touched[unknowns.end_node])
+    at = np.concatenate([[0], np.cumsum(unknowns.intervals + 1)])
+    out = []
+    for mine in unknowns.by_intervals():
+        mine = mine[clear[mine]]
+        if not len(mine):
+            continue
+        n, variables = int(unknowns.intervals[mine[0]]), unknowns.variables(mine)
+        height = terrain.height_m[at[mine][:, None] + np.arange(n + 1)]
+        spacing = unknowns.length_m[mine] / n / terrain.length_m
+        same, across = 0.5 / np.tanh(spacing), -0.5 / np.sinh(spacing)
+        for j in range(n):
+            block = np.empty((len(mine), 2, 2))
+            block[:, 0, 0] = block[:, 1, 1] = same / terrain.sigma_m**2
+            block[:, 0, 1] = block[:, 1, 0] = across / terrain.sigma_m**2
+            known = np.isfinite(height[:, j] + height[:, j + 1])
+            pair, value = variables[known][:, [2 * j, 2 * j + 2]], height[known, j : j + 2]
+            out.append(Blocks(pair, block[known], np.einsum("mij,mj->mi", block[known], value), np.ones(int(known.sum()))))
+    return out
 
 
-def _add_factor(
-    system: EquationSystem, unknowns: Unknowns, rows: list[int], information: Floats, vector: Floats
-) -> None:
-    inside = [row >= 0 for row in rows]
-    if not all(inside):
-        information, vector, rows = _without_history(unknowns, rows, information, vector)
-    if rows:
-        variables = np.concatenate([unknowns.variables(np.array([row]))[0] for row in rows])
-        system.add(variables[None, :], information[None], vector[None])
+def _published(network: RoadTable, road: _Road, said: _Drives, solution: Solution) -> Adjustment:
+    u = road.unknowns
+    slope, sigma = np.full(len(network), np.nan), np.full(len(network), np.nan)
+    for mine in u.by_intervals():
+        variables, length = u.variables(mine), u.length_m[mine]
+        covariance, x = solution.equations.covariance(variables), solution.x[variables]
+        rows = slope_rows(np.zeros(len(mine)), length, length)
+        variance = np.einsum("mi,mij,mj->m", rows, covariance, rows)
+        for moved in place_rows(length):
+            variance += PLACE_SIGMA_M**2 * (np.sum(moved * x, axis=1) ** 2 + np.einsum("mi,mij,mj->m", moved, covariance, moved))
+        slope[mine], sigma[mine] = 100 * np.sum(rows * x, axis=1), 100 * np.sqrt(variance)
+    heard: dict[tuple[int, int], bool] = {}
+    counts = np.zeros((3, len(network)), np.int64)
+    cover: list[list[tuple[float, float]]] = [[] for _ in range(len(network))]
+    for (members, _, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True):
+        for (d, k), good in zip(members, (misfit <= REJECT_SIGMAS**2).tolist(), strict=True):
+            factor = said.passes[d][k]
+            heard[d, factor.sequence] = good
+            counts[1 if good else 2, factor.segment] += 1
+            if good:
+                counts[0, factor.segment] += factor.observations
+                cover[factor.segment].append((factor.start_m, factor.end_m))
+    share = np.array([_covered(parts) for parts in cover]) / u.length_m
+    lags = {d: float(solution.x[q.lag]) for d, q in said.unknowns.items() if q.lag is not None}
+    mean = np.nan if said.lag_mean is None else float(solution.x[said.lag_mean])
+    return Adjustment(slope, sigma, np.minimum(share, 1.0), *counts, heard, lags, mean, solution, u)
 
 
-def _without_history(
-    unknowns: Unknowns, rows: list[int], information: Floats, vector: Floats
-) -> tuple[Floats, Floats, list[int]]:
-    """Marginalise the history of a factor; its own segment stays, if it is in the window."""
-    if rows[-1] < 0:
-        return information, vector, []
-    own = 2 * int(unknowns.intervals[rows[-1]]) + 2
-    a, b, d = information[-own:, -own:], information[-own:, :-own], information[:-own, :-own]
-    # The history's heights are known up to their level only: the ridge is far below any information.
-    ridge = (1e-9 * np.trace(information) + 1e-30) * np.eye(len(d))
-    solved = np.linalg.solve(d + ridge, np.column_stack([b.T, vector[:-own]]))
-    return a - b @ solved[:, :-1], vector[-own:] - b @ solved[:, -1], [rows[-1]]
-
-
-def _slopes(
-    equations: NormalEquations,
-    solution: Floats,
-    unknowns: Unknowns,
-    evidence: Sequence[SegmentEvidence | None],
-) -> tuple[Floats, Floats]:
-    """Slope and sigma of every row, over its driven part where it was driven."""
-    slope, sigma = np.full(len(evidence), np.nan), np.full(len(evidence), np.nan)
-    for intervals in np.unique(unknowns.intervals).tolist():
-        rows = unknowns.rows_with(intervals)
-        variables = unknowns.variables(rows)
-        weights = _slope_weights([evidence[r] for r in rows], unknowns.length_m[rows])
-        covariance = equations.covariance(variables)
-        slope[rows] = 100 * np.sum(weights * solution[variables], axis=1)
-        variance = np.einsum("mi,mij,mj->m", weights, covariance, weights)
-        birge = np.array([1.0 if e is None else e.birge_ratio for e in (evidence[r] for r in rows)])
-        sigma[rows] = np.hypot(100 * birge * np.sqrt(np.maximum(variance, 0.0)), SIGMA_FLOOR_PERCENT)
-    return slope, sigma
-
-
-def _slope_weights(evidence: Sequence[SegmentEvidence | None], length_m: Floats) -> Floats:
-    """Rows that yield the slopes over the driven parts; over the whole where there is none worth the name."""
-    part = np.array([(0.0, np.inf) if e is None else e.driven for e in evidence])
-    start, end = np.clip(part[:, 0], 0.0, length_m), np.clip(part[:, 1], 0.0, length_m)
-    short = end - start < np.minimum(1.0, 0.5 * length_m)
-    return slope_rows(np.where(short, 0.0, start), np.where(short, length_m, end), length_m)
+def _covered(parts: Sequence[tuple[float, float]]) -> float:
+    """Length of the union of stretches, m."""
+    total, reach = 0.0, -np.inf
+    for start, end in sorted(parts):
+        total += max(end - max(start, reach), 0.0)
+        reach = max(reach, end)
+    return total

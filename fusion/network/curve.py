@@ -40,11 +40,12 @@ def variable_count(length_m: ArrayLike) -> Ints:
     return np.asarray(2 * (interval_count(length_m) + 1))
 
 
-def _locate(distance_m: Floats, length_m: float) -> tuple[Ints, Floats, float]:
+def _locate(distance_m: Floats, length_m: ArrayLike) -> tuple[Ints, Floats, Floats]:
     """Interval, share of it (0..1) and spacing for distances from from_node (clamped to the segment)."""
-    intervals = int(interval_count(length_m))
-    spacing = length_m / intervals
-    along = np.clip(np.asarray(distance_m, float), 0.0, length_m) / spacing
+    length = np.broadcast_to(np.asarray(length_m, float), np.shape(distance_m))
+    intervals = interval_count(length)
+    spacing = length / intervals
+    along = np.clip(np.asarray(distance_m, float), 0.0, length) / spacing
     interval = np.minimum(along.astype(np.int64), intervals - 1)
     return interval, along - interval, spacing
 
@@ -54,32 +55,41 @@ def _cubic(u: Floats, d: float | Floats) -> tuple[Floats, Floats, Floats, Floats
     return 1 - 3 * u**2 + 2 * u**3, d * (u - 2 * u**2 + u**3), 3 * u**2 - 2 * u**3, d * (u**3 - u**2)
 
 
+def height_weights(distance_m: Floats, length_m: ArrayLike) -> tuple[Ints, Floats]:
+    """The first of the four knot variables in the height at ``distance_m`` (m,), and their weights (m, 4)."""
+    j, u, d = _locate(distance_m, length_m)
+    return 2 * j, np.column_stack(_cubic(u, d))
+
+
+def grade_weights(distance_m: Floats, length_m: ArrayLike) -> tuple[Ints, Floats]:
+    """The same for the grade (from_node to to_node) at ``distance_m``."""
+    j, u, d = _locate(distance_m, length_m)
+    return 2 * j, np.column_stack((6 * (u**2 - u) / d, 1 - 4 * u + 3 * u**2, 6 * (u - u**2) / d, 3 * u**2 - 2 * u))
+
+
 def height_rows(distance_m: Floats, length_m: float) -> Floats:
     """Rows (n, variables) that turn knot variables into heights (m) at ``distance_m``."""
-    j, u, d = _locate(distance_m, length_m)
-    rows = np.zeros((len(u), int(variable_count(length_m))))
-    for offset, part in enumerate(_cubic(u, d)):
-        rows[np.arange(len(u)), 2 * j + offset] = part
-    return rows
+    return _spread(*height_weights(distance_m, length_m), length_m)
 
 
 def grade_rows(distance_m: Floats, length_m: float) -> Floats:
     """Rows (n, variables) that turn knot variables into grades (from_node to to_node) at ``distance_m``."""
-    j, u, d = _locate(distance_m, length_m)
-    rows = np.zeros((len(u), int(variable_count(length_m))))
-    parts = (6 * (u**2 - u) / d, 1 - 4 * u + 3 * u**2, 6 * (u - u**2) / d, 3 * u**2 - 2 * u)
-    for offset, part in enumerate(parts):
-        rows[np.arange(len(u)), 2 * j + offset] = part
+    return _spread(*grade_weights(distance_m, length_m), length_m)
+
+
+def _spread(first: Ints, weights: Floats, length_m: float) -> Floats:
+    rows = np.zeros((len(first), int(variable_count(length_m))))
+    np.put_along_axis(rows, first[:, None] + np.arange(4), weights, axis=1)
     return rows
 
 
-def height_variance(distance_m: Floats, length_m: float, roughness: float) -> Floats:
+def height_variance(distance_m: Floats, length_m: ArrayLike, roughness: float) -> Floats:
     """Variance (m^2) of the height between knots about the cubic; ``roughness`` is q in 1/m."""
     _, u, d = _locate(distance_m, length_m)
     return np.asarray(roughness * d**3 * (u * (1 - u)) ** 3 / 3)
 
 
-def grade_variance(distance_m: Floats, length_m: float, roughness: float) -> Floats:
+def grade_variance(distance_m: Floats, length_m: ArrayLike, roughness: float) -> Floats:
     """Variance of the grade between knots about the cubic's: a Brownian bridge whose area is known."""
     _, u, d = _locate(distance_m, length_m)
     x = u * (1 - u)
@@ -106,6 +116,26 @@ def slope_rows(start_m: Floats, end_m: Floats, length_m: Floats) -> Floats:
             share = 0.5 * (high - low) * weight * (x - middle) / moment
             out[:, 2 * j : 2 * j + 4] += share[:, None] * np.column_stack(_cubic((x - j * d) / d, d))
     return out
+
+
+def place_rows(length_m: Floats) -> tuple[Floats, Floats]:
+    """Rows (m, variables) that yield how the slopes of whole segments change when their start or their end moves, 1/m.
+
+    For segments (m,) with equal numbers of intervals: with s the slope, L the length and h - h' the height above the
+    mean, ds/dstart = 6 (h_start - h') / L^2 + 3 s / L and ds/dend = 6 (h_end - h') / L^2 - 3 s / L.
+    """
+    length = np.asarray(length_m, float)[:, None]
+    slope = slope_rows(np.zeros(len(length)), length[:, 0], length[:, 0])
+    intervals = slope.shape[1] // 2 - 1
+    mean = np.zeros_like(slope)
+    for j in range(intervals):  # the cubic's mean over an interval
+        mean[:, 2 * j : 2 * j + 4] += np.column_stack(
+            [np.broadcast_to(v, len(length)) for v in (0.5, length[:, 0] / intervals / 12, 0.5, -length[:, 0] / intervals / 12)]
+        ) / intervals
+    start, end = -mean, -mean.copy()
+    start[:, 0] += 1
+    end[:, -2] += 1
+    return 6 * start / length**2 + 3 * slope / length, 6 * end / length**2 - 3 * slope / length
 
 
 def slope_row(start_m: float, end_m: float, length_m: float) -> Floats:

@@ -1,82 +1,103 @@
-"""The unknowns of a network of roads and their normal equations, block by block.
+"""Sparse normal equations as sums of small dense blocks, whose weights change from round to round.
 
 Knows where things stand, not what is believed or measured of them (``adjust``).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 
-from fusion.network.curve import interval_count, knot_length
-from fusion.roads.table import RoadTable
-from fusion.types import Bools, Floats, Ints
+from fusion.filters.sparse_inverse import NormalEquations, fill_reducing_order
+from fusion.types import Floats, Ints
+
+RIDGE = 1e-10
+"""Share of the diagonal that is added where rounding has left the equations not quite positive definite."""
 
 
-class Unknowns:
-    """Which unknown is what: a height at each node first, then the knot variables of each of the n segments.
+@dataclass(eq=False)
+class Blocks:
+    """m blocks over k unknowns each: ``variables`` (m, k), ``information`` (m, k, k), ``vector`` (m, k).
 
-    Columns of shape (n,): ``length_m`` is what the knots assume, ``intervals`` how many they span; ``structure``: a
-    bridge or tunnel; ``start_node`` and ``end_node`` are the unknowns at the segment's nodes, ``first`` is its first
-    own one and ``count`` how many it has. ``nodes`` and ``size`` are the numbers of nodes and of all unknowns.
+    ``weight`` (m,) multiplies both; whoever changes it asks for the next solution.
     """
 
-    def __init__(self, network: RoadTable) -> None:
-        self.length_m = knot_length(network.length_m)
-        self.structure = network.bridge | network.tunnel
-        self.intervals = interval_count(self.length_m)
-        ends = np.concatenate([network.from_node, network.to_node])
-        _, node = np.unique(ends, return_inverse=True)
-        self.start_node, self.end_node = node[: len(network)], node[len(network) :]
-        self.nodes = int(node.max()) + 1
-        self.count = 2 * (self.intervals + 1)
-        self.first = self.nodes + np.concatenate([[0], np.cumsum(self.count)[:-1]])
-        self.size = self.nodes + int(self.count.sum())
+    variables: Ints
+    information: Floats
+    vector: Floats
+    weight: Floats
 
-    def rows_with(self, intervals: int) -> Ints:
-        """Segments with so many intervals."""
-        return np.flatnonzero(self.intervals == intervals)
+    @classmethod
+    def of_rows(cls, variables: Ints, design: Floats, value: Floats | float, variance: Floats | float) -> Blocks:
+        """Observations design (m, k) @ x = value with these variances."""
+        variables, design = np.atleast_2d(variables), np.asarray(design, float)
+        m = len(variables)
+        design = np.broadcast_to(design, variables.shape)
+        precision = np.broadcast_to(1.0 / np.asarray(variance, float), (m,))
+        scaled = precision[:, None] * design
+        value = np.broadcast_to(np.asarray(value, float), (m,))
+        return cls(variables, scaled[:, :, None] * design[:, None, :], scaled * value[:, None], np.ones(m))
 
-    def variables(self, rows: Ints) -> Ints:
-        """Unknowns (m, 2 * intervals + 2) of segments with equal numbers of intervals, in the order of the knots."""
-        return np.asarray(self.first[rows][:, None] + np.arange(int(self.count[rows[0]])))
+    def squares(self, x: Floats) -> Floats:
+        """x' information x of each block at a solution, (m,)."""
+        here = x[self.variables]
+        return np.asarray(np.einsum("mi,mij,mj->m", here, self.information, here))
 
-    def end(self, rows: Ints, at_end: Bools) -> Ints:
-        """The unknown that is the height at the start or the end of each row; its grade is the next."""
-        return np.where(at_end, self.first[rows] + self.count[rows] - 2, self.first[rows])
+    def expected_squares(self, solution: Solution) -> Floats:
+        """The same expected under the solution's covariance."""
+        spread = np.einsum("mij,mji->m", self.information, solution.equations.covariance(self.variables))
+        return np.asarray(self.squares(solution.x) + np.maximum(spread, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The solution (size,) and the factorised equations, which know its covariances."""
+
+    x: Floats
+    equations: NormalEquations
 
 
 class EquationSystem:
-    """Normal equations of ``size`` unknowns under construction: sums of small dense blocks."""
+    """The sum of ``Blocks`` over ``size`` unknowns; ``last`` are unknowns that are eliminated last."""
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, blocks: list[Blocks], last: Ints) -> None:
         self.size = size
-        self.vector = np.zeros(size)
-        self._parts: list[tuple[Ints, Ints, Floats]] = []
+        self.blocks = [b for b in blocks if len(b.variables)]
+        rows, columns = [], []
+        for one in self.blocks:
+            k = one.variables.shape[1]
+            rows.append(np.repeat(one.variables, k, axis=1).ravel())
+            columns.append(np.tile(one.variables, (1, k)).ravel())
+        key = np.concatenate(columns) * size + np.concatenate(rows)
+        found, self._slot = np.unique(key, return_inverse=True)
+        self._indices, column = found % size, found // size
+        self._starts = np.searchsorted(column, np.arange(size + 1))
+        self._order = self._elimination_order(last)
 
-    def add(self, variables: Ints, blocks: Floats, vectors: Floats | None = None) -> None:
-        """Add blocks (m, k, k) over unknowns (m, k), and right-hand sides (m, k)."""
-        k = variables.shape[1]
-        self._parts.append(
-            (np.repeat(variables, k, axis=1).ravel(), np.tile(variables, (1, k)).ravel(), blocks.ravel())
-        )
-        if vectors is not None:
-            np.add.at(self.vector, variables, vectors)
+    def _elimination_order(self, last: Ints) -> Ints:
+        matrix = self._matrix(np.where(self._indices == np.repeat(np.arange(self.size), np.diff(self._starts)), 1e3, 1.0))
+        early = np.setdiff1d(np.arange(self.size), last)
+        order = fill_reducing_order(matrix[early][:, early])
+        return np.concatenate([early[order], last]).astype(np.int64)
 
-    def copy(self) -> EquationSystem:
-        """Another system that begins with the same equations."""
-        other = EquationSystem(self.size)
-        other.vector, other._parts = self.vector.copy(), list(self._parts)
-        return other
+    def _matrix(self, values: Floats) -> scipy.sparse.csc_matrix:
+        return scipy.sparse.csc_matrix((values, self._indices, self._starts), shape=(self.size, self.size))
 
-    def matrix(self) -> scipy.sparse.csc_matrix:
-        """The sum, with a weak hold on the level of each connected part, which no difference of heights fixes."""
-        rows, columns, values = (np.concatenate(part) for part in zip(*self._parts, strict=True))
-        matrix = scipy.sparse.csc_matrix((values, (rows, columns)), shape=(self.size, self.size))
-        _, part = scipy.sparse.csgraph.connected_components(matrix, directed=False)
-        _, first = np.unique(part, return_index=True)
-        # In place: a sum of sparse matrices would drop entries that happen to be 0, and their covariances with them.
-        diagonal = matrix.diagonal()
-        diagonal[first] += 1.0
-        matrix.setdiag(diagonal)
-        return matrix
+    def solve(self) -> Solution:
+        """The solution at the present weights. Raises ``ValueError`` where some unknown is not determined."""
+        parts = [(b.weight[:, None, None] * b.information).ravel() for b in self.blocks]
+        values = np.bincount(self._slot, weights=np.concatenate(parts), minlength=len(self._indices))
+        vector = np.zeros(self.size)
+        for one in self.blocks:
+            vector += np.bincount(
+                one.variables.ravel(), weights=(one.weight[:, None] * one.vector).ravel(), minlength=self.size
+            )
+        matrix = self._matrix(values)
+        try:
+            equations = NormalEquations(matrix, self._order)
+        except ValueError:
+            matrix.setdiag((1 + RIDGE) * matrix.diagonal())
+            equations = NormalEquations(matrix, self._order)
+        return Solution(equations.solve(vector), equations)

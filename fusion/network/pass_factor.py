@@ -1,40 +1,54 @@
-"""What one pass of a drive over a segment says about the road's heights: a small Gaussian likelihood.
+"""What one pass of a drive over a segment says: a small Gaussian likelihood over the road and the drive's own errors.
 
-Given the heights along a segment, what was measured on it hardly depends on the rest of the drive: through the
-vehicle's constants (mount pitch, bias, squat), which the whole drive determines and whose uncertainty is part of the
-factor, and through the height error of the receiver, which drifts. Where that matters, the factor is conditional on
-what was measured on the segments just before (Vecchia's approximation of the drive's likelihood), else it stands alone.
-How a pass becomes a factor is the affair of the method that makes it.
+Unknowns are the knots of the segment (``fusion.network.curve``) and what the drive carries along: constants, which all
+of its passes share (``CONSTANTS``), and the errors of its height sensors where it enters and leaves (``HEIGHT_SENSORS``),
+which walk at random. How a pass becomes a factor is the affair of the method that makes it; how the passes of a drive
+hang together, ``fusion.network.unknowns``'.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
-from fusion.types import Floats
+from fusion.types import Bools, Floats
 
-_NUMBERS = 9
+CONSTANTS = ("mount pitch", "force bias", "squat", "altimeter lag")
+"""Unknowns of a drive: grade, grade, grade per m/s^2, seconds."""
+CONSTANT_SIGMA = (0.3, 0.03, 0.005, 4.0)
+"""What is believed of each before the drive: nothing worth the name of the mount and the lag; a bias of 0.3 m/s^2 and
+squat of half a degree a m/s^2 are large ones (spec 7)."""
+HEIGHT_SENSORS = ("altitude", "barometer")
+"""Sensors of height whose errors walk at random, m: one unknown each where a pass begins and where it ends."""
+MOUNT, BIAS, SQUAT, LAG = range(4)
+ENTRY = slice(4, 6)
+EXIT = slice(6, 8)
+NUISANCES = 8
+"""The drive's unknowns behind the knots: the constants, then the height errors at entry, then those at exit."""
+
+_HEAD = 11
 
 
 @dataclass(frozen=True, eq=False)
 class PassFactor:
-    """A likelihood exp(-x' information x / 2 + vector' x) over the knot variables x of ``segments``.
+    """A likelihood exp(-(square - 2 vector' x + x' information x) / 2) over the knots of ``segment`` and ``NUISANCES``.
 
-    ``segments``: the last is the segment that was passed; those before it, in driving order, are what the factor is
-    conditional on. ``slope_percent`` and its sigma are what the pass says by itself, without any prior, from from_node
-    to to_node. ``start_m`` to ``end_m`` is the driven part, metres from from_node. ``roughness`` is the variance of
-    the grade's change per metre that the drive learned there (1/m).
+    ``rows`` is how many measurements it sums. ``sequence`` numbers the passes of a drive in the order of driving, and
+    ``mount`` its settings of the mount: passes with equal numbers share the unknown. ``walk_m2_per_s`` are the variances
+    by which the errors of ``HEIGHT_SENSORS`` move in a second. ``start_m`` to ``end_m`` is the driven part, metres from
+    from_node. ``roughness`` is the variance of the grade's change per metre that the drive learned (1/m).
     """
 
-    segments: tuple[int, ...]
+    segment: int
+    sequence: int
+    mount: int
     information: Floats
     vector: Floats
-    slope_percent: float
-    slope_sigma_percent: float
+    square: float
+    rows: int
+    walk_m2_per_s: tuple[float, float]
     start_m: float
     end_m: float
     roughness: float
@@ -42,38 +56,42 @@ class PassFactor:
     first_time_s: float
     last_time_s: float
 
+    @property
+    def used(self) -> Bools:
+        """Which of ``NUISANCES`` the factor speaks of, shape (8,)."""
+        return np.asarray(np.diagonal(self.information)[-NUISANCES:] > 0, np.bool_)
+
     def encode(self) -> bytes:
-        """Everything but ``segments``, as little-endian doubles."""
+        """Everything but ``segment`` and ``sequence``, as little-endian doubles; unknowns without a word left out."""
+        kept = np.concatenate([np.ones(len(self.vector) - NUISANCES, bool), self.used])
+        information = self.information[np.ix_(kept, kept)]
         numbers = [
-            self.slope_percent, self.slope_sigma_percent, self.start_m, self.end_m, self.roughness,
-            self.observations, self.first_time_s, self.last_time_s, len(self.vector),
+            self.mount, self.square, self.rows, *self.walk_m2_per_s, self.start_m, self.end_m, self.roughness,
+            self.observations, self.first_time_s, self.last_time_s,
         ]  # fmt: skip
-        upper = self.information[np.triu_indices(len(self.vector))]
-        return np.concatenate([numbers, self.vector, upper]).astype("<f8").tobytes()
+        mask = float(np.packbits(self.used)[0])
+        upper = information[np.triu_indices(len(information))]
+        return np.concatenate([numbers, [mask], self.vector[kept], upper]).astype("<f8").tobytes()
 
     @classmethod
-    def decode(cls, data: bytes, segments: tuple[int, ...]) -> Self:
+    def decode(cls, data: bytes, segment: int, sequence: int) -> Self:
         """The inverse of ``encode``, bit for bit."""
         values = np.frombuffer(data, "<f8").astype(np.float64)
-        count = int(values[_NUMBERS - 1])
-        slope, sigma, start, end, roughness, observations, first, last = (
-            float(v) for v in values[: _NUMBERS - 1]
-        )
-        vector = values[_NUMBERS : _NUMBERS + count]
-        information = symmetric(values[_NUMBERS + count :], count)
+        mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last = values[
+            :_HEAD
+        ].tolist()
+        used = np.unpackbits(np.array([int(values[_HEAD])], np.uint8)).astype(bool)
+        left = len(values) - _HEAD - 1
+        count = int((np.sqrt(9 + 8 * left) - 3) / 2 + 0.5)  # count + count (count + 1) / 2 numbers are left
+        kept = np.concatenate([np.ones(count - int(used.sum()), bool), used])
+        size = len(kept)
+        vector, information = np.zeros(size), np.zeros((size, size))
+        vector[kept] = values[_HEAD + 1 : _HEAD + 1 + count]
+        information[np.ix_(kept, kept)] = symmetric(values[_HEAD + 1 + count :], count)
         return cls(
-            segments, information, vector, slope, sigma, start, end, roughness, int(observations), first, last
-        )
-
-
-def decode_many(data: Sequence[bytes]) -> tuple[Floats, Floats, Floats]:
-    """Encoded factors over the same segments, stacked: (numbers (n, 8), vectors (n, k), upper triangles (n, ...)).
-
-    The numbers are those of ``PassFactor`` in the order of its fields, from ``slope_percent`` on.
-    """
-    stacked = np.frombuffer(b"".join(data), "<f8").reshape(len(data), -1)
-    count = int(stacked[0, _NUMBERS - 1])
-    return stacked[:, : _NUMBERS - 1], stacked[:, _NUMBERS : _NUMBERS + count], stacked[:, _NUMBERS + count :]
+            segment, sequence, int(mount), information, vector, square, int(rows), (walk_a, walk_b),
+            start, end, roughness, int(observations), first, last,
+        )  # fmt: skip
 
 
 def symmetric(upper: Floats, size: int) -> Floats:

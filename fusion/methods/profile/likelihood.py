@@ -1,71 +1,49 @@
-"""What the measurements on consecutive traversals say about the knots of their segments: information and vector.
+"""A drive's measurements summed, pass by pass, into likelihoods over the knots of the road and the drive's own errors.
 
-The nuisances are integrated out: the vehicle's constants, and the two drifting height errors in the order of time. Does
-not know which traversals belong together, nor what a pass is worth by itself (``factors``).
+What hangs together within a pass only (the wander of the mount on its springs, the way that a height sensor's error
+takes) is integrated out here; what the drive carries on stays an unknown. Which passes count, and what a pass's place
+in the drive is, is not known here (``factors``).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.methods.profile.measurements import ALTITUDE, BARO, TERRAIN, Measurements
-from fusion.methods.profile.model import (
-    BIAS,
-    DRIFT,
-    JUMP_SIGMA,
-    MOUNT,
-    SQUAT,
-    SmootherEpochs,
-    decorrelated,
-    design,
-)
+from fusion.methods.profile.measurements import ALTITUDE, BARO, PITCH, TERRAIN, Measurements
+from fusion.methods.profile.model import BIAS, DRIFT, GRADE, JUMP_SIGMA, MOUNT, SQUAT, SmootherEpochs, decorrelated, design
 from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath
-from fusion.network.curve import (
-    grade_rows,
-    grade_variance,
-    height_rows,
-    height_variance,
-    knot_length,
-    variable_count,
-)
-from fusion.types import Bools, Floats, Ints
+from fusion.network.curve import grade_variance, grade_weights, height_variance, height_weights, knot_length, variable_count
+from fusion.network.pass_factor import NUISANCES
+from fusion.types import Floats, Ints
 
-CONSTANTS = (MOUNT, BIAS, SQUAT)
-"""States that hardly change over a pass: unknowns of its likelihood, of which the whole drive's belief is the prior."""
+WANDER_SIGMA = 0.005
+"""What a vehicle's attitude wanders by about its mount for seconds on end, as a grade: load, wind, fuel, the sensor's own
+levelling (spec 7: 0.3 to 0.5 %). One draw a pass, independent of the next."""
 
 
 @dataclass(frozen=True, eq=False)
 class OnTraversals:
     """The m measurements on a drive's traversals in the order of driving, ready to be summed; columns of shape (m,).
 
-    ``distance_m`` is measured from the segment's from_node; ``sign`` is -1 where the segment is driven backwards.
-    ``constants`` (m, 3): what each measurement sees of ``CONSTANTS``; ``grade_share``: what it sees of the grade, 1 for
-    heights. ``variance`` has robust weights in it. ``drift_variance`` (2, m): variance by which the errors of the GNSS
-    height and of the barometer have moved since the log began (m^2). ``roughness``: the drive's, 1/m.
+    ``variable`` and ``weights`` (m, 4): the first of four knot variables in each and their weights. ``constants`` (m, 4):
+    what each sees of ``fusion.network.pass_factor.CONSTANTS``; ``wander``: of the mount's wander. ``height_sensor``: 0 or 1
+    for those of ``HEIGHT_SENSORS``, else -1. ``variance`` has robust weights in it and what the knots leave open.
+    ``first`` (n + 1,): where each traversal's measurements begin.
     """
 
-    sensor: Ints
-    traversal: Ints
-    distance_m: Floats
-    sign: Floats
+    variable: Ints
+    weights: Floats
     constants: Floats
-    grade_share: Floats
+    wander: Floats
+    height_sensor: Ints
     value: Floats
     variance: Floats
     time_s: Floats
-    drift_variance: Floats
     first: Ints
-    """Where each traversal's measurements begin, and where the last one's end"""
-    roughness: float
-
-    @property
-    def is_height(self) -> Bools:
-        """Which measure heights; the others measure grades."""
-        return np.asarray((self.sensor == ALTITUDE) | (self.sensor == BARO))
 
 
 def on_traversals(
@@ -74,184 +52,189 @@ def on_traversals(
     """Bring a drive's measurements to its traversals; terrain heights stay out, as the network has the DEM itself."""
     clean, share = decorrelated(measured, learned.noise)
     traversal, distance = path.match.position_on(measured.along_m)
-    seen = design(measured, share)
     keep = np.flatnonzero((measured.sensor != TERRAIN) & (traversal >= 0))
     keep = keep[np.lexsort((measured.time_s[keep], traversal[keep]))]
-    heights = np.isin(measured.sensor, (ALTITUDE, BARO))
-    grade_share = np.where(heights, 1.0, 1.0 - share)
-    elapsed = measured.time_s - measured.time_s[0]
-    drift_variance = np.outer([learned.noise.drift, learned.noise.baro_drift], elapsed)
-    for k, state in learned.jumps:
-        if state == DRIFT:
-            jump = JUMP_SIGMA[DRIFT] ** 2
-            drift_variance[0] += np.where(measured.time_s >= epochs.time_s[k], jump, 0.0)
+    sensor, traversal, share = measured.sensor[keep], traversal[keep], share[keep]
+    length, scale = segment_lengths(path)
+    length, distance = length[traversal], distance[keep] * scale[traversal]
+    is_height = np.isin(sensor, (ALTITUDE, BARO))
+    forward = np.where(path.match.forward[traversal], 1.0, -1.0)
+    variable, height = height_weights(distance, length)
+    _, grade = grade_weights(distance, length)
+    q = learned.noise.roughness
+    seen = design(measured, decorrelated(measured, learned.noise)[1])[keep]
+    climb = learned.smoothed.mean[epochs.of_measurement[keep], GRADE] * measured.speed_mps[keep]
+    lag = np.where(is_height, -climb, 0.0)
     return OnTraversals(
-        sensor=measured.sensor[keep],
-        traversal=traversal[keep],
-        distance_m=distance[keep],
-        sign=np.where(path.match.forward[traversal[keep]], 1.0, -1.0),
-        constants=seen[np.ix_(keep, np.array(CONSTANTS))],
-        grade_share=grade_share[keep],
+        variable=variable,
+        weights=np.where(is_height[:, None], height, (forward * (1 - share))[:, None] * grade),
+        constants=np.column_stack([seen[:, MOUNT], seen[:, BIAS], seen[:, SQUAT], lag]),
+        wander=np.where(sensor == PITCH, 1.0, 0.0),
+        height_sensor=np.select([sensor == ALTITUDE, sensor == BARO], [0, 1], -1),
         value=clean.value[keep],
-        variance=learned.variance[keep],
+        variance=learned.variance[keep]
+        + np.where(is_height, height_variance(distance, length, q), (1 - share) ** 2 * grade_variance(distance, length, q)),
         time_s=measured.time_s[keep],
-        drift_variance=drift_variance[:, keep],
-        first=np.searchsorted(traversal[keep], np.arange(len(path.match) + 1)),
-        roughness=learned.noise.roughness,
+        first=np.searchsorted(traversal, np.arange(len(path.match) + 1)),
     )
+
+
+def segment_lengths(path: DrivenPath) -> tuple[Floats, Floats]:
+    """For each traversal the length that the knots assume, m, and that length over the network's; shape (n,)."""
+    segment = path.match.segment
+    length = knot_length(path.network.table.length_m[segment])
+    return length, length / np.maximum(path.network.length_m[segment], 1e-9)
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
-    """Consecutive traversals, from number ``start`` on; columns of shape (n,), one entry a traversal.
+class Likelihoods:
+    """exp(-(square - 2 vector' x + x' information x) / 2) of n passes; ``size`` (n,) unknowns each, one after another."""
 
-    ``length_m``: what the knots assume; ``scale``: that length over the network's; ``forward``: from from_node on.
-    """
+    size: Ints
+    information: Floats
+    vector: Floats
+    square: Floats
 
-    start: int
-    length_m: Floats
-    scale: Floats
-    forward: Bools
-
-    @classmethod
-    def between(cls, path: DrivenPath, start: int, stop: int) -> Chain:
-        """The traversals ``start`` to ``stop`` - 1."""
-        segment = path.match.segment[start:stop]
-        length = knot_length(path.network.table.length_m[segment])
-        scale = length / np.maximum(path.network.length_m[segment], 1e-9)
-        return cls(start, length, scale, path.match.forward[start:stop])
-
-    def __len__(self) -> int:
-        return len(self.length_m)
-
-    def without_last(self) -> Chain:
-        """The same without the last traversal."""
-        return replace(self, length_m=self.length_m[:-1], scale=self.scale[:-1], forward=self.forward[:-1])
+    def of(self, k: int) -> tuple[Floats, Floats]:
+        """Information (size, size) and vector (size,) of pass ``k``."""
+        n = int(self.size[k])
+        at, row = int((self.size[:k] ** 2).sum()), int(self.size[:k].sum())
+        return self.information[at : at + n * n].reshape(n, n), self.vector[row : row + n]
 
 
-def likelihood(data: OnTraversals, chain: Chain, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """Information (k, k) and vector (k,) over the stacked knots of a chain.
-
-    ``mean`` (3,) and ``covariance`` (3, 3) are the prior of ``CONSTANTS``; the levels of the drifting errors are free.
-    """
-    counts = variable_count(chain.length_m)
-    size = int(counts.sum())
-    blocks, offset, climbed = [], 0, np.zeros(size)
-    for number in range(len(chain)):
-        k = chain.start + number
-        mine = slice(data.first[k], data.first[k + 1])
-        ends = (offset, offset + int(counts[number]) - 2)
-        entry, leave = ends if chain.forward[number] else ends[::-1]
-        length, scale = float(chain.length_m[number]), float(chain.scale[number])
-        rows, extra = _knot_rows(data, mine, offset, size, length, scale)
-        # The road goes on from segment to segment: a height is the climb since the first entry. So the levels of the
-        # segments, which the network leaves to each of them, don't matter.
-        heights = data.is_height[mine]
-        rows[heights] += climbed
-        rows[heights, entry] -= 1.0
-        climbed[leave] += 1.0
-        climbed[entry] -= 1.0
-        blocks.append((rows, extra))
-        offset += int(counts[number])
-    rows, extra = (np.concatenate(part) for part in zip(*blocks, strict=True))
-    whole = slice(data.first[chain.start], data.first[chain.start + len(chain)])
-    kind = np.select([data.sensor[whole] == ALTITUDE, data.sensor[whole] == BARO], [1, 2], 0)
-    full = np.zeros((len(rows), size + 5))
-    full[:, :size] = rows
-    full[:, size : size + 3] = data.constants[whole]
-    full[kind == 1, size + 3] = 1.0
-    full[kind == 2, size + 4] = 1.0
-    information, vector = np.zeros((size + 5, size + 5)), np.zeros(size + 5)
-    known = np.linalg.inv(covariance)
-    information[size : size + 3, size : size + 3] = known
-    vector[size : size + 3] = known @ mean
-    accumulate(
-        information, vector, full, kind.astype(np.int64), data.value[whole], data.variance[whole] + extra,
-        np.ascontiguousarray(data.drift_variance[:, whole]),
+def likelihoods(
+    data: OnTraversals, path: DrivenPath, walk_m2_per_s: tuple[float, float], drift_jumps_s: Floats
+) -> Likelihoods:
+    """Of every traversal; at ``drift_jumps_s`` the error of the GNSS height changes suddenly."""
+    match = path.match
+    size = variable_count(segment_lengths(path)[0]) + NUISANCES
+    information, vector = np.zeros(int((size**2).sum())), np.zeros(int(size.sum()))
+    square = np.zeros(len(size))
+    sum_passes(
+        data.first.astype(np.int64), size, data.variable, data.weights, data.constants, data.wander,
+        data.height_sensor, data.value, data.variance, data.time_s, match.enter_time_s, match.leave_time_s,
+        np.array(walk_m2_per_s), drift_jumps_s, JUMP_SIGMA[DRIFT] ** 2, WANDER_SIGMA**-2.0,
+        information, vector, square,
     )  # fmt: skip
-    return information[:size, :size].copy(), vector[:size].copy()
-
-
-def _knot_rows(
-    data: OnTraversals, mine: slice, offset: int, size: int, length: float, scale: float
-) -> tuple[Floats, Floats]:
-    """Rows over the stacked knots for one traversal's measurements, and the variance that the knots leave open."""
-    distance = data.distance_m[mine] * scale
-    heights = data.is_height[mine]
-    q = data.roughness
-    out = np.zeros((len(distance), size))
-    block = np.where(
-        heights[:, None],
-        height_rows(distance, length),
-        (data.sign[mine] * data.grade_share[mine])[:, None] * grade_rows(distance, length),
-    )
-    out[:, offset : offset + block.shape[1]] = block
-    extra = np.where(
-        heights,
-        height_variance(distance, length, q),
-        data.grade_share[mine] ** 2 * grade_variance(distance, length, q),
-    )
-    return out, extra
+    return Likelihoods(size, information, vector, square)
 
 
 @compiled
-def accumulate(  # noqa: C901 (one loop nest)
-    information: Floats,
-    vector: Floats,
-    design: Floats,
-    kind: Ints,
+def sum_passes(  # noqa: C901, PLR0912 (one loop nest)
+    first: Ints,
+    size: Ints,
+    variable: Ints,
+    weights: Floats,
+    constants: Floats,
+    wander: Floats,
+    height_sensor: Ints,
     value: Floats,
     variance: Floats,
-    drift_variance: Floats,
+    time_s: Floats,
+    enter_s: Floats,
+    leave_s: Floats,
+    walk_m2_per_s: Floats,
+    jumps_s: Floats,
+    jump_m2: float,
+    wander_information: float,
+    information: Floats,
+    vector: Floats,
+    square: Floats,
 ) -> None:
-    """Add m measurements in the order of time, the last two unknowns drifting in between; marginalise the last five.
+    """Fill ``information``, ``vector`` and ``square`` (see ``Likelihoods``) from the measurements of each pass.
 
-    ``design`` has shape (m, n), ``information`` (n, n) and ``vector`` (n,), which are changed in place and hold in
-    their first n - 5 entries what is left. ``kind``, (m,), is 1 for measurements that see the first drifting unknown,
-    2 for the second, 0 for neither; ``drift_variance`` (2, m) is the variance that each has moved by.
+    The unknowns of a pass are the knots, four constants, two height errors at entry and two now, which are those at exit
+    when all is summed, and behind them the wander of the mount, which is integrated out.
     """
-    n = len(vector)
-    last = np.full(2, np.nan)
+    present = np.zeros(2, np.bool_)
     for i in range(len(value)):
-        if kind[i] > 0:
-            which = kind[i] - 1
-            if np.isfinite(last[which]):
-                _walk(information, vector, n - 2 + which, drift_variance[which, i] - last[which])
-            last[which] = drift_variance[which, i]
+        if height_sensor[i] >= 0:
+            present[height_sensor[i]] = True
+    column, weight_of = np.empty(10, np.int64), np.empty(10)
+    start = 0
+    row = 0
+    for k in range(len(size)):
+        n = size[k]
+        knots = n - 8
+        matrix, right = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
+        matrix[n, n] = wander_information
+        total = 0.0
+        last = np.full(2, enter_s[k])
+        for s in range(2):
+            if present[s]:
+                # Entry and now are one at first: a step that hardly moves joins them.
+                entry, now = knots + 4 + s, knots + 6 + s
+                joined = 1.0 / 1e-8
+                matrix[entry, entry] = matrix[now, now] = joined
+                matrix[entry, now] = matrix[now, entry] = -joined
+        for i in range(first[k], first[k + 1] + 1):
+            ending = i == first[k + 1]
+            for s in range(2):
+                if present[s] and (ending or height_sensor[i] == s):
+                    until = leave_s[k] if ending else time_s[i]
+                    moved = walk_m2_per_s[s] * max(until - last[s], 0.0)
+                    if s == 0:
+                        for jump in jumps_s:
+                            if last[s] < jump <= until:
+                                moved += jump_m2
+                    total = step(matrix, right, total, knots + 6 + s, moved)
+                    last[s] = max(last[s], until)
+            if ending:
+                break
+            count = 0
+            for a in range(4):
+                column[count], weight_of[count] = variable[i] + a, weights[i, a]
+                count += 1
+            for a in range(4):
+                if constants[i, a] != 0.0:
+                    column[count], weight_of[count] = knots + a, constants[i, a]
+                    count += 1
+            if height_sensor[i] >= 0:
+                column[count], weight_of[count] = knots + 6 + height_sensor[i], 1.0
+                count += 1
+            if wander[i] != 0.0:
+                column[count], weight_of[count] = n, wander[i]
+                count += 1
+            precision = 1.0 / variance[i]
+            total += value[i] * value[i] * precision
+            for a in range(count):
+                scaled = weight_of[a] * precision
+                right[column[a]] += scaled * value[i]
+                for b in range(count):
+                    matrix[column[a], column[b]] += scaled * weight_of[b]
+        pivot = matrix[n, n]
+        total -= right[n] * right[n] / pivot
         for a in range(n):
-            if design[i, a] != 0.0:
-                weight = design[i, a] / variance[i]
-                vector[a] += weight * value[i]
-                for b in range(n):
-                    information[a, b] += weight * design[i, b]
-    for gone in range(n - 1, n - 6, -1):
-        pivot = information[gone, gone]
-        if pivot > 0.0:
-            for a in range(gone):
-                share = information[a, gone] / pivot
-                if share != 0.0:
-                    vector[a] -= share * vector[gone]
-                    for b in range(gone):
-                        information[a, b] -= share * information[gone, b]
+            share = matrix[a, n] / pivot
+            vector[row + a] = right[a] - share * right[n]
+            for b in range(n):
+                information[start + a * n + b] = matrix[a, b] - share * matrix[n, b]
+        square[k] = total
+        start += n * n
+        row += n
 
 
 @compiled
-def _walk(information: Floats, vector: Floats, e: int, variance: float) -> None:
-    """Let unknown e take a random step: information about where it was before becomes weaker."""
-    n = len(vector)
-    pivot = information[e, e]
+def step(matrix: Floats, right: Floats, total: float, e: int, variance: float) -> float:
+    """Let unknown ``e`` take a random step: information about where it was before becomes weaker.
+
+    Changes ``matrix`` and ``right`` in place; returns the new constant of the likelihood.
+    """
+    pivot = matrix[e, e]
     left = 1.0 / (1.0 + variance * pivot)
     share = variance * left
-    for a in range(n):
-        if a != e and information[a, e] != 0.0:
-            pull = share * information[a, e]
-            vector[a] -= pull * vector[e]
-            for b in range(n):
+    here = right[e]
+    for a in range(len(right)):
+        if a != e and matrix[a, e] != 0.0:
+            pull = share * matrix[a, e]
+            right[a] -= pull * here
+            for b in range(len(right)):
                 if b != e:
-                    information[a, b] -= pull * information[e, b]
-    for a in range(n):
+                    matrix[a, b] -= pull * matrix[e, b]
+    for a in range(len(right)):
         if a != e:
-            information[a, e] *= left
-            information[e, a] = information[a, e]
-    vector[e] *= left
-    information[e, e] = pivot * left
+            matrix[a, e] *= left
+            matrix[e, a] = matrix[a, e]
+    right[e] *= left
+    matrix[e, e] = pivot * left
+    return total - share * here * here

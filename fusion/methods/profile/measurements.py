@@ -128,14 +128,19 @@ def _turn(log: DriveLog, path: DrivenPath, time: Floats) -> Floats:
 
 
 def acceleration(time: Floats, speed_time: Floats, speed: Floats) -> Floats:
-    """Change of speed (m/s^2) over a second around ``time``; NaN where speeds are too far apart."""
-    ahead, behind = (np.interp(time + h, speed_time, speed) for h in (0.5, -0.5))
-    right = np.clip(np.searchsorted(speed_time, time), 1, max(len(speed_time) - 1, 1))
+    """Change of speed at ``time`` (m/s^2), by the five-point rule; NaN where speeds are too far apart.
+
+    The rule of two points takes a mean over two seconds of a log at 1 Hz, which at the same bends and crossings errs in
+    the same direction in every drive; five points are right to the fourth order and a third noisier.
+    """
     if len(speed_time) < 2:
         return np.full(len(time), np.nan)
+    step_s = 1.0 if np.median(np.diff(speed_time)) > 0.6 else 0.5
+    right = np.clip(np.searchsorted(speed_time, time), 1, len(speed_time) - 1)
     near = speed_time[right] - speed_time[right - 1] < 2.5
     near &= (time > speed_time[0]) & (time < speed_time[-1])
-    return np.where(near, ahead - behind, np.nan)
+    v = [np.interp(time + h * step_s, speed_time, speed) for h in (-2, -1, 1, 2)]
+    return np.where(near, (v[0] - 8 * v[1] + 8 * v[2] - v[3]) / (12 * step_s), np.nan)
 
 
 def binned(time: Floats, period_s: float, *columns: Floats) -> tuple[Floats, ...]:

@@ -5,7 +5,7 @@ Only the order of the work stands here, and the drive's own slopes, for which it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydantic import Field
@@ -20,13 +20,12 @@ from fusion.methods.profile.noise import Learned, learn, prior_noise
 from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.methods.profile.report import drive_report
 from fusion.methods.profile.track import build_track, drawn_measurements
-from fusion.network.adjust import adjust
-from fusion.network.evidence import SegmentEvidence, passes_by_segment
+from fusion.network.adjust import adjust, terrain_of
 from fusion.network.pass_factor import PassFactor
+from fusion.network.unknowns import knot_positions
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.terrain.windows import dem_slopes
-from fusion.types import DriveLog, Floats, Ints, Progress, SegmentSlope
+from fusion.types import DriveLog, Ints, Progress, SegmentSlope
 
 MIN_MEASUREMENTS = 4
 """Fewer say nothing of a slope."""
@@ -119,21 +118,25 @@ def adjusted_slopes(
     """The slopes of one drive's segments: its factors solved like the network's, alone."""
     if not factors:
         return ()
-    rows: Ints = np.unique([f.segments[-1] for f in factors])
+    rows: Ints = np.unique([f.segment for f in factors])
     table = network.table.subset(rows)
-    passes = passes_by_segment(factors)
-    evidence = [SegmentEvidence.build(passes[int(row)]) for row in rows]
-    terrain: Floats = dem_slopes(dem, table) if dem is not None else np.full(len(table), np.nan)
-    solved = adjust(table, evidence, terrain, rows)
+    row_of = {int(row): k for k, row in enumerate(rows)}
+    passes = [replace(f, segment=row_of[f.segment]) for f in factors]
+    terrain = terrain_of(dem.heights(*knot_positions(table))) if dem is not None else None
+    solved = adjust(table, {0: passes}, terrain)
+    first, last = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
+    for one in passes:
+        first[one.segment] = min(first[one.segment], one.first_time_s)
+        last[one.segment] = max(last[one.segment], one.last_time_s)
     return tuple(
         SegmentSlope(
             segment=int(row),
             slope_percent=float(solved.slope_percent[k]),
             slope_sigma_percent=float(solved.slope_sigma_percent[k]),
             observations=int(solved.observations[k]),
-            passes=len(passes[int(row)]),
-            first_time_s=min(f.first_time_s for _, f in passes[int(row)]),
-            last_time_s=max(f.last_time_s for _, f in passes[int(row)]),
+            passes=int(solved.passes[k] + solved.rejected[k]),
+            first_time_s=float(first[k]),
+            last_time_s=float(last[k]),
         )
         for k, row in enumerate(rows)
     )

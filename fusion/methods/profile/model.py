@@ -128,7 +128,10 @@ def design(measured: Measurements, share: Floats) -> Floats:
     out[~heights, GRADE] = 1.0 - share[~heights]
     felt = np.isin(sensor, (PITCH, FORCE))
     out[felt, MOUNT] = 1.0 - share[felt]
-    out[felt, SQUAT] = ((1.0 - share) * measured.acceleration_mps2)[felt]
+    # The specific force has the same acceleration taken off, with the same error: it would teach a wrong squat. What is
+    # left of it is what is taken off of the pitch beside it.
+    squat = np.where(sensor == PITCH, 1.0, np.where(sensor == FORCE, -share, 0.0))
+    out[:, SQUAT] = squat * measured.acceleration_mps2
     out[sensor == FORCE, BIAS] = 1.0
     return out
 

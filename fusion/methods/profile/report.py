@@ -42,7 +42,7 @@ def drive_report(
 ) -> dict[str, Any]:
     """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds."""
     match, lengths = path.match, path.network.table.length_m
-    whole = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segments[-1]] for f in factors]
+    whole = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segment] for f in factors]
     report = {
         "matched_share": float(np.mean(path.matched)),
         "breaks": [{"time_s": float(b.time_s), "reason": b.reason} for b in match.breaks],
