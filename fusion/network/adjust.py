@@ -25,9 +25,9 @@ ROUNDS = 4
 DEFAULT_ROUGHNESS = 3e-5
 ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 ROUGHNESS_FREEDOM = 3.0
-ROUGHNESS_START = 10.0
+ROUGHNESS_START = 3.0
 STRUCTURE_FACTOR = 0.1
-NODE_SIGMA_M = 0.05
+NODE_SIGMA_M = 0.2
 NODE_FREEDOM = 2.0
 PASS_FREEDOM = 4.0
 WALK_FREEDOM = 2.0
@@ -36,6 +36,7 @@ GRADE_SIGMA = 0.2
 PLACE_SIGMA_M = 2.0
 LAG_MEAN_S = (2.0, 1.0)
 LAG_SIGMA_S = 1.5
+LAG0: dict[int, float] = {}
 REJECT_SIGMAS = 4.0
 
 
@@ -149,7 +150,7 @@ class _Drives:
         if lags:
             out.append(Blocks.of_rows(np.array([[self.lag_mean]]), np.ones((1, 1)), LAG_MEAN_S[0], LAG_MEAN_S[1] ** 2))
             pairs = np.column_stack([lags, np.full(len(lags), self.lag_mean)])
-            out.append(Blocks.of_rows(pairs, np.array([1.0, -1.0]), 0.0, LAG_SIGMA_S**2))
+            out.append(Blocks.of_rows(pairs, np.array([1.0, -1.0]), -np.array([LAG0.get(d, 0.0) for d in self.names if self.unknowns[d].lag is not None]), LAG_SIGMA_S**2))
         return [b for b in out if len(b.variables)]
 
     def _walks(self) -> Blocks:

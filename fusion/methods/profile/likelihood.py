@@ -14,12 +14,15 @@ import numpy as np
 from fusion.compiled import compiled
 from fusion.methods.profile.measurements import ALTITUDE, BARO, PITCH, TERRAIN, Measurements
 from fusion.methods.profile.model import BIAS, DRIFT, GRADE, JUMP_SIGMA, MOUNT, SQUAT, SmootherEpochs, decorrelated, design
-from fusion.methods.profile.noise import Learned
+from fusion.methods.profile.noise import STUDENT_T_FREEDOM, Learned
 from fusion.methods.profile.path import DrivenPath
 from fusion.network.curve import grade_variance, grade_weights, height_variance, height_weights, knot_length, variable_count
 from fusion.network.pass_factor import NUISANCES
 from fusion.types import Floats, Ints
 
+ROBUST_INFORMATION_LOSS = (STUDENT_T_FREEDOM + 3) / (STUDENT_T_FREEDOM + 1)
+"""Robust weights are 1 on the mean, as if errors were Gaussian with the scale of their Student's t, but a measurement
+with such an error tells less: its Fisher information is (nu + 1) / (nu + 3) of that (Lange, Little and Taylor 1989)."""
 WANDER_SIGMA = 0.005
 """What a vehicle's attitude wanders by about its mount for seconds on end, as a grade: load, wind, fuel, the sensor's own
 levelling (spec 7: 0.3 to 0.5 %). One draw a pass, independent of the next."""
@@ -72,7 +75,7 @@ def on_traversals(
         wander=np.where(sensor == PITCH, 1.0, 0.0),
         height_sensor=np.select([sensor == ALTITUDE, sensor == BARO], [0, 1], -1),
         value=clean.value[keep],
-        variance=learned.variance[keep]
+        variance=ROBUST_INFORMATION_LOSS * learned.variance[keep]
         + np.where(is_height, height_variance(distance, length, q), (1 - share) ** 2 * grade_variance(distance, length, q)),
         time_s=measured.time_s[keep],
         first=np.searchsorted(traversal, np.arange(len(path.match) + 1)),
