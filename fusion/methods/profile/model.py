@@ -24,8 +24,6 @@ DRIFT_TAU_S = 120.0
 """Correlation time of GNSS height errors: minutes for every class of receiver. What is learned is the rate."""
 DEM_LENGTH_M = 120.0
 """Correlation length of a DEM's height errors along the path."""
-PLACE_M2 = 1.5**2
-"""Variance of the place along the road, as far as it matters for the grade there: about a second's share, m^2."""
 ASKEW_SIGMA = 0.2
 """Grade that a vehicle sees across the road: times 1 - cosine of the angle between its course and the road."""
 SLOW_MPS = 2.0
@@ -83,8 +81,8 @@ def white_variance(measured: Measurements, noise: Noise) -> Floats:
     """Variance of each measurement's white error, shape (m,), before robust weights."""
     level = np.array([noise.altitude_m, noise.doppler, noise.pitch, noise.force, noise.baro_m, 1.0])
     slope = np.isin(measured.sensor, (DOPPLER, PITCH, FORCE))
-    place = noise.roughness * np.sqrt(PLACE_M2) + (ASKEW_SIGMA * measured.turn) ** 2
-    return level[measured.sensor] ** 2 * variance_unit(measured) + np.where(slope, place, 0.0)
+    askew = np.where(slope, (ASKEW_SIGMA * measured.turn) ** 2, 0.0)
+    return level[measured.sensor] ** 2 * variance_unit(measured) + askew
 
 
 def decorrelated(measured: Measurements, noise: Noise) -> tuple[Measurements, Floats]:

@@ -19,6 +19,8 @@ from fusion.methods.profile.model import (
     Jumps,
     Noise,
     SmootherEpochs,
+    decorrelated,
+    design,
     linear_model,
     pitch_partner,
     variance_unit,
@@ -99,7 +101,7 @@ def learn(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> Learn
         if number >= FIRST_JUMP_ROUND:
             jumps = _with_jump(epochs, smoothed, jumps)
         second = _second_moment(smoothed, variance)
-        noise = _levels(measured, noise, start, second * weight, smoothed, variance)
+        noise = _levels(measured, epochs, noise, start, second * weight, smoothed, variance)
         weight = (STUDENT_T_FREEDOM + 1) / (
             STUDENT_T_FREEDOM + _normalised_square(measured, noise, smoothed, variance)
         )
@@ -147,7 +149,13 @@ def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
 
 
 def _levels(
-    measured: Measurements, noise: Noise, start: Noise, second: Floats, smoothed: Smoothed, variance: Floats
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    noise: Noise,
+    start: Noise,
+    second: Floats,
+    smoothed: Smoothed,
+    variance: Floats,
 ) -> Noise:
     """White levels from expected squares, drawn to where they started by ``_PRIOR_COUNT`` imaginary measurements."""
     changes: dict[str, float] = {}
@@ -162,15 +170,27 @@ def _levels(
         prior = float(np.clip(getattr(start, name) ** 2, shown / _PRIOR_REACH, shown * _PRIOR_REACH))
         total = mine.sum() * shown + _PRIOR_COUNT * prior
         changes[name] = float(np.sqrt(total / (mine.sum() + _PRIOR_COUNT)))
+    changes |= _shared(measured, epochs, noise, smoothed, variance)
+    return noise.with_(**changes)
+
+
+def _shared(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, smoothed: Smoothed, variance: Floats
+) -> dict[str, float]:
+    """The share of the pitch's error in the force beside it, by regression of the errors expected given everything."""
     partner = pitch_partner(measured)
     force = np.flatnonzero(partner >= 0)
-    if len(force) > 20:
-        error = variance * smoothed.residual / smoothed.residual_variance
-        pitch = error[partner[force]]
-        # The force holds what is left after ``shared`` of the pitch was taken off.
-        left = float(np.sum(error[force] * pitch) / (np.sum(pitch**2) + _PRIOR_COUNT * noise.pitch**2))
-        changes["shared"] = float(np.clip(noise.shared + left, 0.0, 0.9))
-    return noise.with_(**changes)
+    if len(force) <= 20:
+        return {}
+    pitch = partner[force]
+    error = variance * smoothed.residual / smoothed.residual_variance
+    seen = design(measured, decorrelated(measured, noise)[1])
+    covariance = smoothed.covariance[epochs.of_measurement[force]]
+    both = error[force] * error[pitch] + np.einsum("mi,mij,mj->m", seen[force], covariance, seen[pitch])
+    alone = error[pitch] ** 2 + np.einsum("mi,mij,mj->m", seen[pitch], covariance, seen[pitch])
+    # The force holds what is left after ``shared`` of the pitch was taken off.
+    left = float(np.sum(both) / (np.sum(alone) + _PRIOR_COUNT * noise.pitch**2))
+    return {"shared": float(np.clip(noise.shared + left, 0.0, 0.9))}
 
 
 def _rates(
