@@ -18,9 +18,10 @@ from fusion.errors import BadOptionsError, EmptyLogError, MethodError, NoMatchEr
 from fusion.frames import LocalProjection
 from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
-from fusion.network.adjust import adjust, terrain_of
+from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
 from fusion.network.pass_factor import PassFactor
+from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions
 from fusion.network.window import gap_rows
 from fusion.registry import DEFAULT_METHOD
@@ -209,7 +210,7 @@ def _solved(roads: RoadTable, dem: Dem | None, near: Ints, passes: Mapping[int, 
     solved = driven | gap_rows(table, driven)
     table, rows = table.subset(solved), near[solved]
     row_of = {int(row): k for k, row in enumerate(rows)}
-    terrain = terrain_of(dem.heights(*knot_positions(table))) if dem else None
+    terrain = heights_at(dem.heights(*knot_positions(table))) if dem else None
     # In the order of driving, so that the order in which logs are named changes no digit.
     own = {k: [replace(f, segment=row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
     result = adjust(table, own, terrain)

@@ -17,6 +17,7 @@ from fusion.network.curve import place_rows, slope_rows, smoothness_block
 from fusion.network.equations import Blocks, EquationSystem, Solution
 from fusion.network.joints import couplings
 from fusion.network.pass_factor import CONSTANT_SIGMA, ENTRY, EXIT, HEIGHT_SENSORS, LAG, PassFactor
+from fusion.network.terrain import Terrain, TerrainBlocks
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
@@ -41,15 +42,6 @@ REJECT_SIGMAS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Terrain:
-    """Heights of an elevation model at the knots of the segments, one after another, m (NaN unknown), and its error."""
-
-    height_m: Floats
-    sigma_m: float
-    length_m: float
-
-
-@dataclass(frozen=True, eq=False)
 class Adjustment:
     """Slopes of whole segments, shape (n,), positive from from_node to to_node, and what they rest on."""
 
@@ -65,14 +57,7 @@ class Adjustment:
     lag_mean_s: float
     solution: Solution
     unknowns: RoadUnknowns
-
-
-DEM_SIGMA_M, DEM_LENGTH_M = 6.0, 300.0
-
-
-def terrain_of(height_m: Floats) -> Terrain:
-    """Heights at the knots (``unknowns.knot_positions``) with the errors of an SRTM."""
-    return Terrain(height_m, DEM_SIGMA_M, DEM_LENGTH_M)
+    model: TerrainBlocks | None
 
 
 class _Road:
@@ -216,43 +201,22 @@ def adjust(network: RoadTable, drives: Mapping[int, Sequence[PassFactor]], terra
     everything = [p for d in sorted(drives) for p in drives[d]]
     road = _Road(network, everything)
     said = _Drives(drives, road.unknowns)
-    model = [] if terrain is None else _terrain_blocks(road.unknowns, terrain)
+    driven = np.zeros(len(network), bool)
+    driven[[p.segment for p in everything]] = True
+    model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
     last = np.array([] if said.lag_mean is None else [said.lag_mean], np.int64)
-    system = EquationSystem(said.size, [*road.blocks(), *said.blocks(), *model], last)
+    system = EquationSystem(said.size, [*road.blocks(), *said.blocks(), *(model.blocks() if model else [])], last)
     for number in range(ROUNDS):
         solution = system.solve()
         if number < ROUNDS - 1:
             road.learn(solution)
             said.learn(solution)
-    return _published(network, road, said, solution)
+            if model:
+                model.learn(solution, number == 0)
+    return _published(network, road, said, model, solution)
 
 
-def _terrain_blocks(unknowns: RoadUnknowns, terrain: Terrain) -> list[Blocks]:
-    """The elevation model's errors as an Ornstein-Uhlenbeck process along every segment, away from structures."""
-    touched = np.zeros(unknowns.nodes, bool)
-    touched[unknowns.start_node[unknowns.structure]] = touched[unknowns.end_node[unknowns.structure]] = True
-    clear = ~(unknowns.structure | touched[unknowns.start_node] | touched[unknowns.end_node])
-    at = np.concatenate([[0], np.cumsum(unknowns.intervals + 1)])
-    out = []
-    for mine in unknowns.by_intervals():
-        mine = mine[clear[mine]]
-        if not len(mine):
-            continue
-        n, variables = int(unknowns.intervals[mine[0]]), unknowns.variables(mine)
-        height = terrain.height_m[at[mine][:, None] + np.arange(n + 1)]
-        spacing = unknowns.length_m[mine] / n / terrain.length_m
-        same, across = 0.5 / np.tanh(spacing), -0.5 / np.sinh(spacing)
-        for j in range(n):
-            block = np.empty((len(mine), 2, 2))
-            block[:, 0, 0] = block[:, 1, 1] = same / terrain.sigma_m**2
-            block[:, 0, 1] = block[:, 1, 0] = across / terrain.sigma_m**2
-            known = np.isfinite(height[:, j] + height[:, j + 1])
-            pair, value = variables[known][:, [2 * j, 2 * j + 2]], height[known, j : j + 2]
-            out.append(Blocks(pair, block[known], np.einsum("mij,mj->mi", block[known], value), np.ones(int(known.sum()))))
-    return out
-
-
-def _published(network: RoadTable, road: _Road, said: _Drives, solution: Solution) -> Adjustment:
+def _published(network: RoadTable, road: _Road, said: _Drives, model: TerrainBlocks | None, solution: Solution) -> Adjustment:
     u = road.unknowns
     slope, sigma = np.full(len(network), np.nan), np.full(len(network), np.nan)
     for mine in u.by_intervals():
@@ -277,7 +241,7 @@ def _published(network: RoadTable, road: _Road, said: _Drives, solution: Solutio
     share = np.array([_covered(parts) for parts in cover]) / u.length_m
     lags = {d: float(solution.x[q.lag]) for d, q in said.unknowns.items() if q.lag is not None}
     mean = np.nan if said.lag_mean is None else float(solution.x[said.lag_mean])
-    return Adjustment(slope, sigma, np.minimum(share, 1.0), *counts, heard, lags, mean, solution, u)
+    return Adjustment(slope, sigma, np.minimum(share, 1.0), *counts, heard, lags, mean, solution, u, model)
 
 
 def _covered(parts: Sequence[tuple[float, float]]) -> float:

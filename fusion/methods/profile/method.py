@@ -20,8 +20,9 @@ from fusion.methods.profile.noise import Learned, learn, prior_noise
 from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.methods.profile.report import drive_report
 from fusion.methods.profile.track import build_track, drawn_measurements
-from fusion.network.adjust import adjust, terrain_of
+from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
+from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
@@ -122,7 +123,7 @@ def adjusted_slopes(
     table = network.table.subset(rows)
     row_of = {int(row): k for k, row in enumerate(rows)}
     passes = [replace(f, segment=row_of[f.segment]) for f in factors]
-    terrain = terrain_of(dem.heights(*knot_positions(table))) if dem is not None else None
+    terrain = heights_at(dem.heights(*knot_positions(table))) if dem is not None else None
     solved = adjust(table, {0: passes}, terrain)
     first, last = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
     for one in passes:

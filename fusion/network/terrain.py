@@ -1,0 +1,168 @@
+"""An elevation model beside the drives: how far it may be believed is learned from where roads were driven.
+
+Its error is an Ornstein-Uhlenbeck process along the roads: as large as ``sigma_m``, alike over ``length_m``. What counts
+for slopes is how fast two places' errors part, ``sigma_m^2 / length_m``; it is taken from differences over one knot
+spacing and over ``LONG_LAG_M``, whichever are worse: a coarse model errs in proportion to distance within its posts.
+Where a model comes from is not known here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fusion.network.equations import Blocks, Solution
+from fusion.network.unknowns import RoadUnknowns
+from fusion.types import Bools, Floats, Ints
+
+DEFAULT_SIGMA_M, DEFAULT_LENGTH_M = 6.0, 300.0
+"""An SRTM's, where nothing was driven (spec 7: 6 % over 90 m)."""
+SIGMA_BOUNDS_M = (0.3, 100.0)
+LONG_LAG_M = 100.0
+PRIOR_PAIRS = 8.0
+"""Imaginary pairs of places that hold what is learned to the default."""
+STEP_FREEDOM = 2.0
+"""A model has edges: differences from knot to knot have heavy tails."""
+_MEDIAN_OF_SQUARE = 0.455
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Heights of an elevation model at the knots of all segments, one segment after another, m (NaN unknown)."""
+
+    height_m: Floats
+    sigma_m: float = DEFAULT_SIGMA_M
+    length_m: float = DEFAULT_LENGTH_M
+
+
+class TerrainBlocks:
+    """The model's part in the equations: without weight until ``learn`` has seen what the drives say alone."""
+
+    def __init__(self, unknowns: RoadUnknowns, terrain: Terrain, driven: Bools) -> None:
+        self.terrain = terrain
+        touched = np.zeros(unknowns.nodes, bool)
+        structure = unknowns.structure
+        touched[unknowns.start_node[structure]] = touched[unknowns.end_node[structure]] = True
+        clear = ~(structure | touched[unknowns.start_node] | touched[unknowns.end_node])
+        first = np.concatenate([[0], np.cumsum(unknowns.intervals + 1)])
+        self._unknowns, self._first, self._clear, self._driven = unknowns, first, clear, driven
+        rows = np.repeat(np.arange(len(clear)), unknowns.intervals)
+        step = np.arange(len(rows)) - np.repeat(np.cumsum(unknowns.intervals) - unknowns.intervals, unknowns.intervals)
+        self._knot = first[rows] + step
+        known = clear[rows] & np.isfinite(terrain.height_m[self._knot] + terrain.height_m[self._knot + 1])
+        rows, step, self._knot = rows[known], step[known], self._knot[known]
+        self._row = rows
+        self.spacing_m = unknowns.length_m[rows] / unknowns.intervals[rows]
+        start = unknowns.first[rows] + 2 * step
+        pair = np.column_stack([start, start + 2])
+        zero = np.zeros(len(rows))
+        self.steps = Blocks.of_rows(pair, np.array([-1.0, 1.0]), terrain.height_m[self._knot + 1] - terrain.height_m[self._knot], 1.0)
+        self.level = Blocks.of_rows(
+            pair.reshape(-1, 1), np.ones((2 * len(rows), 1)),
+            np.column_stack([terrain.height_m[self._knot], terrain.height_m[self._knot + 1]]).ravel(), 1.0,
+        )  # fmt: skip
+        self.steps.weight, self.level.weight = zero.copy(), np.zeros(2 * len(rows))
+        self.sigma_m, self.length_m = terrain.sigma_m, terrain.length_m
+        self.tail = np.ones(len(rows))
+
+    def blocks(self) -> list[Blocks]:
+        """Differences from knot to knot, and heights."""
+        return [self.steps, self.level]
+
+    def learn(self, solution: Solution, first: bool) -> None:
+        """Set the weights: after the ``first`` solution by what it says of the model, then only those of steps."""
+        if not len(self._row):
+            return
+        if first:
+            self._measure(solution)
+        else:
+            misfit = self._step_squares(solution) / self._step_variance()
+            self.tail = (STEP_FREEDOM + 1) / (STEP_FREEDOM + misfit)
+        spacing = self.spacing_m / self.length_m
+        self.steps.weight = self.tail / self._step_variance()
+        ends = np.repeat((1 / np.tanh(spacing) - 1 / np.sinh(spacing)) / (2 * self.sigma_m**2), 2)
+        self.level.weight = ends
+
+    def _step_variance(self) -> Floats:
+        return np.asarray(2 * self.sigma_m**2 * np.sinh(self.spacing_m / self.length_m))
+
+    def _step_squares(self, solution: Solution) -> Floats:
+        """Squares of the differences' errors, expected under the solution, m^2."""
+        pair = self.steps.variables
+        height = self.terrain.height_m
+        error = np.diff(solution.x[pair], axis=1)[:, 0] - (height[self._knot + 1] - height[self._knot])
+        c = solution.equations.covariance(pair)
+        return np.asarray(error**2 + np.maximum(c[:, 0, 0] + c[:, 1, 1] - 2 * c[:, 0, 1], 0.0))
+
+    def _measure(self, solution: Solution) -> None:
+        driven = self._driven[self._row]
+        pair = self.steps.variables
+        height = self.terrain.height_m
+        error = np.diff(solution.x[pair], axis=1)[:, 0] - (height[self._knot + 1] - height[self._knot])
+        c = solution.equations.covariance(pair)
+        own = np.maximum(c[:, 0, 0] + c[:, 1, 1] - 2 * c[:, 0, 1], 0.0)
+        sound = driven & (own < np.square(0.1 * self.spacing_m))
+        short = (error**2 - own)[sound] / (2 * self.spacing_m[sound])
+        long = self._long(solution)
+        default = DEFAULT_SIGMA_M**2 / DEFAULT_LENGTH_M
+        rate = max(_shrunk(short, default), _shrunk(long, default))
+        level = height[self._knot[driven]] - solution.x[pair[driven, 0]]
+        if len(level):
+            spread = 1.4826 * float(np.median(np.abs(level - np.median(level))))
+            weight = len(level) / (len(level) + PRIOR_PAIRS)
+            spread = spread**weight * DEFAULT_SIGMA_M ** (1 - weight)
+            self.sigma_m = float(np.clip(spread, *SIGMA_BOUNDS_M))
+        self.length_m = float(np.clip(self.sigma_m**2 / rate, 5.0, 1e5))
+
+    def _long(self, solution: Solution) -> Floats:
+        """Half the squared differences of the model's errors over about ``LONG_LAG_M``, for each metre."""
+        u = self._unknowns
+        good = self._clear & self._driven
+        ends_m = [self._first[:-1], self._first[1:] - 1]
+        rise = solution.x[u.end(np.arange(len(good)), np.ones(len(good), bool))] - solution.x[u.first]
+        error = rise - (self.terrain.height_m[ends_m[1]] - self.terrain.height_m[ends_m[0]])
+        good &= np.isfinite(error)
+        at_node: dict[int, list[int]] = {}
+        for row in np.flatnonzero(good).tolist():
+            at_node.setdefault(int(u.start_node[row]), []).append(row)
+            at_node.setdefault(int(u.end_node[row]), []).append(row)
+        out = []
+        for row in np.flatnonzero(good).tolist():
+            out.append(_walk(row, u, error, at_node))
+        return np.array([v for v in out if v is not None], float)
+
+
+def _walk(row: int, u: RoadUnknowns, error: Floats, at_node: dict[int, list[int]]) -> float | None:
+    """Follow the road from a segment on until the lag is reached."""
+    length, total, node, before = 0.0, 0.0, int(u.start_node[row]), -1
+    here: int | None = row
+    for _ in range(60):
+        if here is None:
+            return None
+        forward = int(u.start_node[here]) == node
+        total += float(error[here]) if forward else -float(error[here])
+        length += float(u.length_m[here])
+        node = int(u.end_node[here]) if forward else int(u.start_node[here])
+        if length >= LONG_LAG_M:
+            return total**2 / (2 * length)
+        before = here
+        here = next((r for r in at_node[node] if r != before), None)
+    return None
+
+
+def _shrunk(rates: Floats, default: float) -> float:
+    """A robust mean of squares, drawn to the default by ``PRIOR_PAIRS`` imaginary ones (on a logarithmic scale)."""
+    if not len(rates):
+        return default
+    seen = max(float(np.median(rates)) / _MEDIAN_OF_SQUARE, 1e-5)
+    weight = len(rates) / (len(rates) + PRIOR_PAIRS)
+    return float(np.exp(weight * np.log(seen) + (1 - weight) * np.log(default)))
+
+
+def heights_at(heights_m: Floats) -> Terrain:
+    """A model of unknown quality from its heights at the knots (``unknowns.knot_positions``)."""
+    return Terrain(np.asarray(heights_m, float))
+
+
+Rows = Ints
