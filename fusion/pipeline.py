@@ -32,6 +32,10 @@ from fusion.types import DriveLog, Ints, Progress, Track, no_progress
 
 ROAD_MARGIN_M = 250.0
 """Roads this far around a log's positions are loaded: farther than a method looks for a road, or a gap is long."""
+LAG_ROUNDS, LAG_SETTLED_S = 6, 0.3
+"""How often factors are made anew for altimeters that are late, and what counts as settled."""
+LAG_GAIN, LAG_STEP_S = 1.3, 2.5
+"""The response to a lag is taken from smoothed grades, which are too flat: steps are lengthened, within a bound."""
 MIN_FIXES = 4
 """Positions without which no log has a slope."""
 
@@ -183,7 +187,11 @@ def solve_network(roads: RoadTable, dem: Dem | None, drives: Sequence[FusedDrive
         number: [replace(f, segment=int(drives[number].rows[f.segment])) for f in drives[number].result.factors]
         for number in numbers
     }
-    solved = _solved(roads, dem, surroundings([drives[k] for k in numbers]), passes)
+    near = surroundings([drives[k] for k in numbers])
+    for _ in range(LAG_ROUNDS):
+        solved = _solved(roads, dem, near, passes)
+        if not _relinearised(passes, drives, solved.lag_s):
+            break
     for (number, _), weight in solved.heard.items():
         rejected[number] += weight == 0
     return SolvedNetwork(solved.parts, rejected)
@@ -198,9 +206,26 @@ def _begin(one: FusedDrive) -> float:
     return float(one.result.track.time_s[0])
 
 
+def _relinearised(
+    passes: dict[int, list[PassFactor]], drives: Sequence[FusedDrive], lag_s: Mapping[int, float]
+) -> bool:
+    """Make the factors of drives anew whose altimeter turned out to be later or sooner than was thought."""
+    changed = False
+    for number, lag in lag_s.items():
+        one, before = drives[number], passes[number][0].lag_s
+        step = float(np.clip(LAG_GAIN * (lag - before), -LAG_STEP_S, LAG_STEP_S))
+        if one.result.late_by is None or abs(step) < LAG_SETTLED_S:
+            continue
+        again = one.result.late_by(before + step)
+        passes[number] = [replace(f, segment=int(one.rows[f.segment])) for f in again]
+        changed = True
+    return changed
+
+
 class _Solved(NamedTuple):
     parts: dict[int, list[SlopePart]]
     heard: dict[tuple[int, int], int]
+    lag_s: dict[int, float]
 
 
 def _solved(roads: RoadTable, dem: Dem | None, near: Ints, passes: Mapping[int, Sequence[PassFactor]]) -> _Solved:
@@ -232,4 +257,4 @@ def _solved(roads: RoadTable, dem: Dem | None, near: Ints, passes: Mapping[int, 
         for row, slope, sigma, observations in columns
         if np.isfinite(slope) and np.isfinite(sigma)
     }
-    return _Solved(parts, heard)
+    return _Solved(parts, heard, {names[k]: lag for k, lag in result.lag_s.items()})

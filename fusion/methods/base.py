@@ -5,6 +5,7 @@ No method is known here: each is a file of its own, and ``fusion.methods`` puts 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -76,6 +77,8 @@ class DriveResult:
     report: dict[str, Any]
     factors: tuple[PassFactor, ...] = ()
     measurements: DrawnMeasurements | None = None
+    late_by: Callable[[float], tuple[PassFactor, ...]] | None = None
+    """The factors anew if the log's altimeter is so many seconds late, where it has one"""
 
 
 class Options(BaseModel):

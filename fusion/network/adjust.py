@@ -35,9 +35,8 @@ WALK_FREEDOM = 2.0
 START_SIGMA_M = (30.0, 300.0)
 GRADE_SIGMA = 0.2
 PLACE_SIGMA_M = 2.0
-LAG_MEAN_S = (2.0, 1.0)
-LAG_SIGMA_S = 1.5
-LAG0: dict[int, float] = {}
+LAG_MEAN_S = (1.5, 1.0)
+LAG_SIGMA_S = 2.0
 REJECT_SIGMAS = 4.0
 
 
@@ -135,7 +134,7 @@ class _Drives:
         if lags:
             out.append(Blocks.of_rows(np.array([[self.lag_mean]]), np.ones((1, 1)), LAG_MEAN_S[0], LAG_MEAN_S[1] ** 2))
             pairs = np.column_stack([lags, np.full(len(lags), self.lag_mean)])
-            out.append(Blocks.of_rows(pairs, np.array([1.0, -1.0]), -np.array([LAG0.get(d, 0.0) for d in self.names if self.unknowns[d].lag is not None]), LAG_SIGMA_S**2))
+            out.append(Blocks.of_rows(pairs, np.array([1.0, -1.0]), 0.0, LAG_SIGMA_S**2))
         return [b for b in out if len(b.variables)]
 
     def _walks(self) -> Blocks:

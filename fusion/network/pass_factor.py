@@ -28,7 +28,7 @@ EXIT = slice(6, 8)
 NUISANCES = 8
 """The drive's unknowns behind the knots: the constants, then the height errors at entry, then those at exit."""
 
-_HEAD = 11
+_HEAD = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +55,8 @@ class PassFactor:
     observations: int
     first_time_s: float
     last_time_s: float
+    lag_s: float = 0.0
+    """How late the altimeter was taken for when its heights were put in their places"""
 
     @property
     def used(self) -> Bools:
@@ -67,7 +69,7 @@ class PassFactor:
         information = self.information[np.ix_(kept, kept)]
         numbers = [
             self.mount, self.square, self.rows, *self.walk_m2_per_s, self.start_m, self.end_m, self.roughness,
-            self.observations, self.first_time_s, self.last_time_s,
+            self.observations, self.first_time_s, self.last_time_s, self.lag_s,
         ]  # fmt: skip
         mask = float(np.packbits(self.used)[0])
         upper = information[np.triu_indices(len(information))]
@@ -77,7 +79,7 @@ class PassFactor:
     def decode(cls, data: bytes, segment: int, sequence: int) -> Self:
         """The inverse of ``encode``, bit for bit."""
         values = np.frombuffer(data, "<f8").astype(np.float64)
-        mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last = values[
+        mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last, lag = values[
             :_HEAD
         ].tolist()
         used = np.unpackbits(np.array([int(values[_HEAD])], np.uint8)).astype(bool)
@@ -90,7 +92,7 @@ class PassFactor:
         information[np.ix_(kept, kept)] = symmetric(values[_HEAD + 1 + count :], count)
         return cls(
             segment, sequence, int(mount), information, vector, square, int(rows), (walk_a, walk_b),
-            start, end, roughness, int(observations), first, last,
+            start, end, roughness, int(observations), first, last, lag,
         )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.methods.profile.likelihood import OnTraversals, likelihoods, on_traversals, segment_lengths
+from fusion.methods.profile.likelihood import Altimeter, OnTraversals, likelihoods, on_traversals, segment_lengths
 from fusion.methods.profile.measurements import Measurements
 from fusion.methods.profile.model import DRIFT, MOUNT, SmootherEpochs
 from fusion.methods.profile.noise import Learned
@@ -22,10 +22,10 @@ _SAME_INSTANT_S = 0.2
 
 
 def pass_factors(
-    measured: Measurements, epochs: SmootherEpochs, learned: Learned, path: DrivenPath
+    measured: Measurements, epochs: SmootherEpochs, learned: Learned, path: DrivenPath, altimeter: Altimeter
 ) -> list[PassFactor]:
     """The factors of all traversals that are probably right and were recorded whole, in driving order."""
-    data = on_traversals(measured, epochs, learned, path)
+    data = on_traversals(measured, epochs, learned, path, altimeter)
     walk = (learned.noise.drift, learned.noise.baro_drift)
     summed = likelihoods(data, path, walk, _times_of(epochs, learned, DRIFT))
     mount = _mount(path, _times_of(epochs, learned, MOUNT))
@@ -52,6 +52,7 @@ def pass_factors(
                 observations=_instants(data, rows),
                 first_time_s=float(match.enter_time_s[k]),
                 last_time_s=float(match.leave_time_s[k]),
+                lag_s=altimeter.lag_s,
             )
         )
     return found

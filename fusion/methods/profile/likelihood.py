@@ -28,6 +28,14 @@ WANDER_SIGMA = 0.005
 levelling (spec 7: 0.3 to 0.5 %). One draw a pass, independent of the next."""
 
 
+@dataclass(frozen=True)
+class Altimeter:
+    """The sensor of height that may be late: its code (-1: none is), and how late it was taken for, s."""
+
+    sensor: int = -1
+    lag_s: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class OnTraversals:
     """The m measurements on a drive's traversals in the order of driving, ready to be summed; columns of shape (m,).
@@ -50,7 +58,7 @@ class OnTraversals:
 
 
 def on_traversals(
-    measured: Measurements, epochs: SmootherEpochs, learned: Learned, path: DrivenPath
+    measured: Measurements, epochs: SmootherEpochs, learned: Learned, path: DrivenPath, altimeter: Altimeter
 ) -> OnTraversals:
     """Bring a drive's measurements to its traversals; terrain heights stay out, as the network has the DEM itself."""
     clean, share = decorrelated(measured, learned.noise)
@@ -66,15 +74,16 @@ def on_traversals(
     _, grade = grade_weights(distance, length)
     q = learned.noise.roughness
     seen = design(measured, decorrelated(measured, learned.noise)[1])[keep]
+    # A height that is late by tau, taken for late by lag_s: y = H - climb (tau - lag_s). The unknown is tau.
     climb = learned.smoothed.mean[epochs.of_measurement[keep], GRADE] * measured.speed_mps[keep]
-    lag = np.where(is_height, -climb, 0.0)
+    late = np.where(sensor == altimeter.sensor, -climb, 0.0)
     return OnTraversals(
         variable=variable,
         weights=np.where(is_height[:, None], height, (forward * (1 - share))[:, None] * grade),
-        constants=np.column_stack([seen[:, MOUNT], seen[:, BIAS], seen[:, SQUAT], lag]),
+        constants=np.column_stack([seen[:, MOUNT], seen[:, BIAS], seen[:, SQUAT], late]),
         wander=np.where(sensor == PITCH, 1.0, 0.0),
         height_sensor=np.select([sensor == ALTITUDE, sensor == BARO], [0, 1], -1),
-        value=clean.value[keep],
+        value=clean.value[keep] + late * altimeter.lag_s,
         variance=ROBUST_INFORMATION_LOSS * learned.variance[keep]
         + np.where(is_height, height_variance(distance, length, q), (1 - share) ** 2 * grade_variance(distance, length, q)),
         time_s=measured.time_s[keep],

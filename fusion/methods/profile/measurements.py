@@ -62,7 +62,21 @@ class Measurements:
         return Measurements(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
 
 
-def build_measurements(log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[int]) -> Measurements:
+@dataclass(frozen=True)
+class Lags:
+    """How late sensors of height are, s: a height belongs to where the vehicle was then."""
+
+    altitude_s: float = 0.0
+    barometer_s: float = 0.0
+
+    def of(self, sensor: int) -> float:
+        """The lag of a kind of measurement; 0 for all but heights."""
+        return {ALTITUDE: self.altitude_s, BARO: self.barometer_s}.get(sensor, 0.0)
+
+
+def build_measurements(
+    log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[int], lags: Lags = Lags()
+) -> Measurements:
     """All measurements of the sensors ``use`` that lie on the path."""
     speed_time, speed, _ = ground_speed(log)
     if not len(speed_time):
@@ -71,6 +85,7 @@ def build_measurements(log: DriveLog, path: DrivenPath, dem: Dem | None, use: fr
     for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure)):
         if sensor in use:
             time, value, stated_sigma = build(log, path, speed_time, speed)
+            time = time - lags.of(sensor)
             parts.append(
                 _placed(path, sensor, time, value, stated_sigma, speed_time, speed, _turn(log, path, time))
             )

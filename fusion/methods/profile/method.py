@@ -14,7 +14,8 @@ from fusion.errors import MissingSensorError, NoMatchError
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.profile.factors import pass_factors
-from fusion.methods.profile.measurements import SENSORS, Measurements, build_measurements
+from fusion.methods.profile.likelihood import Altimeter
+from fusion.methods.profile.measurements import ALTITUDE, BARO, SENSORS, Lags, Measurements, build_measurements
 from fusion.methods.profile.model import SmootherEpochs, build_smoother_epochs
 from fusion.methods.profile.noise import Learned, learn, prior_noise
 from fusion.methods.profile.path import DrivenPath, find_path
@@ -28,6 +29,11 @@ from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Ints, Progress, SegmentSlope
 
+USUAL_LAG_S = 1.5
+"""How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
+BAROMETRIC_DRIFT = 0.03
+"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's: a receiver's walk by 0.1 and more,
+the air's pressure by 0.001 (spec 7)."""
 MIN_MEASUREMENTS = 4
 """Fewer say nothing of a slope."""
 
@@ -59,6 +65,7 @@ class _Smoothed:
     measured: Measurements
     epochs: SmootherEpochs
     learned: Learned
+    altimeter: Altimeter
 
 
 class ProfileMethod:
@@ -90,19 +97,47 @@ class ProfileMethod:
                 "positions are a drive's and not a parked vehicle's."
             )
         progress("smooth", 0.3)
-        drive = _smooth(log, path, dem, options)
+        drive = _smooth(log, path, dem, options, Altimeter())
+        late = _altimeter(log, drive)
+        if late.sensor >= 0:
+            drive = _smooth(log, path, dem, options, late)
         progress("factors", 0.7)
-        factors = tuple(pass_factors(drive.measured, drive.epochs, drive.learned, path))
+        factors = _factors(drive)
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
         track = build_track(path, drive.measured, drive.epochs, drive.learned)
         report = drive_report(log, path, drive.measured, drive.epochs, drive.learned, factors)
         drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
-        return DriveResult(track, slopes, report, factors, drawn)
+        
+        def late_by(lag_s: float) -> tuple[PassFactor, ...]:
+            return _factors(_smooth(log, path, dem, options, Altimeter(late.sensor, lag_s)))
+
+        return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
 
 
-def _smooth(log: DriveLog, path: DrivenPath, dem: Dem | None, options: ProfileOptions) -> _Smoothed:
-    measured = build_measurements(log, path, dem, options.sensors())
+def _factors(drive: _Smoothed) -> tuple[PassFactor, ...]:
+    return tuple(pass_factors(drive.measured, drive.epochs, drive.learned, drive.path, drive.altimeter))
+
+
+def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:
+    """Which sensor of height is an altimeter, whose filter makes it late: a barometer, or heights that err like one.
+
+    A receiver's height that states its accuracy is its own fix, and not late.
+    """
+    sensors = drive.measured.sensor
+    if (sensors == BARO).any():
+        return Altimeter(BARO, USUAL_LAG_S)
+    stated = log.fix.has("v_acc_m")
+    if (sensors == ALTITUDE).any() and not stated and drive.learned.noise.drift < BAROMETRIC_DRIFT:
+        return Altimeter(ALTITUDE, USUAL_LAG_S)
+    return Altimeter()
+
+
+def _smooth(
+    log: DriveLog, path: DrivenPath, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter
+) -> _Smoothed:
+    lags = Lags(**({"barometer_s": altimeter.lag_s} if altimeter.sensor == BARO else {"altitude_s": altimeter.lag_s}))
+    measured = build_measurements(log, path, dem, options.sensors(), lags)
     if len(measured) < MIN_MEASUREMENTS:
         raise MissingSensorError(
             f"Method 'profile' found {len(measured)} usable measurement(s) of height or grade on roads (used: "
@@ -110,7 +145,7 @@ def _smooth(log: DriveLog, path: DrivenPath, dem: Dem | None, options: ProfileOp
         )
     epochs = build_smoother_epochs(measured, path)
     learned = learn(measured, epochs, prior_noise(measured))
-    return _Smoothed(path, measured, epochs, learned)
+    return _Smoothed(path, measured, epochs, learned, altimeter)
 
 
 def adjusted_slopes(
