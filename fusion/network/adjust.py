@@ -32,6 +32,7 @@ NODE_SIGMA_M = 0.2
 NODE_FREEDOM = 2.0
 PASS_FREEDOM = 4.0
 WALK_FREEDOM = 2.0
+WALK_PRIOR_COUNT = 10.0
 START_SIGMA_M = (30.0, 300.0)
 GRADE_SIGMA = 0.2
 PLACE_SIGMA_M = 2.0
@@ -139,7 +140,7 @@ class _Drives:
 
     def _walks(self) -> Blocks:
         """From one pass to the next an error walks on; over a second, where the passes meet."""
-        pairs, variance = [np.empty((0, 2), np.int64)], [np.empty(0)]
+        pairs, variance, series = [np.empty((0, 2), np.int64)], [np.empty(0)], [np.empty(0, np.int64)]
         for d in self.names:
             u, passes = self.unknowns[d], self.passes[d]
             for s in range(len(HEIGHT_SENSORS)):
@@ -148,6 +149,9 @@ class _Drives:
                 apart = [max(passes[b].first_time_s - passes[a].last_time_s, 0.0) + 1.0 for a, b in zip(before, after, strict=True)]
                 rate = [passes[b].walk_m2_per_s[s] for b in after]
                 variance.append(np.array(apart) * np.array(rate))
+                series.append(np.full(len(before), len(series)))
+        self.walk_series = np.concatenate(series)
+        self.walk_scale = np.ones(len(series) + 1)
         return Blocks.of_rows(np.concatenate(pairs), np.array([-1.0, 1.0]), 0.0, np.concatenate(variance))
 
     def _groups(self, road: RoadUnknowns) -> list[tuple[list[tuple[int, int]], Blocks, Floats, Floats]]:
@@ -177,10 +181,20 @@ class _Drives:
 
     def learn(self, solution: Solution) -> None:
         if len(self.walks.variables):
-            self.walks.weight = (WALK_FREEDOM + 1) / (WALK_FREEDOM + self.walks.expected_squares(solution))
+            self._learn_walks(self.walks.expected_squares(solution))
         for (_, blocks, square, rows), misfit in zip(self.groups, self.misfits(solution), strict=True):
             del square, rows
             blocks.weight = _pass_weight(misfit)
+
+    def _learn_walks(self, squares: Floats) -> None:
+        """How much each drive's errors walk beyond what it knew of itself, and where they jump."""
+        series = self.walk_series
+        for _ in range(5):
+            weight = (WALK_FREEDOM + 1) / (WALK_FREEDOM + squares / self.walk_scale[series])
+            total = np.bincount(series, weight * squares, minlength=len(self.walk_scale))
+            count = np.bincount(series, minlength=len(self.walk_scale))
+            self.walk_scale = (total + WALK_PRIOR_COUNT) / (count + WALK_PRIOR_COUNT)
+        self.walks.weight = (WALK_FREEDOM + 1) / (WALK_FREEDOM + squares / self.walk_scale[series]) / self.walk_scale[series]
 
     def misfits(self, solution: Solution) -> list[Floats]:
         """Chi-square of each pass for each of its measurements, group by group."""
