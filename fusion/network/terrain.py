@@ -14,7 +14,7 @@ import numpy as np
 
 from fusion.network.equations import Blocks, Solution
 from fusion.network.unknowns import RoadUnknowns
-from fusion.types import Bools, Floats, Ints
+from fusion.types import Bools, Floats
 
 DEFAULT_SIGMA_M, DEFAULT_LENGTH_M = 6.0, 300.0
 """An SRTM's, where nothing was driven (spec 7: 6 % over 90 m)."""
@@ -22,6 +22,8 @@ SIGMA_BOUNDS_M = (0.3, 100.0)
 LONG_LAG_M = 100.0
 PRIOR_PAIRS = 8.0
 """Imaginary pairs of places that hold what is learned to the default."""
+SOUND_GRADE = 0.015
+"""Rises that the drives alone know better than this over their length may judge a model."""
 STEP_FREEDOM = 2.0
 """A model has edges: differences from knot to knot have heavy tails."""
 _MEDIAN_OF_SQUARE = 0.455
@@ -80,7 +82,7 @@ class TerrainBlocks:
             misfit = self._step_squares(solution) / self._step_variance()
             self.tail = (STEP_FREEDOM + 1) / (STEP_FREEDOM + misfit)
         spacing = self.spacing_m / self.length_m
-        self.steps.weight = self.tail / self._step_variance()
+        self.steps.weight = self.tail / (self._step_variance() * (STEP_FREEDOM + 3) / (STEP_FREEDOM + 1))
         ends = np.repeat((1 / np.tanh(spacing) - 1 / np.sinh(spacing)) / (2 * self.sigma_m**2), 2)
         self.level.weight = ends
 
@@ -102,7 +104,9 @@ class TerrainBlocks:
         error = np.diff(solution.x[pair], axis=1)[:, 0] - (height[self._knot + 1] - height[self._knot])
         c = solution.equations.covariance(pair)
         own = np.maximum(c[:, 0, 0] + c[:, 1, 1] - 2 * c[:, 0, 1], 0.0)
-        sound = driven & (own < np.square(0.1 * self.spacing_m))
+        sound = driven & (own < np.square(SOUND_GRADE * self.spacing_m))
+        if sound.sum() < PRIOR_PAIRS:
+            return
         short = (error**2 - own)[sound] / (2 * self.spacing_m[sound])
         long = self._long(solution)
         default = DEFAULT_SIGMA_M**2 / DEFAULT_LENGTH_M
@@ -118,7 +122,7 @@ class TerrainBlocks:
     def _long(self, solution: Solution) -> Floats:
         """Half the squared differences of the model's errors over about ``LONG_LAG_M``, for each metre."""
         u = self._unknowns
-        good = self._clear & self._driven
+        good = self._clear & self._driven & self._sound_rows(solution)
         ends_m = [self._first[:-1], self._first[1:] - 1]
         rise = solution.x[u.end(np.arange(len(good)), np.ones(len(good), bool))] - solution.x[u.first]
         error = rise - (self.terrain.height_m[ends_m[1]] - self.terrain.height_m[ends_m[0]])
@@ -131,6 +135,15 @@ class TerrainBlocks:
         for row in np.flatnonzero(good).tolist():
             out.append(_walk(row, u, error, at_node))
         return np.array([v for v in out if v is not None], float)
+
+
+    def _sound_rows(self, solution: Solution) -> Bools:
+        """Segments whose rise the drives know well enough to judge a model by."""
+        u = self._unknowns
+        ends = np.column_stack([u.first, u.end(np.arange(len(u.first)), np.ones(len(u.first), bool))])
+        c = solution.equations.covariance(ends)
+        own = c[:, 0, 0] + c[:, 1, 1] - 2 * c[:, 0, 1]
+        return np.asarray(own < np.square(SOUND_GRADE * u.length_m), np.bool_)
 
 
 def _walk(row: int, u: RoadUnknowns, error: Floats, at_node: dict[int, list[int]]) -> float | None:
@@ -164,5 +177,3 @@ def heights_at(heights_m: Floats) -> Terrain:
     """A model of unknown quality from its heights at the knots (``unknowns.knot_positions``)."""
     return Terrain(np.asarray(heights_m, float))
 
-
-Rows = Ints

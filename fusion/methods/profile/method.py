@@ -120,13 +120,11 @@ def _factors(drive: _Smoothed) -> tuple[PassFactor, ...]:
 
 
 def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:
-    """Which sensor of height is an altimeter, whose filter makes it late: a barometer, or heights that err like one.
+    """Whether the heights are an altimeter's, whose filter makes them late: they err like a barometer.
 
-    A receiver's height that states its accuracy is its own fix, and not late.
+    A receiver's height that states its accuracy is its own fix, and pressure is a sensor's own sample: neither is late.
     """
     sensors = drive.measured.sensor
-    if (sensors == BARO).any():
-        return Altimeter(BARO, USUAL_LAG_S)
     stated = log.fix.has("v_acc_m")
     if (sensors == ALTITUDE).any() and not stated and drive.learned.noise.drift < BAROMETRIC_DRIFT:
         return Altimeter(ALTITUDE, USUAL_LAG_S)
