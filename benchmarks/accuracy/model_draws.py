@@ -164,7 +164,7 @@ class DrawnDrive:
 def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: float = 0.0) -> DrawnDrive:
     """A drive over the whole road in either direction; drives of different ``number`` are an hour apart.
 
-    Height sensors show the road's height ``lag_s`` too late.
+    Height sensors show where the vehicle was ``lag_s`` ago; beyond its ends the road goes on as it is there.
     """
     rate = FAST_HZ if rng.random() < FAST_SHARE else 1.0
     forward, heavy = bool(rng.random() < 0.5), bool(rng.random() < 0.5)
@@ -182,7 +182,9 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
     along = gone if forward else road.node_m[-1] - gone
     height, grade = road.height_and_grade(along)
     grade = grade if forward else -grade
-    height = height - lag_s * speed * grade
+    if lag_s:
+        behind = lag_s * speed - 0.5 * lag_s**2 * acceleration
+        height, _ = road.height_and_grade(along - behind if forward else along + behind)
     time = _FIRST_S + _HOUR_S * number + t
     n = len(t)
     fix, course = _fixes(rng, road, time, along, forward, height, noise)

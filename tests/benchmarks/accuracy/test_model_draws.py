@@ -63,6 +63,9 @@ def test_a_lag_shows_earlier_heights(road: DrawnRoad) -> None:
     shift = plain.log.fix.alt_msl_m - late.log.fix.alt_msl_m
     climb = -plain.log.velocity.vel_d_mps
     assert np.corrcoef(shift, climb)[0, 1] > 0.9
+    samples = round(plain.rate_hz)
+    kept = shift[samples:].sum()  # all noise is the same, so that the shifts add up to what the heights say
+    assert kept == pytest.approx(climb[samples:].sum() / plain.rate_hz, rel=0.2, abs=1.0)
 
 
 def test_levels_are_of_averaged_samples(road: DrawnRoad) -> None:
