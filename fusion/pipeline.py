@@ -184,7 +184,9 @@ def solve_network(roads: RoadTable, dem: Dem | None, drives: Sequence[FusedDrive
     if not numbers:
         return SolvedNetwork({}, rejected)
     passes = {
-        number: [replace(f, segment=int(drives[number].rows[f.segment])) for f in drives[number].result.factors]
+        number: [
+            replace(f, segment=int(drives[number].rows[f.segment])) for f in drives[number].result.factors
+        ]
         for number in numbers
     }
     near = surroundings([drives[k] for k in numbers])
@@ -228,7 +230,9 @@ class _Solved(NamedTuple):
     lag_s: dict[int, float]
 
 
-def _solved(roads: RoadTable, dem: Dem | None, near: Ints, passes: Mapping[int, Sequence[PassFactor]]) -> _Solved:
+def _solved(
+    roads: RoadTable, dem: Dem | None, near: Ints, passes: Mapping[int, Sequence[PassFactor]]
+) -> _Solved:
     """The solution over the rows ``near``, and for each drive and row how many of its passes are heard there."""
     table = roads.subset(near)
     driven = np.isin(near, [f.segment for said in passes.values() for f in said])

@@ -64,7 +64,9 @@ def height_weights(distance_m: Floats, length_m: ArrayLike) -> tuple[Ints, Float
 def grade_weights(distance_m: Floats, length_m: ArrayLike) -> tuple[Ints, Floats]:
     """The same for the grade (from_node to to_node) at ``distance_m``."""
     j, u, d = _locate(distance_m, length_m)
-    return 2 * j, np.column_stack((6 * (u**2 - u) / d, 1 - 4 * u + 3 * u**2, 6 * (u - u**2) / d, 3 * u**2 - 2 * u))
+    return 2 * j, np.column_stack(
+        (6 * (u**2 - u) / d, 1 - 4 * u + 3 * u**2, 6 * (u - u**2) / d, 3 * u**2 - 2 * u)
+    )
 
 
 def height_rows(distance_m: Floats, length_m: float) -> Floats:
@@ -129,9 +131,15 @@ def place_rows(length_m: Floats) -> tuple[Floats, Floats]:
     intervals = slope.shape[1] // 2 - 1
     mean = np.zeros_like(slope)
     for j in range(intervals):  # the cubic's mean over an interval
-        mean[:, 2 * j : 2 * j + 4] += np.column_stack(
-            [np.broadcast_to(v, len(length)) for v in (0.5, length[:, 0] / intervals / 12, 0.5, -length[:, 0] / intervals / 12)]
-        ) / intervals
+        mean[:, 2 * j : 2 * j + 4] += (
+            np.column_stack(
+                [
+                    np.broadcast_to(v, len(length))
+                    for v in (0.5, length[:, 0] / intervals / 12, 0.5, -length[:, 0] / intervals / 12)
+                ]
+            )
+            / intervals
+        )
     start, end = -mean, -mean.copy()
     start[:, 0] += 1
     end[:, -2] += 1

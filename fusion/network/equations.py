@@ -30,7 +30,9 @@ class Blocks:
     weight: Floats
 
     @classmethod
-    def of_rows(cls, variables: Ints, design: Floats, value: Floats | float, variance: Floats | float) -> Blocks:
+    def of_rows(
+        cls, variables: Ints, design: Floats, value: Floats | float, variance: Floats | float
+    ) -> Blocks:
         """Observations design (m, k) @ x = value with these variances."""
         variables, design = np.atleast_2d(variables), np.asarray(design, float)
         m = len(variables)
@@ -77,7 +79,9 @@ class EquationSystem:
         self._order = self._elimination_order(last)
 
     def _elimination_order(self, last: Ints) -> Ints:
-        matrix = self._matrix(np.where(self._indices == np.repeat(np.arange(self.size), np.diff(self._starts)), 1e3, 1.0))
+        matrix = self._matrix(
+            np.where(self._indices == np.repeat(np.arange(self.size), np.diff(self._starts)), 1e3, 1.0)
+        )
         early = np.setdiff1d(np.arange(self.size), last)
         order = fill_reducing_order(matrix[early][:, early])
         return np.concatenate([early[order], last]).astype(np.int64)
@@ -88,7 +92,9 @@ class EquationSystem:
     def solve(self) -> Solution:
         """The solution at the present weights. Raises ``ValueError`` where some unknown is not determined."""
         parts = [(b.weight[:, None, None] * b.information).ravel() for b in self.blocks]
-        values = np.bincount(self._slot, weights=np.concatenate(parts), minlength=len(self._indices))
+        values = np.asarray(
+            np.bincount(self._slot, weights=np.concatenate(parts), minlength=len(self._indices)), np.float64
+        )
         vector = np.zeros(self.size)
         for one in self.blocks:
             vector += np.bincount(

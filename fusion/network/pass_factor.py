@@ -1,9 +1,9 @@
 """What one pass of a drive over a segment says: a small Gaussian likelihood over the road and the drive's own errors.
 
-Unknowns are the knots of the segment (``fusion.network.curve``) and what the drive carries along: constants, which all
-of its passes share (``CONSTANTS``), and the errors of its height sensors where it enters and leaves (``HEIGHT_SENSORS``),
-which walk at random. How a pass becomes a factor is the affair of the method that makes it; how the passes of a drive
-hang together, ``fusion.network.unknowns``'.
+Unknowns are the knots of the segment (``fusion.network.curve``) and what the drive carries along: constants, which
+all of its passes share (``CONSTANTS``), and the errors of its height sensors where it enters and leaves
+(``HEIGHT_SENSORS``), which walk at random. How a pass becomes a factor is the affair of the method that makes it; how
+the passes of a drive hang together, ``fusion.network.unknowns``'.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class PassFactor:
     """A likelihood exp(-(square - 2 vector' x + x' information x) / 2) over the knots of ``segment`` and ``NUISANCES``.
 
     ``rows`` is how many measurements it sums. ``sequence`` numbers the passes of a drive in the order of driving, and
-    ``mount`` its settings of the mount: passes with equal numbers share the unknown. ``walk_m2_per_s`` are the variances
-    by which the errors of ``HEIGHT_SENSORS`` move in a second. ``start_m`` to ``end_m`` is the driven part, metres from
-    from_node. ``roughness`` is the variance of the grade's change per metre that the drive learned (1/m).
+    ``mount`` its settings of the mount: passes with equal numbers share the unknown. ``walk_m2_per_s`` are the
+    variances by which the errors of ``HEIGHT_SENSORS`` move in a second. ``start_m`` to ``end_m`` is the driven part,
+    metres from from_node. ``roughness`` is the variance of the grade's change per metre that the drive learned (1/m).
     """
 
     segment: int

@@ -1,9 +1,9 @@
 """An elevation model beside the drives: how far it may be believed is learned from where roads were driven.
 
-Its error is an Ornstein-Uhlenbeck process along the roads: as large as ``sigma_m``, alike over ``length_m``. What counts
-for slopes is how fast two places' errors part, ``sigma_m^2 / length_m``; it is taken from differences over one knot
-spacing and over ``LONG_LAG_M``, whichever are worse: a coarse model errs in proportion to distance within its posts.
-Where a model comes from is not known here.
+Its error is an Ornstein-Uhlenbeck process along the roads: as large as ``sigma_m``, alike over ``length_m``. What
+counts for slopes is how fast two places' errors part, ``sigma_m^2 / length_m``; it is taken from differences over one
+knot spacing and over ``LONG_LAG_M``, whichever are worse: a coarse model errs in proportion to distance within its
+posts. Where a model comes from is not known here.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ class TerrainBlocks:
         first = np.concatenate([[0], np.cumsum(unknowns.intervals + 1)])
         self._unknowns, self._first, self._clear, self._driven = unknowns, first, clear, driven
         rows = np.repeat(np.arange(len(clear)), unknowns.intervals)
-        step = np.arange(len(rows)) - np.repeat(np.cumsum(unknowns.intervals) - unknowns.intervals, unknowns.intervals)
+        step = np.arange(len(rows)) - np.repeat(
+            np.cumsum(unknowns.intervals) - unknowns.intervals, unknowns.intervals
+        )
         self._knot = first[rows] + step
         known = clear[rows] & np.isfinite(terrain.height_m[self._knot] + terrain.height_m[self._knot + 1])
         rows, step, self._knot = rows[known], step[known], self._knot[known]
@@ -59,7 +61,9 @@ class TerrainBlocks:
         start = unknowns.first[rows] + 2 * step
         pair = np.column_stack([start, start + 2])
         zero = np.zeros(len(rows))
-        self.steps = Blocks.of_rows(pair, np.array([-1.0, 1.0]), terrain.height_m[self._knot + 1] - terrain.height_m[self._knot], 1.0)
+        self.steps = Blocks.of_rows(
+            pair, np.array([-1.0, 1.0]), terrain.height_m[self._knot + 1] - terrain.height_m[self._knot], 1.0
+        )
         self.level = Blocks.of_rows(
             pair.reshape(-1, 1), np.ones((2 * len(rows), 1)),
             np.column_stack([terrain.height_m[self._knot], terrain.height_m[self._knot + 1]]).ravel(), 1.0,
@@ -136,7 +140,6 @@ class TerrainBlocks:
             out.append(_walk(row, u, error, at_node))
         return np.array([v for v in out if v is not None], float)
 
-
     def _sound_rows(self, solution: Solution) -> Bools:
         """Segments whose rise the drives know well enough to judge a model by."""
         u = self._unknowns
@@ -176,4 +179,3 @@ def _shrunk(rates: Floats, default: float) -> float:
 def heights_at(heights_m: Floats) -> Terrain:
     """A model of unknown quality from its heights at the knots (``unknowns.knot_positions``)."""
     return Terrain(np.asarray(heights_m, float))
-

@@ -1,4 +1,4 @@
-"""Which unknown of the network's equations is what: heights of nodes, knots of segments, and what drives carry along."""
+"""Which unknown of the network's equations is what: nodes' heights, segments' knots, and what drives carry along."""
 
 from __future__ import annotations
 

@@ -8,7 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.methods.profile.likelihood import Altimeter, OnTraversals, likelihoods, on_traversals, segment_lengths
+from fusion.methods.profile.likelihood import (
+    Altimeter,
+    OnTraversals,
+    likelihoods,
+    on_traversals,
+    segment_lengths,
+)
 from fusion.methods.profile.measurements import Measurements
 from fusion.methods.profile.model import DRIFT, MOUNT, SmootherEpochs
 from fusion.methods.profile.noise import Learned

@@ -13,10 +13,27 @@ import numpy as np
 
 from fusion.compiled import compiled
 from fusion.methods.profile.measurements import ALTITUDE, BARO, PITCH, TERRAIN, Measurements
-from fusion.methods.profile.model import BIAS, DRIFT, GRADE, JUMP_SIGMA, MOUNT, SQUAT, SmootherEpochs, decorrelated, design
+from fusion.methods.profile.model import (
+    BIAS,
+    DRIFT,
+    GRADE,
+    JUMP_SIGMA,
+    MOUNT,
+    SQUAT,
+    SmootherEpochs,
+    decorrelated,
+    design,
+)
 from fusion.methods.profile.noise import STUDENT_T_FREEDOM, Learned
 from fusion.methods.profile.path import DrivenPath
-from fusion.network.curve import grade_variance, grade_weights, height_variance, height_weights, knot_length, variable_count
+from fusion.network.curve import (
+    grade_variance,
+    grade_weights,
+    height_variance,
+    height_weights,
+    knot_length,
+    variable_count,
+)
 from fusion.network.pass_factor import NUISANCES
 from fusion.types import Floats, Ints
 
@@ -24,8 +41,8 @@ ROBUST_INFORMATION_LOSS = (STUDENT_T_FREEDOM + 3) / (STUDENT_T_FREEDOM + 1)
 """Robust weights are 1 on the mean, as if errors were Gaussian with the scale of their Student's t, but a measurement
 with such an error tells less: its Fisher information is (nu + 1) / (nu + 3) of that (Lange, Little and Taylor 1989)."""
 WANDER_SIGMA = 0.005
-"""What a vehicle's attitude wanders by about its mount for seconds on end, as a grade: load, wind, fuel, the sensor's own
-levelling (spec 7: 0.3 to 0.5 %). One draw a pass, independent of the next."""
+"""What a vehicle's attitude wanders by about its mount for seconds on end, as a grade: load, wind, fuel, the
+sensor's own levelling (spec 7: 0.3 to 0.5 %). One draw a pass, independent of the next."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +57,10 @@ class Altimeter:
 class OnTraversals:
     """The m measurements on a drive's traversals in the order of driving, ready to be summed; columns of shape (m,).
 
-    ``variable`` and ``weights`` (m, 4): the first of four knot variables in each and their weights. ``constants`` (m, 4):
-    what each sees of ``fusion.network.pass_factor.CONSTANTS``; ``wander``: of the mount's wander. ``height_sensor``: 0 or 1
-    for those of ``HEIGHT_SENSORS``, else -1. ``variance`` has robust weights in it and what the knots leave open.
-    ``first`` (n + 1,): where each traversal's measurements begin.
+    ``variable`` and ``weights`` (m, 4): the first of four knot variables in each and their weights. ``constants``
+    (m, 4): what each sees of ``fusion.network.pass_factor.CONSTANTS``; ``wander``: of the mount's wander.
+    ``height_sensor``: 0 or 1 for those of ``HEIGHT_SENSORS``, else -1. ``variance`` has robust weights in it and
+    what the knots leave open. ``first`` (n + 1,): where each traversal's measurements begin.
     """
 
     variable: Ints
@@ -85,7 +102,11 @@ def on_traversals(
         height_sensor=np.select([sensor == ALTITUDE, sensor == BARO], [0, 1], -1),
         value=clean.value[keep] + late * altimeter.lag_s,
         variance=ROBUST_INFORMATION_LOSS * learned.variance[keep]
-        + np.where(is_height, height_variance(distance, length, q), (1 - share) ** 2 * grade_variance(distance, length, q)),
+        + np.where(
+            is_height,
+            height_variance(distance, length, q),
+            (1 - share) ** 2 * grade_variance(distance, length, q),
+        ),
         time_s=measured.time_s[keep],
         first=np.searchsorted(traversal, np.arange(len(path.match) + 1)),
     )
@@ -100,7 +121,7 @@ def segment_lengths(path: DrivenPath) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class Likelihoods:
-    """exp(-(square - 2 vector' x + x' information x) / 2) of n passes; ``size`` (n,) unknowns each, one after another."""
+    """exp(-(square - 2 vector' x + x' information x) / 2) of n passes, of ``size`` (n,) unknowns each, in one row."""
 
     size: Ints
     information: Floats
@@ -132,7 +153,7 @@ def likelihoods(
 
 
 @compiled
-def sum_passes(  # noqa: C901, PLR0912 (one loop nest)
+def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
     first: Ints,
     size: Ints,
     variable: Ints,
@@ -155,8 +176,8 @@ def sum_passes(  # noqa: C901, PLR0912 (one loop nest)
 ) -> None:
     """Fill ``information``, ``vector`` and ``square`` (see ``Likelihoods``) from the measurements of each pass.
 
-    The unknowns of a pass are the knots, four constants, two height errors at entry and two now, which are those at exit
-    when all is summed, and behind them the wander of the mount, which is integrated out.
+    The unknowns of a pass are the knots, four constants, two height errors at entry and two now, which are those at
+    exit when all is summed, and behind them the wander of the mount, which is integrated out.
     """
     present = np.zeros(2, np.bool_)
     for i in range(len(value)):
@@ -249,4 +270,4 @@ def step(matrix: Floats, right: Floats, total: float, e: int, variance: float) -
             matrix[e, a] = matrix[a, e]
     right[e] *= left
     matrix[e, e] = pivot * left
-    return total - share * here * here
+    return float(total - share * here * here)

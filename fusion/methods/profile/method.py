@@ -15,7 +15,14 @@ from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.profile.factors import pass_factors
 from fusion.methods.profile.likelihood import Altimeter
-from fusion.methods.profile.measurements import ALTITUDE, BARO, SENSORS, Lags, Measurements, build_measurements
+from fusion.methods.profile.measurements import (
+    ALTITUDE,
+    BARO,
+    SENSORS,
+    Lags,
+    Measurements,
+    build_measurements,
+)
 from fusion.methods.profile.model import SmootherEpochs, build_smoother_epochs
 from fusion.methods.profile.noise import Learned, learn, prior_noise
 from fusion.methods.profile.path import DrivenPath, find_path
@@ -108,7 +115,7 @@ class ProfileMethod:
         track = build_track(path, drive.measured, drive.epochs, drive.learned)
         report = drive_report(log, path, drive.measured, drive.epochs, drive.learned, factors)
         drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
-        
+
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
             return _factors(_smooth(log, path, dem, options, Altimeter(late.sensor, lag_s)))
 
@@ -134,7 +141,9 @@ def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:
 def _smooth(
     log: DriveLog, path: DrivenPath, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter
 ) -> _Smoothed:
-    lags = Lags(**({"barometer_s": altimeter.lag_s} if altimeter.sensor == BARO else {"altitude_s": altimeter.lag_s}))
+    lags = Lags(
+        **({"barometer_s": altimeter.lag_s} if altimeter.sensor == BARO else {"altitude_s": altimeter.lag_s})
+    )
     measured = build_measurements(log, path, dem, options.sensors(), lags)
     if len(measured) < MIN_MEASUREMENTS:
         raise MissingSensorError(
