@@ -1,0 +1,162 @@
+"""What all drives say: their passes, and how the errors that they carry along hang together.
+
+Every drive's own errors are unknowns (``fusion.network.unknowns``). Whole passes and the way of a height sensor from
+one pass to the next have heavy tails, found in rounds of reweighting. What is believed of roads is not known here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fusion.network.equations import Blocks, Solution
+from fusion.network.pass_factor import CONSTANT_SIGMA, ENTRY, EXIT, HEIGHT_SENSORS, LAG, PassFactor
+from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
+from fusion.types import Floats
+
+PASS_FREEDOM = 4.0
+"""Degrees of freedom of a pass's misfit for each of its measurements."""
+REJECT_SIGMAS = 4.0
+"""Passes that miss the solution by more, for each of their measurements, are not heard."""
+WALK_FREEDOM = 2.0
+"""Degrees of freedom of a height error's step from pass to pass: fixes jump."""
+WALK_PRIOR_COUNT = 10.0
+"""Imaginary steps that hold a drive's rate to what it learned of itself."""
+START_SIGMA_M = (30.0, 300.0)
+"""Errors of ``HEIGHT_SENSORS`` where a drive begins: datums, and the pressure of the day."""
+LAG_MEAN_S = (1.5, 1.0)
+"""Mean lag of altimeters, s, and its sigma: between none and the three seconds that slow filters take."""
+LAG_SIGMA_S = 2.0
+"""Altimeters' lags about their mean, s."""
+
+
+class DriveBeliefs:
+    """What all drives say: their passes, and how the errors that they carry along hang together."""
+
+    def __init__(self, drives: Mapping[int, Sequence[PassFactor]], road: RoadUnknowns) -> None:
+        self.names = sorted(drives)
+        self.passes = {d: sorted(drives[d], key=lambda p: p.sequence) for d in self.names}
+        size = road.size
+        self.unknowns: dict[int, DriveUnknowns] = {}
+        for d in self.names:
+            self.unknowns[d] = DriveUnknowns(self.passes[d], size)
+            size = self.unknowns[d].end
+        lags = [u.lag for u in self.unknowns.values() if u.lag is not None]
+        self.lag_mean = size if lags else None
+        self.size = size + bool(lags)
+        self.fixed = self._beliefs(lags)
+        self.walks = self._walks()
+        self.groups = self._groups(road)
+
+    def _beliefs(self, lags: list[int]) -> list[Blocks]:
+        out = []
+        for u in self.unknowns.values():
+            kinds = np.array(list(u.constants.items()), np.int64).reshape(-1, 2)
+            kinds = kinds[kinds[:, 1] != LAG]
+            sigma = np.array(CONSTANT_SIGMA)[kinds[:, 1]]
+            out.append(Blocks.of_rows(kinds[:, :1], np.ones((len(kinds), 1)), 0.0, sigma**2))
+            for s in range(len(HEIGHT_SENSORS)):
+                first = u.of_pass[u.of_pass[:, ENTRY.start + s] >= 0, ENTRY.start + s][:1]
+                out.append(
+                    Blocks.of_rows(first[:, None], np.ones((len(first), 1)), 0.0, START_SIGMA_M[s] ** 2)
+                )
+        if lags:
+            out.append(
+                Blocks.of_rows(
+                    np.array([[self.lag_mean]]), np.ones((1, 1)), LAG_MEAN_S[0], LAG_MEAN_S[1] ** 2
+                )
+            )
+            pairs = np.column_stack([lags, np.full(len(lags), self.lag_mean)])
+            out.append(Blocks.of_rows(pairs, np.array([1.0, -1.0]), 0.0, LAG_SIGMA_S**2))
+        return [b for b in out if len(b.variables)]
+
+    def _walks(self) -> Blocks:
+        """From one pass to the next an error walks on; over a second, where the passes meet."""
+        pairs, variance, series = [np.empty((0, 2), np.int64)], [np.empty(0)], [np.empty(0, np.int64)]
+        for d in self.names:
+            u, passes = self.unknowns[d], self.passes[d]
+            for s in range(len(HEIGHT_SENSORS)):
+                before, after = u.joints(s)
+                pairs.append(
+                    np.column_stack([u.of_pass[before, EXIT.start + s], u.of_pass[after, ENTRY.start + s]])
+                )
+                apart = [
+                    max(passes[b].first_time_s - passes[a].last_time_s, 0.0) + 1.0
+                    for a, b in zip(before, after, strict=True)
+                ]
+                rate = [passes[b].walk_m2_per_s[s] for b in after]
+                variance.append(np.array(apart) * np.array(rate))
+                series.append(np.full(len(before), len(series)))
+        self.walk_series = np.concatenate(series)
+        self.walk_scale = np.ones(len(series) + 1)
+        return Blocks.of_rows(np.concatenate(pairs), np.array([-1.0, 1.0]), 0.0, np.concatenate(variance))
+
+    def _groups(self, road: RoadUnknowns) -> list[tuple[list[tuple[int, int]], Blocks, Floats, Floats]]:
+        """Passes with equal numbers of unknowns: which, their blocks, squares and numbers of measurements."""
+        by_size: dict[tuple[int, bytes], list[tuple[int, int]]] = {}
+        for d in self.names:
+            for k, one in enumerate(self.passes[d]):
+                by_size.setdefault((len(one.vector), one.used.tobytes()), []).append((d, k))
+        out = []
+        for members in by_size.values():
+            factors = [self.passes[d][k] for d, k in members]
+            knots = len(factors[0].vector) - factors[0].used.size
+            kept = np.concatenate([np.ones(knots, bool), factors[0].used])
+            own = np.array([self.unknowns[d].of_pass[k][factors[0].used] for d, k in members]).reshape(
+                len(members), -1
+            )
+            rows = np.array([f.segment for f in factors])
+            blocks = Blocks(
+                np.concatenate([road.variables(rows), own], axis=1),
+                np.array([f.information[np.ix_(kept, kept)] for f in factors]),
+                np.array([f.vector[kept] for f in factors]),
+                np.ones(len(members)),
+            )
+            out.append(
+                (
+                    members,
+                    blocks,
+                    np.array([f.square for f in factors]),
+                    np.array([max(f.rows, 1) for f in factors], float),
+                )
+            )
+        return out
+
+    def blocks(self) -> list[Blocks]:
+        """All equations."""
+        return [*self.fixed, self.walks, *(b for _, b, _, _ in self.groups)]
+
+    def learn(self, solution: Solution) -> None:
+        if len(self.walks.variables):
+            self._learn_walks(self.walks.expected_squares(solution))
+        for (_, blocks, square, rows), misfit in zip(self.groups, self.misfits(solution), strict=True):
+            del square, rows
+            blocks.weight = _pass_weight(misfit)
+
+    def _learn_walks(self, squares: Floats) -> None:
+        """How much each drive's errors walk beyond what it knew of itself, and where they jump."""
+        series = self.walk_series
+        for _ in range(5):
+            weight = (WALK_FREEDOM + 1) / (WALK_FREEDOM + squares / self.walk_scale[series])
+            total = np.bincount(series, weight * squares, minlength=len(self.walk_scale))
+            count = np.bincount(series, minlength=len(self.walk_scale))
+            self.walk_scale = (total + WALK_PRIOR_COUNT) / (count + WALK_PRIOR_COUNT)
+        self.walks.weight = (
+            (WALK_FREEDOM + 1) / (WALK_FREEDOM + squares / self.walk_scale[series]) / self.walk_scale[series]
+        )
+
+    def misfits(self, solution: Solution) -> list[Floats]:
+        """Chi-square of each pass for each of its measurements, group by group."""
+        return [
+            np.maximum(
+                square - 2 * np.sum(b.vector * solution.x[b.variables], axis=1) + b.squares(solution.x), 0.0
+            )
+            / rows
+            for _, b, square, rows in self.groups
+        ]
+
+
+def _pass_weight(misfit: Floats) -> Floats:
+    weight = (PASS_FREEDOM + 1) / (PASS_FREEDOM + misfit)
+    return np.asarray(weight * np.minimum(1.0, REJECT_SIGMAS**2 / np.maximum(misfit, 1e-9)))

@@ -1,0 +1,99 @@
+"""What is believed of roads before any drive: nodes agree, grades go on where segments meet, and walk in between.
+
+Heavy tails are Student's t, found in rounds of reweighting. Drives and elevation models are not known here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fusion.network.curve import smoothness_block
+from fusion.network.equations import Blocks, Solution
+from fusion.network.joints import couplings
+from fusion.network.pass_factor import PassFactor
+from fusion.network.unknowns import RoadUnknowns
+from fusion.roads.table import RoadTable
+from fusion.types import Floats
+
+DEFAULT_ROUGHNESS = 3e-5
+"""Variance of the grade's change per metre (1/m) of roads that no drive has learned it of (spec 7)."""
+ROUGHNESS_BOUNDS = (3e-7, 1e-3)
+"""Flat towns and serpentines (spec 7)."""
+ROUGHNESS_FREEDOM = 3.0
+"""Degrees of freedom of the Student's t that an interval's change of grade follows."""
+ROUGHNESS_START = 3.0
+"""The first round takes roads for so much rougher: drives learn it of knots that are smoother than the road."""
+STRUCTURE_FACTOR = 0.1
+"""Bridges and tunnels are built to a design: their roughness over that of other roads."""
+NODE_SIGMA_M = 0.2
+"""Segments end at their node's height: lanes and camber."""
+NODE_FREEDOM = 2.0
+"""Degrees of freedom of that agreement: maps join what does not meet."""
+GRADE_SIGMA = 0.2
+"""Grades of roads, before anything is measured (1 = 100 %)."""
+
+
+class RoadBeliefs:
+    """What is believed of roads: nodes agree, grades go on, and walk at random in between."""
+
+    def __init__(self, network: RoadTable, passes: Sequence[PassFactor]) -> None:
+        self.unknowns = u = RoadUnknowns(network)
+        rows = np.arange(len(network))
+        ends = [
+            np.column_stack([node, u.end(rows, np.full(len(rows), at))])
+            for node, at in ((u.start_node, False), (u.end_node, True))
+        ]
+        self.ties = Blocks.of_rows(np.concatenate(ends), np.array([-1.0, 1.0]), 0.0, NODE_SIGMA_M**2)
+        c = couplings(network)
+        pair = np.column_stack([u.end(c.row_a, c.end_a) + 1, u.end(c.row_b, c.end_b) + 1])
+        sign = np.column_stack([np.ones(len(pair)), np.where(c.end_a == c.end_b, 1.0, -1.0)])
+        self.fixed = [Blocks.of_rows(pair, sign, 0.0, c.sigma**2)]
+        self.roughness: list[Blocks] = []
+        self.factor: list[Floats] = []
+        for mine in u.by_intervals():
+            variables, n = u.variables(mine), int(u.intervals[mine[0]])
+            weak = (
+                np.diag(np.tile([1e-10, GRADE_SIGMA**-2], n + 1)) + 1e-12
+            )  # every pair of a segment shares an equation
+            self.fixed.append(
+                Blocks(
+                    variables,
+                    np.broadcast_to(weak, (len(mine), *weak.shape)),
+                    np.zeros(variables.shape),
+                    np.ones(len(mine)),
+                )
+            )
+            unit = np.array([smoothness_block(d) for d in u.length_m[mine] / n])
+            for j in range(n):
+                self.roughness.append(
+                    Blocks(
+                        variables[:, 2 * j : 2 * j + 4], unit, np.zeros((len(mine), 4)), np.ones(len(mine))
+                    )
+                )
+                self.factor.append(np.where(u.structure[mine], STRUCTURE_FACTOR, 1.0))
+        learned = [DEFAULT_ROUGHNESS, *(p.roughness for p in passes)]
+        self.usual = float(np.clip(np.exp(np.mean(np.log(learned[1:] or learned))), *ROUGHNESS_BOUNDS))
+        self._begin = self.usual
+        for one, factor in zip(self.roughness, self.factor, strict=True):
+            one.weight = 1 / (2 * ROUGHNESS_START * self.usual * factor)
+
+    def blocks(self) -> list[Blocks]:
+        """All equations."""
+        return [*self.fixed, self.ties, *self.roughness]
+
+    def learn(self, solution: Solution) -> None:
+        """Weigh ties and intervals by what the solution says that they do; and the usual roughness itself."""
+        squares = self.ties.expected_squares(solution)
+        self.ties.weight = (NODE_FREEDOM + 1) / (NODE_FREEDOM + squares)
+        change = [
+            np.maximum(b.expected_squares(solution), 0.0) / f
+            for b, f in zip(self.roughness, self.factor, strict=True)
+        ]
+        whole = np.concatenate(change)
+        for _ in range(5):
+            weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + whole / self.usual)
+            self.usual = float((np.sum(weight * whole) + 20 * self._begin) / (2 * len(whole) + 20))
+        for one, c, f in zip(self.roughness, change, self.factor, strict=True):
+            one.weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * self.usual + c) / f
