@@ -41,7 +41,7 @@ from accuracy.model_draws import FREEDOM, DrawnDrive, DrawnRoad, draw_drive, dra
 from accuracy.scoring import show_progress, write_json
 from fusion.errors import FusionError
 from fusion.methods.base import DriveResult
-from fusion.network import adjust
+from fusion.network import drive_beliefs, published
 from fusion.pipeline import run_drive, solve_network
 from fusion.roads.table import rows_of
 from fusion.types import Ints
@@ -64,12 +64,12 @@ class _Fused(NamedTuple):
 @contextlib.contextmanager
 def exact_places() -> Iterator[None]:
     """Within this the network takes places along the road for exact: it changes a constant of ``fusion.network``."""
-    before = adjust.PLACE_SIGMA_M
-    adjust.PLACE_SIGMA_M = 0.0
+    before = published.PLACE_SIGMA_M
+    published.PLACE_SIGMA_M = 0.0
     try:
         yield
     finally:
-        adjust.PLACE_SIGMA_M = before
+        published.PLACE_SIGMA_M = before
 
 
 GAUSSIAN_SCALE = gaussian_scale(FREEDOM)
@@ -81,9 +81,9 @@ def run_seed(
     """All draws on the road of a seed, and what its drives learned."""
     rng = np.random.default_rng([seed, 1])
     road = draw_road(rng, segments)
-    fleet_s = rng.normal(*adjust.LAG_MEAN_S) if lags else 0.0
+    fleet_s = rng.normal(*drive_beliefs.LAG_MEAN_S) if lags else 0.0
     drives = [
-        draw_drive(rng, road, k, rng.normal(fleet_s, adjust.LAG_SIGMA_S) if lags else 0.0)
+        draw_drive(rng, road, k, rng.normal(fleet_s, drive_beliefs.LAG_SIGMA_S) if lags else 0.0)
         for k in range(max(counts))
     ]
     draws: dict[Cell, list[Draw]] = {}

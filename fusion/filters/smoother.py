@@ -46,13 +46,13 @@ class LinearModel:
         """Means and covariances of every state given all measurements."""
         mean, covariance, innovation, scale, gain, likelihood = self._filtered()
         residual, precision = np.empty(len(self.step)), np.empty(len(self.step))
-        break_score = np.zeros(mean.shape)
+        pull, pull_precision = np.empty(mean.shape), np.empty(covariance.shape)
         run_backward(
             self.transition, self.first_row, self.design, mean, covariance, innovation, scale, gain,
-            residual, precision, break_score,
+            residual, precision, pull, pull_precision,
         )  # fmt: skip
         return Smoothed(
-            mean, covariance, residual / precision, 1.0 / precision, break_score, float(likelihood)
+            mean, covariance, residual / precision, 1.0 / precision, pull, pull_precision, float(likelihood)
         )
 
     def _filtered(self) -> tuple[Floats, Floats, Floats, Floats, Floats, float]:
@@ -70,16 +70,37 @@ class LinearModel:
 @dataclass(frozen=True, eq=False)
 class Smoothed:
     """``mean`` (n, d) and ``covariance`` (n, d, d) of the states; of each measurement the ``residual`` (m,) that it has
-    against an estimate made without it, with the ``residual_variance`` it should have. ``break_score`` (n, d): how many
-    sigmas speak for a sudden change of a state on the way to a step (de Jong & Penzer 1998).
+    against an estimate made without it, with the ``residual_variance`` it should have. ``pull`` (n, d) is the gradient
+    of the log-likelihood by the states' change on the way to a step, ``pull_precision`` (n, d, d) its covariance.
     """
 
     mean: Floats
     covariance: Floats
     residual: Floats
     residual_variance: Floats
-    break_score: Floats
+    pull: Floats
+    pull_precision: Floats
     log_likelihood: float
+
+    @property
+    def break_score(self) -> Floats:
+        """How many sigmas speak for a sudden change of a state on the way to a step, (n, d) (de Jong & Penzer 1998)."""
+        scale = np.sqrt(np.diagonal(self.pull_precision, axis1=1, axis2=2))
+        return np.divide(self.pull, scale, out=np.zeros_like(self.pull), where=scale > 0)
+
+    def level_score(self, variance: Floats) -> Floats:
+        """Of each measurement the derivative of the log-likelihood by the log of its ``variance``, (m,)."""
+        return np.asarray(
+            0.5 * variance * (np.square(self.residual / self.residual_variance) - 1 / self.residual_variance)
+        )
+
+    def noise_score(self, derivative: Floats) -> float:
+        """The derivative of the log-likelihood by a parameter, by which the steps' noise has ``derivative`` (n, d, d).
+
+        The score of Koopman and Shephard (1992): half the trace of (r r' - N) dQ, without the first step.
+        """
+        square = self.pull[:, :, None] * self.pull[:, None, :] - self.pull_precision
+        return 0.5 * float(np.sum(square[1:] * derivative[1:]))
 
 
 @compiled
@@ -151,9 +172,10 @@ def run_backward(  # noqa: C901, PLR0912
     gain: Floats,
     residual: Floats,
     precision: Floats,
-    break_score: Floats,
+    pull: Floats,
+    pull_precision: Floats,
 ) -> None:
-    """Turn predicted means and covariances into smoothed ones; fill smoothing errors, their precisions and scores."""
+    """Turn predicted means and covariances into smoothed ones; fill smoothing errors, their precisions and pulls."""
     n, d = mean.shape
     r, big = np.zeros(d), np.zeros((d, d))
     work, along, moved = np.empty((d, d)), np.empty(d), np.empty(d)
@@ -182,9 +204,7 @@ def run_backward(  # noqa: C901, PLR0912
                 for b in range(a + 1):
                     total = work[a, b] + design[i, a] * (design[i, b] - moved[b]) / s
                     big[a, b] = big[b, a] = total
-        for a in range(d):
-            if big[a, a] > 0.0:
-                break_score[k, a] = r[a] / np.sqrt(big[a, a])
+        pull[k], pull_precision[k] = r, big
         p = covariance[k].copy()
         for a in range(d):
             for b in range(d):

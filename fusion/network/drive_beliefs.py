@@ -13,7 +13,7 @@ import numpy as np
 from fusion.network.equations import Blocks, Solution
 from fusion.network.pass_factor import CONSTANT_SIGMA, ENTRY, EXIT, HEIGHT_SENSORS, LAG, PassFactor
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
-from fusion.types import Floats
+from fusion.types import Bools, Floats
 
 PASS_FREEDOM = 4.0
 """Degrees of freedom of a pass's misfit for each of its measurements."""
@@ -23,6 +23,8 @@ WALK_FREEDOM = 2.0
 """Degrees of freedom of a height error's step from pass to pass: fixes jump."""
 WALK_PRIOR_COUNT = 10.0
 """Imaginary steps that hold a drive's rate to what it learned of itself."""
+SCALE_PRIOR_COUNT = 10.0
+"""Imaginary passes that fit as well as their drive believes."""
 START_SIGMA_M = (30.0, 300.0)
 """Errors of ``HEIGHT_SENSORS`` where a drive begins: datums, and the pressure of the day."""
 LAG_MEAN_S = (1.5, 1.0)
@@ -47,6 +49,8 @@ class DriveBeliefs:
         self.size = size + bool(lags)
         self.fixed = self._beliefs(lags)
         self.walks = self._walks()
+        self._number = {d: k for k, d in enumerate(self.names)}
+        self.pass_scale = np.ones(len(self.names))
         self.groups = self._groups(road)
 
     def _beliefs(self, lags: list[int]) -> list[Blocks]:
@@ -128,11 +132,31 @@ class DriveBeliefs:
         return [*self.fixed, self.walks, *(b for _, b, _, _ in self.groups)]
 
     def learn(self, solution: Solution) -> None:
+        """Weigh passes and the ways between them by what the solution says of them."""
         if len(self.walks.variables):
             self._learn_walks(self.walks.expected_squares(solution))
-        for (_, blocks, square, rows), misfit in zip(self.groups, self.misfits(solution), strict=True):
-            del square, rows
-            blocks.weight = _pass_weight(misfit)
+        misfits = self.misfits(solution)
+        self._learn_scales(misfits)
+        for (members, blocks, _, _), misfit in zip(self.groups, misfits, strict=True):
+            blocks.weight = _pass_weight(misfit, self._scales_of(members))
+
+    def _learn_scales(self, misfits: list[Floats]) -> None:
+        """How much worse each drive's passes fit than it believes of itself: its place, and what it has no model of."""
+        number = np.concatenate([[self._number[d] for d, _ in g[0]] for g in self.groups])
+        misfit = np.concatenate(misfits)
+        for _ in range(5):
+            scaled = misfit / self.pass_scale[number]
+            weight = (PASS_FREEDOM + 1) / (PASS_FREEDOM + scaled)
+            total = np.bincount(number, weight * misfit, minlength=len(self.names))
+            count = np.bincount(number, minlength=len(self.names))
+            self.pass_scale = np.maximum((total + SCALE_PRIOR_COUNT) / (count + SCALE_PRIOR_COUNT), 1.0)
+
+    def agrees(self, members: list[tuple[int, int]], misfit: Floats) -> Bools:
+        """Whether passes with these misfits are heard."""
+        return np.asarray(misfit <= REJECT_SIGMAS**2 * self._scales_of(members), np.bool_)
+
+    def _scales_of(self, members: list[tuple[int, int]]) -> Floats:
+        return np.array([self.pass_scale[self._number[d]] for d, _ in members])
 
     def _learn_walks(self, squares: Floats) -> None:
         """How much each drive's errors walk beyond what it knew of itself, and where they jump."""
@@ -157,6 +181,7 @@ class DriveBeliefs:
         ]
 
 
-def _pass_weight(misfit: Floats) -> Floats:
-    weight = (PASS_FREEDOM + 1) / (PASS_FREEDOM + misfit)
-    return np.asarray(weight * np.minimum(1.0, REJECT_SIGMAS**2 / np.maximum(misfit, 1e-9)))
+def _pass_weight(misfit: Floats, scale: Floats) -> Floats:
+    scaled = misfit / scale
+    weight = (PASS_FREEDOM + 1) / (PASS_FREEDOM + scaled)
+    return np.asarray(weight * np.minimum(1.0, REJECT_SIGMAS**2 / np.maximum(scaled, 1e-9)) / scale)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.network.curve import place_rows, slope_rows
-from fusion.network.drive_beliefs import REJECT_SIGMAS, DriveBeliefs
+from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import Solution
 from fusion.network.terrain import TerrainBlocks
 from fusion.network.unknowns import RoadUnknowns
@@ -61,7 +61,7 @@ def published(
     counts = np.zeros((3, n), np.int64)
     cover: list[list[tuple[float, float]]] = [[] for _ in range(n)]
     for (members, _, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True):
-        for (d, k), good in zip(members, (misfit <= REJECT_SIGMAS**2).tolist(), strict=True):
+        for (d, k), good in zip(members, said.agrees(members, misfit).tolist(), strict=True):
             factor = said.passes[d][k]
             heard[d, factor.sequence] = good
             counts[1 if good else 2, factor.segment] += 1

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fusion.methods.profile.likelihood import (
+    PLACE_SIGMA_M,
     Altimeter,
     OnTraversals,
     likelihoods,
@@ -20,18 +21,25 @@ from fusion.methods.profile.model import DRIFT, MOUNT, SmootherEpochs
 from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath
 from fusion.network.pass_factor import PassFactor
-from fusion.types import Bools, Floats, Ints
+from fusion.types import Bools, Floats, GnssFix, Ints
 
 MIN_CONFIDENCE = 0.5
 """A traversal that is less probably right than this says nothing."""
+PLACE_BOUNDS_M = (0.3, 30.0)
+"""Between a lane's width and a match that is hardly one: stated accuracies are no better than the map."""
 _SAME_INSTANT_S = 0.2
 
 
 def pass_factors(
-    measured: Measurements, epochs: SmootherEpochs, learned: Learned, path: DrivenPath, altimeter: Altimeter
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    learned: Learned,
+    path: DrivenPath,
+    altimeter: Altimeter,
+    fix: GnssFix,
 ) -> list[PassFactor]:
     """The factors of all traversals that are probably right and were recorded whole, in driving order."""
-    data = on_traversals(measured, epochs, learned, path, altimeter)
+    data = on_traversals(measured, epochs, learned, path, altimeter, place_sigma(path, fix))
     walk = (learned.noise.drift, learned.noise.baro_drift)
     summed = likelihoods(data, path, walk, _times_of(epochs, learned, DRIFT))
     mount = _mount(path, _times_of(epochs, learned, MOUNT))
@@ -62,6 +70,16 @@ def pass_factors(
             )
         )
     return found
+
+
+def place_sigma(path: DrivenPath, fix: GnssFix) -> Floats:
+    """One sigma of where each traversal lies along the road, m: one axis of the accuracy that its fixes state."""
+    stated = np.isfinite(fix.h_acc_m)
+    if not stated.any():
+        return np.full(len(path.match), PLACE_SIGMA_M)
+    middle = 0.5 * (path.match.enter_time_s + path.match.leave_time_s)
+    radius = np.interp(middle, fix.time_s[stated], fix.h_acc_m[stated])
+    return np.asarray(np.clip(radius / np.sqrt(2), *PLACE_BOUNDS_M))
 
 
 def _usable(path: DrivenPath) -> Bools:

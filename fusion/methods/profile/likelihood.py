@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.compiled import compiled
+from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
 from fusion.methods.profile.measurements import ALTITUDE, BARO, PITCH, TERRAIN, Measurements
 from fusion.methods.profile.model import (
     BIAS,
@@ -24,7 +25,7 @@ from fusion.methods.profile.model import (
     decorrelated,
     design,
 )
-from fusion.methods.profile.noise import STUDENT_T_FREEDOM, Learned
+from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath
 from fusion.network.curve import (
     grade_variance,
@@ -37,9 +38,10 @@ from fusion.network.curve import (
 from fusion.network.pass_factor import NUISANCES
 from fusion.types import Floats, Ints
 
-ROBUST_INFORMATION_LOSS = (STUDENT_T_FREEDOM + 3) / (STUDENT_T_FREEDOM + 1)
-"""Robust weights are 1 on the mean, as if errors were Gaussian with the scale of their Student's t, but a measurement
-with such an error tells less: its Fisher information is (nu + 1) / (nu + 3) of that (Lange, Little and Taylor 1989)."""
+PLACE_SIGMA_M = 5.0
+"""Error of a pass's place along the road where the log states none: an ordinary receiver's (spec 7)."""
+_BEND_OVER_M = 10.0
+"""Changes of grade with place are taken over so far to either side."""
 WANDER_SIGMA = 0.005
 """What a vehicle's attitude wanders by about its mount for seconds on end, as a grade: load, wind, fuel, the
 sensor's own levelling (spec 7: 0.3 to 0.5 %). One draw a pass, independent of the next."""
@@ -58,7 +60,8 @@ class OnTraversals:
     """The m measurements on a drive's traversals in the order of driving, ready to be summed; columns of shape (m,).
 
     ``variable`` and ``weights`` (m, 4): the first of four knot variables in each and their weights. ``constants``
-    (m, 4): what each sees of ``fusion.network.pass_factor.CONSTANTS``; ``wander``: of the mount's wander.
+    (m, 4): what each sees of ``fusion.network.pass_factor.CONSTANTS``; ``passing`` (m, 2): of the mount's wander and of
+    the place along the road, in units of one sigma, each of the pass alone.
     ``height_sensor``: 0 or 1 for those of ``HEIGHT_SENSORS``, else -1. ``variance`` has robust weights in it and
     what the knots leave open. ``first`` (n + 1,): where each traversal's measurements begin.
     """
@@ -66,7 +69,7 @@ class OnTraversals:
     variable: Ints
     weights: Floats
     constants: Floats
-    wander: Floats
+    passing: Floats
     height_sensor: Ints
     value: Floats
     variance: Floats
@@ -75,7 +78,12 @@ class OnTraversals:
 
 
 def on_traversals(
-    measured: Measurements, epochs: SmootherEpochs, learned: Learned, path: DrivenPath, altimeter: Altimeter
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    learned: Learned,
+    path: DrivenPath,
+    altimeter: Altimeter,
+    place_sigma_m: Floats,
 ) -> OnTraversals:
     """Bring a drive's measurements to its traversals; terrain heights stay out, as the network has the DEM itself."""
     clean, share = decorrelated(measured, learned.noise)
@@ -92,13 +100,22 @@ def on_traversals(
     q = learned.noise.roughness
     seen = design(measured, decorrelated(measured, learned.noise)[1])[keep]
     # A height that is late by tau, taken for late by lag_s: y = H - climb (tau - lag_s). The unknown is tau.
-    climb = learned.smoothed.mean[epochs.of_measurement[keep], GRADE] * measured.speed_mps[keep]
+    smoothed, along = learned.smoothed.mean[:, GRADE], measured.along_m[keep]
+    grades = smoothed[epochs.of_measurement[keep]]
+    before, after = (np.interp(along + d, epochs.along_m, smoothed) for d in (-_BEND_OVER_M, _BEND_OVER_M))
+    bend = (after - before) / (2 * _BEND_OVER_M)
+    climb = grades * measured.speed_mps[keep]
     late = np.where(sensor == altimeter.sensor, -climb, 0.0)
     return OnTraversals(
         variable=variable,
         weights=np.where(is_height[:, None], height, (forward * (1 - share))[:, None] * grade),
         constants=np.column_stack([seen[:, MOUNT], seen[:, BIAS], seen[:, SQUAT], late]),
-        wander=np.where(sensor == PITCH, 1.0, 0.0),
+        passing=np.column_stack(
+            [
+                np.where(sensor == PITCH, WANDER_SIGMA, 0.0),
+                place_sigma_m[traversal] * np.where(is_height, grades, (1 - share) * bend),
+            ]
+        ),
         height_sensor=np.select([sensor == ALTITUDE, sensor == BARO], [0, 1], -1),
         value=clean.value[keep] + late * altimeter.lag_s,
         variance=ROBUST_INFORMATION_LOSS * learned.variance[keep]
@@ -144,9 +161,9 @@ def likelihoods(
     information, vector = np.zeros(int((size**2).sum())), np.zeros(int(size.sum()))
     square = np.zeros(len(size))
     sum_passes(
-        data.first.astype(np.int64), size, data.variable, data.weights, data.constants, data.wander,
+        data.first.astype(np.int64), size, data.variable, data.weights, data.constants, data.passing,
         data.height_sensor, data.value, data.variance, data.time_s, match.enter_time_s, match.leave_time_s,
-        np.array(walk_m2_per_s), drift_jumps_s, JUMP_SIGMA[DRIFT] ** 2, WANDER_SIGMA**-2.0,
+        np.array(walk_m2_per_s), drift_jumps_s, JUMP_SIGMA[DRIFT] ** 2,
         information, vector, square,
     )  # fmt: skip
     return Likelihoods(size, information, vector, square)
@@ -159,7 +176,7 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
     variable: Ints,
     weights: Floats,
     constants: Floats,
-    wander: Floats,
+    passing: Floats,
     height_sensor: Ints,
     value: Floats,
     variance: Floats,
@@ -169,7 +186,6 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
     walk_m2_per_s: Floats,
     jumps_s: Floats,
     jump_m2: float,
-    wander_information: float,
     information: Floats,
     vector: Floats,
     square: Floats,
@@ -183,14 +199,16 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
     for i in range(len(value)):
         if height_sensor[i] >= 0:
             present[height_sensor[i]] = True
-    column, weight_of = np.empty(10, np.int64), np.empty(10)
+    own = passing.shape[1]
+    column, weight_of = np.empty(9 + own, np.int64), np.empty(9 + own)
     start = 0
     row = 0
     for k in range(len(size)):
         n = size[k]
         knots = n - 8
-        matrix, right = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
-        matrix[n, n] = wander_information
+        matrix, right = np.zeros((n + own, n + own)), np.zeros(n + own)
+        for a in range(own):
+            matrix[n + a, n + a] = 1.0
         total = 0.0
         last = np.full(2, enter_s[k])
         for s in range(2):
@@ -225,9 +243,10 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
             if height_sensor[i] >= 0:
                 column[count], weight_of[count] = knots + 6 + height_sensor[i], 1.0
                 count += 1
-            if wander[i] != 0.0:
-                column[count], weight_of[count] = n, wander[i]
-                count += 1
+            for a in range(own):
+                if passing[i, a] != 0.0:
+                    column[count], weight_of[count] = n + a, passing[i, a]
+                    count += 1
             precision = 1.0 / variance[i]
             total += value[i] * value[i] * precision
             for a in range(count):
@@ -235,13 +254,18 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
                 right[column[a]] += scaled * value[i]
                 for b in range(count):
                     matrix[column[a], column[b]] += scaled * weight_of[b]
-        pivot = matrix[n, n]
-        total -= right[n] * right[n] / pivot
+        for e in range(n + own - 1, n - 1, -1):
+            pivot = matrix[e, e]
+            total -= right[e] * right[e] / pivot
+            for a in range(e):
+                share = matrix[a, e] / pivot
+                right[a] -= share * right[e]
+                for b in range(e):
+                    matrix[a, b] -= share * matrix[e, b]
+        vector[row : row + n] = right[:n]
         for a in range(n):
-            share = matrix[a, n] / pivot
-            vector[row + a] = right[a] - share * right[n]
             for b in range(n):
-                information[start + a * n + b] = matrix[a, b] - share * matrix[n, b]
+                information[start + a * n + b] = matrix[a, b]
         square[k] = total
         start += n * n
         row += n

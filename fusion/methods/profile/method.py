@@ -14,6 +14,7 @@ from fusion.errors import MissingSensorError, NoMatchError
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.profile.factors import pass_factors
+from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.likelihood import Altimeter
 from fusion.methods.profile.measurements import (
     ALTITUDE,
@@ -24,7 +25,7 @@ from fusion.methods.profile.measurements import (
     build_measurements,
 )
 from fusion.methods.profile.model import SmootherEpochs, build_smoother_epochs
-from fusion.methods.profile.noise import Learned, learn, prior_noise
+from fusion.methods.profile.noise import Learned, learn
 from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.methods.profile.report import drive_report
 from fusion.methods.profile.track import build_track, drawn_measurements
@@ -34,7 +35,7 @@ from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Ints, Progress, SegmentSlope
+from fusion.types import DriveLog, GnssFix, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
@@ -109,7 +110,7 @@ class ProfileMethod:
         if late.sensor >= 0:
             drive = _smooth(log, path, dem, options, late)
         progress("factors", 0.7)
-        factors = _factors(drive)
+        factors = _factors(drive, log.fix)
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
         track = build_track(path, drive.measured, drive.epochs, drive.learned)
@@ -117,13 +118,13 @@ class ProfileMethod:
         drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
 
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
-            return _factors(_smooth(log, path, dem, options, Altimeter(late.sensor, lag_s)))
+            return _factors(_smooth(log, path, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
 
         return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
 
 
-def _factors(drive: _Smoothed) -> tuple[PassFactor, ...]:
-    return tuple(pass_factors(drive.measured, drive.epochs, drive.learned, drive.path, drive.altimeter))
+def _factors(drive: _Smoothed, fix: GnssFix) -> tuple[PassFactor, ...]:
+    return tuple(pass_factors(drive.measured, drive.epochs, drive.learned, drive.path, drive.altimeter, fix))
 
 
 def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:

@@ -163,29 +163,46 @@ def build_smoother_epochs(measured: Measurements, path: DrivenPath) -> SmootherE
     return SmootherEpochs(time, along, run, since, np.cumsum(new) - 1)
 
 
+def noise_derivative(epochs: SmootherEpochs, noise: Noise, name: str) -> Floats:
+    """Derivative of the steps' noise (n, STATES, STATES) by the log of a rate (a field of ``Noise``)."""
+    dt, ds = _steps(epochs)
+    out = np.zeros((len(dt), STATES, STATES))
+    if name == "roughness":
+        out[:, HEIGHT, HEIGHT] = noise.roughness * ds**3 / 3
+        out[:, HEIGHT, GRADE] = out[:, GRADE, HEIGHT] = noise.roughness * ds**2 / 2
+        out[:, GRADE, GRADE] = noise.roughness * ds
+    elif name == "drift":
+        out[:, DRIFT, DRIFT] = 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))
+    else:
+        out[:, BARO_DRIFT, BARO_DRIFT] = noise.baro_drift * dt
+    return out
+
+
+def _steps(epochs: SmootherEpochs) -> tuple[Floats, Floats]:
+    """Seconds and metres since the epoch before, (n,)."""
+    dt = np.diff(epochs.time_s, prepend=epochs.time_s[:1])
+    return dt, np.maximum(np.diff(epochs.along_m, prepend=epochs.along_m[:1]), 0.0)
+
+
 def linear_model(
     measured: Measurements, epochs: SmootherEpochs, noise: Noise, variance: Floats, jumps: Jumps = ()
 ) -> LinearModel:
     """The model for the filter, with the ``variance`` of each measurement (m,) and sudden changes at ``jumps``."""
     n = len(epochs.time_s)
-    dt = np.diff(epochs.time_s, prepend=epochs.time_s[:1])
-    ds = np.maximum(np.diff(epochs.along_m, prepend=epochs.along_m[:1]), 0.0)
+    dt, ds = _steps(epochs)
     fresh = np.diff(epochs.run, prepend=epochs.run[:1]) != 0
     transition = np.broadcast_to(np.eye(STATES), (n, STATES, STATES)).copy()
     transition[:, HEIGHT, GRADE] = np.where(fresh, 0.0, ds)
     transition[:, DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
     transition[:, DEM_ERROR, DEM_ERROR] = np.exp(-ds / DEM_LENGTH_M)
     q = np.zeros((n, STATES, STATES))
-    q[:, HEIGHT, HEIGHT] = noise.roughness * ds**3 / 3 + np.where(fresh, _NEW_RUN[0], 0.0)
-    q[:, HEIGHT, GRADE] = q[:, GRADE, HEIGHT] = noise.roughness * ds**2 / 2
-    q[:, GRADE, GRADE] = (
-        noise.roughness * ds + epochs.grade_change_variance + np.where(fresh, _NEW_RUN[1], 0.0)
-    )
-    q[:, DRIFT, DRIFT] = 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))
+    for name in ("roughness", "drift", "baro_drift"):
+        q += noise_derivative(epochs, noise, name)  # each rate is a factor
+    q[:, HEIGHT, HEIGHT] += np.where(fresh, _NEW_RUN[0], 0.0)
+    q[:, GRADE, GRADE] += epochs.grade_change_variance + np.where(fresh, _NEW_RUN[1], 0.0)
     q[:, MOUNT, MOUNT] = _MOUNT_WALK * dt
     for k, state in jumps:
         q[k, state, state] += JUMP_SIGMA[state] ** 2
-    q[:, BARO_DRIFT, BARO_DRIFT] = noise.baro_drift * dt
     q[:, DEM_ERROR, DEM_ERROR] = noise.dem_m**2 * (1 - np.exp(-2 * ds / DEM_LENGTH_M))
     clean, share = decorrelated(measured, noise)
     mean = np.zeros(STATES)

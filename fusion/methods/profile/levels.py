@@ -1,0 +1,145 @@
+"""The noise levels under which a drive's measurements are most likely: white levels and rates of drifts at once.
+
+The gradient of the likelihood comes from one pass of the smoother (Koopman and Shephard 1992). Which measurements are
+outliers, and where the drive changed suddenly, is given here and found in ``noise``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import optimize
+
+from fusion.filters.smoother import Smoothed
+from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
+from fusion.methods.profile.model import (
+    DRIFT_TAU_S,
+    Jumps,
+    Noise,
+    SmootherEpochs,
+    linear_model,
+    noise_derivative,
+    variance_unit,
+    white_variance,
+)
+from fusion.types import Floats
+
+STUDENT_T_FREEDOM = 5.0
+"""Degrees of freedom of the Student-t errors: springs, kerbs and reflections have heavy tails."""
+ROBUST_INFORMATION_LOSS = (STUDENT_T_FREEDOM + 3) / (STUDENT_T_FREEDOM + 1)
+"""A measurement with an error of Student's t of scale 1 tells as much as one with a Gaussian error of this variance:
+its Fisher information is (nu + 1) / (nu + 3) (Lange, Little and Taylor 1989)."""
+WHITE = {ALTITUDE: "altitude_m", DOPPLER: "doppler", PITCH: "pitch", FORCE: "force", BARO: "baro_m"}
+"""The white level of each sensor."""
+LOG_ROUGHNESS = (float(np.log(3e-5)), 1.5)
+"""Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
+LOG_SPREAD = 1.5
+"""Sigma of the logs of all other levels about where they start: receivers differ by ten times."""
+_STEPS = 6
+"""Of the optimisation, in each round."""
+_FARTHEST = 3.0
+"""How far a log moves in a round at most."""
+_SHARE_TOLD = 0.3
+"""Of a white level's information under known states, what is left as states are not known: scales the first step."""
+
+
+def prior_noise(measured: Measurements) -> Noise:
+    """Where learning starts: what the log says about itself, in bounds, else an ordinary receiver's."""
+    stated = measured.stated_sigma[(measured.sensor == ALTITUDE) & np.isfinite(measured.stated_sigma)]
+    v_acc = float(np.clip(np.median(stated), 0.3, 12.0)) if len(stated) else 4.0
+    return Noise(
+        altitude_m=float(np.clip(v_acc / 6, 0.1, 1.5)),
+        drift=2 * v_acc**2 / DRIFT_TAU_S,
+        dem_m=_dem_sigma(measured),
+    )
+
+
+def _dem_sigma(measured: Measurements) -> float:
+    """Robust scatter of DEM heights about the altitudes; unknown datums shift both alike."""
+    terrain, altitude = measured.sensor == TERRAIN, measured.sensor == ALTITUDE
+    if not terrain.any() or not altitude.any():
+        return Noise.dem_m
+    excess = measured.value[terrain] - np.interp(
+        measured.time_s[terrain], measured.time_s[altitude], measured.value[altitude]
+    )
+    spread = 1.4826 * float(np.median(np.abs(excess - np.median(excess))))
+    return float(np.clip(spread, 3.0, 100.0))
+
+
+def gaussian_variance(measured: Measurements, noise: Noise) -> Floats:
+    """Variance (m,) of Gaussian errors that tell as much as those of the measurements, which are Student's t."""
+    return np.asarray(ROBUST_INFORMATION_LOSS * white_variance(measured, noise))
+
+
+def expected_levels(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, weight: Floats
+) -> tuple[Noise, Floats]:
+    """One step of EM on the white levels alone, and new weights (m,): rough, but it gets away from any start."""
+    variance = white_variance(measured, noise) / weight
+    smoothed = linear_model(measured, epochs, noise, variance).smooth()
+    second = _second_moment(smoothed, variance) * weight / variance_unit(measured)
+    found = {
+        name: float(np.sqrt(np.mean(second[measured.sensor == sensor])))
+        for sensor, name in WHITE.items()
+        if (measured.sensor == sensor).any()
+    }
+    noise = noise.with_(**found)
+    square = normalised_square(smoothed, variance, white_variance(measured, noise))
+    return noise, (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
+
+
+def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
+    """Expected square of each measurement's error given everything."""
+    error = variance * smoothed.residual / smoothed.residual_variance
+    return np.asarray(error**2 + variance - variance**2 / smoothed.residual_variance)
+
+
+def normalised_square(smoothed: Smoothed, variance: Floats, usual: Floats) -> Floats:
+    """Square of each measurement's error against an estimate without it, over what it should be; shape (m,).
+
+    That is by its ``usual`` variance, not by the present one, which has its robust weight in it: weights would come and
+    go from round to round.
+    """
+    return np.asarray(smoothed.residual**2 / (smoothed.residual_variance - variance + usual))
+
+
+def most_likely(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
+) -> Noise:
+    """Levels near the most likely ones, from ``noise`` on, held by weak priors about ``start``."""
+    white = {sensor: name for sensor, name in WHITE.items() if (measured.sensor == sensor).any()}
+    rates = ["roughness"]
+    rates += ["drift"] if ALTITUDE in white else []
+    rates += ["baro_drift"] if BARO in white else []
+    names = [*white.values(), *rates]
+    priors = [LOG_ROUGHNESS if n == "roughness" else (np.log(getattr(start, n)), LOG_SPREAD) for n in names]
+    mean, sigma = np.array(priors).T
+    begin = np.log([getattr(noise, n) for n in names])
+    told = [2 * np.count_nonzero(measured.sensor == sensor) for sensor in white] + [
+        len(epochs.time_s) / 8
+    ] * len(rates)
+    scale = np.sqrt(_SHARE_TOLD * np.array(told) + sigma**-2)
+
+    def at(step: Floats) -> Noise:
+        return noise.with_(**dict(zip(names, np.exp(begin + step / scale).tolist(), strict=True)))
+
+    def loss(step: Floats) -> tuple[float, Floats]:
+        here = at(step)
+        variance = gaussian_variance(measured, here) / weight
+        smoothed = linear_model(measured, epochs, here, variance, jumps).smooth()
+        score = smoothed.level_score(variance)
+        gradient = [2 * float(np.sum(score[measured.sensor == sensor])) for sensor in white]
+        gradient += [smoothed.noise_score(noise_derivative(epochs, here, name)) for name in rates]
+        off = (begin + step / scale - mean) / sigma
+        value = smoothed.log_likelihood - 0.5 * float(off @ off)
+        return -value, -(np.array(gradient) - off / sigma) / scale
+
+    bound = _FARTHEST * scale
+    best = optimize.minimize(
+        loss,
+        np.zeros(len(names)),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=np.column_stack([-bound, bound]),
+        options={"maxiter": _STEPS, "maxfun": 2 * _STEPS},
+    )
+    return at(best.x)
