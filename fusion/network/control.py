@@ -51,7 +51,12 @@ class ControlPoint:
     height_m: float
     sigma_m: float = DEFAULT_SIGMA_M
     name: str = ""
-    """What to call it when something is said of it: its line in the file"""
+    """Its line in the file that it came from"""
+
+    @property
+    def called(self) -> str:
+        """How it is named when something is said of it."""
+        return self.name or f"at {self.lat_deg:.6f}, {self.lon_deg:.6f}"
 
 
 def read_control(path: Path) -> list[ControlPoint]:
@@ -125,14 +130,14 @@ class ControlHeights:
         )
 
 
-def place(points: Sequence[ControlPoint], table: RoadTable) -> tuple[ControlHeights, list[str]]:
-    """The points on their nearest segments, in their order, and a sentence on each that has none within ``REACH_M``."""
+def place(points: Sequence[ControlPoint], table: RoadTable) -> tuple[ControlHeights, list[ControlPoint]]:
+    """The points on their nearest segments, in their order, and those that have none within ``REACH_M``."""
     found: list[tuple[int, float, ControlPoint]] = []
-    remarks = []
+    far = []
     for point in points:
         nearest = _nearest(point, table)
         if nearest is None:
-            remarks.append(f"Control point {_called(point)} lies more than {REACH_M:g} m from any road.")
+            far.append(point)
         else:
             found.append((*nearest, point))
     heights = ControlHeights(
@@ -140,13 +145,9 @@ def place(points: Sequence[ControlPoint], table: RoadTable) -> tuple[ControlHeig
         np.array([along for _, along, _ in found], float),
         np.array([point.height_m for _, _, point in found], float),
         np.array([point.sigma_m for _, _, point in found], float),
-        tuple(_called(point) for _, _, point in found),
+        tuple(point.called for _, _, point in found),
     )
-    return heights, remarks
-
-
-def _called(point: ControlPoint) -> str:
-    return point.name or f"at {point.lat_deg:.6f}, {point.lon_deg:.6f}"
+    return heights, far
 
 
 def _nearest(point: ControlPoint, table: RoadTable) -> tuple[int, float] | None:
@@ -157,9 +158,7 @@ def _nearest(point: ControlPoint, table: RoadTable) -> tuple[int, float] | None:
     lon, lat = point.lon_deg, point.lat_deg
     to_m = METRES_PER_DEGREE * np.array([float(np.cos(np.radians(lat))), 1.0])
     near = np.flatnonzero(_reaches(table.lon0_deg, table.lon1_deg, lon, REACH_M / max(to_m[0], 1.0)))
-    near = near[
-        _reaches(table.lat0_deg[near], table.lat1_deg[near], lat, REACH_M / SHORTEST_DEGREE_M)
-    ]
+    near = near[_reaches(table.lat0_deg[near], table.lat1_deg[near], lat, REACH_M / SHORTEST_DEGREE_M)]
     if not len(near):
         return None
     start = to_m * np.column_stack([table.lon0_deg[near] - lon, table.lat0_deg[near] - lat])
@@ -209,9 +208,7 @@ class ControlBeliefs:
 
     def misfit_m(self, solution: Solution) -> Floats:
         """How far the solution lies above the points, (m,)."""
-        return np.asarray(
-            np.sum(self._weights * solution.x[self._variables], axis=1) - self.control.height_m
-        )
+        return np.asarray(np.sum(self._weights * solution.x[self._variables], axis=1) - self.control.height_m)
 
     def remarks(self, solution: Solution) -> list[str]:
         """A sentence on each point that everything else contradicts."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from fusion.network.combine import NETWORK_ONLY, SlopePart
 from fusion.network.control import ControlBeliefs
 from fusion.network.curve import (
     grade_rows,
@@ -67,6 +69,20 @@ class Adjustment:
     """The usual variance of the grade's change per metre, 1/m"""
     remarks: list[str]
     """Sentences on control points that the drives contradict"""
+
+    def parts(self, drives: Sequence[int]) -> list[SlopePart | None]:
+        """The network's part in each segment's slope, None without one; ``drives`` (n,) are those heard there."""
+        columns: dict[str, list[Any]] = {
+            name: [value if np.isfinite(value) else None for value in getattr(self, name).tolist()]
+            for name in ("slope_percent", "slope_sigma_percent", *NETWORK_ONLY)
+        }
+        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return [
+            None
+            if row["slope_percent"] is None or row["slope_sigma_percent"] is None
+            else SlopePart(drives=count, observations=seen, network=True, **row)
+            for row, count, seen in zip(rows, drives, self.observations.tolist(), strict=True)
+        ]
 
     def profile(self, row: int, step_m: float = PROFILE_STEP_M) -> Profile:
         """The road between the ends of a segment, at places at most ``step_m`` apart.
