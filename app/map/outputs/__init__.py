@@ -19,7 +19,6 @@ from app.map.segment import HEIGHT_DATUM, Segment
 from fusion.errors import UnknownNameError
 from fusion.registry import Registry
 
-
 Stated = Mapping[str, str]
 """What a file says of all its segments: ``attribution``, whose data it is, and ``height_datum``, where known."""
 
