@@ -59,12 +59,13 @@ def test_heights_are_wherever_a_segment_is(filled: Any, street: list[int]) -> No
         assert alone == shown[segment] == in_tile[segment]
         for name in NETWORK_ONLY:
             assert (alone[name] is not None) == driven, name
-    assert shown[street[0]]["height_to_m"] == shown[street[1]]["height_from_m"], "segments share their node"
+    rounding = 0.002 * shown[street[0]]["height_sigma_m"]  # smaller changes are not written
+    assert shown[street[0]]["height_to_m"] == pytest.approx(shown[street[1]]["height_from_m"], abs=rounding)
     assert shown[street[0]]["driven_share"] == 1.0
     assert shown[street[0]]["steepest_to_m"] - shown[street[0]]["steepest_from_m"] == pytest.approx(20.0)
     gap = items(filled, gaps="true")[street[2]]
     assert gap["driven_share"] == 0.0
-    assert gap["height_from_m"] == shown[street[1]]["height_to_m"]
+    assert gap["height_from_m"] == pytest.approx(shown[street[1]]["height_to_m"], abs=rounding)
     fields = filled.client.get("/tiles.json").json()["vector_layers"][0]["fields"]
     assert not set(fields) & set(NETWORK_ONLY)
 
