@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from factor_support import Sensors, driven, steady, street
+import street_support
+from factor_support import Sensors, steady, street
 from fusion.network.adjust import adjust
 from fusion.network.drive_beliefs import (
     LAG_MEAN_S,
@@ -20,34 +21,21 @@ from fusion.network.equations import EquationSystem
 from fusion.network.pass_factor import ENTRY, EXIT, PassFactor
 from fusion.network.road_beliefs import RoadBeliefs
 from fusion.roads.table import RoadTable
+from street_support import EVERYTHING, true_percent
 
-SIDE_M, COUNT = 50.0, 24
-STREET = street(*[SIDE_M] * COUNT)
-EVERYTHING = Sensors(0.02, 0.01, 0.02, altitude_m=0.5, pressure_m=0.1)
+COUNT = 24
+STREET = street(*[50.0] * COUNT)
+TRUE_PERCENT = true_percent(STREET)
 LEVEL = Sensors(np.nan, pressure_m=0.05, walk_m2_per_s=(0.1, 0.002))
 
 
-def height_at(x: np.ndarray) -> np.ndarray:
-    return np.asarray(150 + 0.02 * x + 3 * np.sin(x / 70))
+def ride(sensors: Sensors, seed: int = 1, rows: Sequence[int] | None = None) -> list[PassFactor]:
+    return street_support.ride(STREET, sensors, seed, rows)
 
 
-def hill(row: int, at: np.ndarray) -> np.ndarray:
-    return height_at(SIDE_M * row + at)
-
-
-TRUE_PERCENT = np.array(
-    [
-        100 * np.polyfit(np.linspace(0, SIDE_M, 200), hill(row, np.linspace(0, SIDE_M, 200)), 1)[0]
-        for row in range(COUNT)
-    ]
-)
-
-
-def ride(sensors: Sensors, seed: int = 1, rows: Sequence[int] = range(COUNT)) -> list[PassFactor]:
-    return driven(STREET, rows, hill, sensors, np.random.default_rng(seed))
-
-
-def learned(drives: Mapping[int, list[PassFactor]], table: RoadTable = STREET, rounds: int = 4) -> DriveBeliefs:
+def learned(
+    drives: Mapping[int, list[PassFactor]], table: RoadTable = STREET, rounds: int = 4
+) -> DriveBeliefs:
     """What is believed of drives after some rounds."""
     road = RoadBeliefs(table, [p for passes in drives.values() for p in passes])
     said = DriveBeliefs(drives, road.unknowns)
@@ -129,7 +117,9 @@ def test_a_drive_whose_heights_step_more_than_it_says_is_trusted_less() -> None:
     honest = [ride(LEVEL, seed) for seed in range(3)]
     level = np.cumsum(0.5 * rng.normal(size=COUNT))
     stepping = [
-        one for p, metres in zip(ride(LEVEL, 9), level.tolist(), strict=True) for one in lifted([p], 1, metres)
+        one
+        for p, metres in zip(ride(LEVEL, 9), level.tolist(), strict=True)
+        for one in lifted([p], 1, metres)
     ]
     said = learned(dict(enumerate([*honest, stepping])), rounds=6)
     # Behind the one of nobody stand the series of each drive's altitude and barometer.

@@ -46,7 +46,9 @@ def assert_same(left: PassFactor, right: PassFactor) -> None:
         assert type(a) is type(b), field.name
         if isinstance(a, np.ndarray):
             # A zero without a word may have lost its sign.
-            assert (a.dtype, a.shape, (a + 0.0).tobytes()) == (b.dtype, b.shape, (b + 0.0).tobytes()), field.name
+            assert (a.dtype, a.shape, (a + 0.0).tobytes()) == (b.dtype, b.shape, (b + 0.0).tobytes()), (
+                field.name
+            )
         else:
             assert a == b, field.name
 

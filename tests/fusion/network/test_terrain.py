@@ -13,6 +13,7 @@ from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import DEFAULT_LENGTH_M, DEFAULT_SIGMA_M, Terrain, heights_at
 from fusion.network.unknowns import RoadUnknowns, knot_positions
 from fusion.roads.table import RoadTable
+from street_support import height_at, knots_m, ride, true_percent
 
 SIDE_M, COUNT = 60.0, 40
 STREET = street(*[SIDE_M] * COUNT)
@@ -22,28 +23,12 @@ DEFAULT_RATE = DEFAULT_SIGMA_M**2 / DEFAULT_LENGTH_M
 """Half the squared difference of a model's errors for each metre, m: what counts for slopes."""
 
 
-def height_at(x: np.ndarray) -> np.ndarray:
-    return np.asarray(150 + 0.02 * x + 4 * np.sin(x / 90))
-
-
-def hill(row: int, at: np.ndarray) -> np.ndarray:
-    return height_at(SIDE_M * row + at)
-
-
-TRUE_PERCENT = np.array(
-    [
-        100 * np.polyfit(np.linspace(0, SIDE_M, 200), hill(row, np.linspace(0, SIDE_M, 200)), 1)[0]
-        for row in range(COUNT)
-    ]
-)
-KNOTS_M = np.concatenate([SIDE_M * row + np.linspace(0, SIDE_M, 4) for row in range(COUNT)])
-"""Where the knots of the street lie."""
+TRUE_PERCENT = true_percent(STREET)
+KNOTS_M = knots_m(STREET)
 
 
 def rides(sensors: Sensors, count: int = 1) -> dict[int, list[PassFactor]]:
-    return {
-        seed: driven(STREET, range(COUNT), hill, sensors, np.random.default_rng(seed)) for seed in range(count)
-    }
+    return {seed: ride(STREET, sensors, seed) for seed in range(count)}
 
 
 def root(drives: Mapping[int, list[PassFactor]], terrain: Terrain | None) -> tuple[float, float]:
@@ -68,7 +53,7 @@ def test_an_exact_model_is_believed(up_m: float) -> None:
     """Heights of the road itself, whatever they count from, are worth more drives."""
     alone, error, inside = [], [], []
     for seed in range(3):
-        drives = {0: driven(STREET, range(COUNT), hill, ORDINARY, np.random.default_rng(seed))}
+        drives = {0: ride(STREET, ORDINARY, seed)}
         alone.append(adjust(STREET, drives).slope_percent - TRUE_PERCENT)
         found = adjust(STREET, drives, heights_at(height_at(KNOTS_M) + up_m))
         error.append(found.slope_percent - TRUE_PERCENT)
