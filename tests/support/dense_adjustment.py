@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from factor_support import PLANE
 from fusion.network import curve as knots
 from fusion.network import drive_beliefs as drives
 from fusion.network import joints as turns
@@ -93,11 +92,10 @@ class DenseAdjustment:
     def _ends(self) -> list[tuple[int, int, int, float, np.ndarray]]:
         """Each end of each segment: node, row, height unknown, sign of the grade and unit vector away from the node."""
         t, out = self.table, []
-        x0, y0 = PLANE.to_xy(t.lon0_deg, t.lat0_deg)
-        x1, y1 = PLANE.to_xy(t.lon1_deg, t.lat1_deg)
+        narrow = np.cos(np.radians(0.5 * (t.lat0_deg + t.lat1_deg)))
+        east, north = (t.lon1_deg - t.lon0_deg) * narrow, t.lat1_deg - t.lat0_deg
         for row in range(len(t)):
-            along = np.array([x1[row] - x0[row], y1[row] - y0[row]])
-            along /= np.hypot(*along)
+            along = np.array([east[row], north[row]]) / np.hypot(east[row], north[row])
             heights = self._knots(row)
             out.append((int(t.from_node[row]), row, heights[0], 1.0, along))
             out.append((int(t.to_node[row]), row, heights[-1], -1.0, -along))

@@ -68,6 +68,30 @@ def drawn(
     return OnTraversals(variable, weights, constants, wander, kind, value, variance, time, np.array(first))
 
 
+Equation = tuple[dict[int, float], float, float]
+"""Weights by unknown, value and variance."""
+
+
+def walk_of(
+    data: OnTraversals, one: Pass, mine: np.ndarray, sensor: int, rate: float, jumps_s: np.ndarray, first: int
+) -> tuple[list[Equation], dict[int, int], int]:
+    """The states of a height sensor's error behind unknown ``first``: their steps, the one that each measurement sees
+    and the last one."""
+    here, last, state_of = first, one.enter_s, {}
+    steps: list[Equation] = []
+    for i in [*mine[data.height_sensor[mine] == sensor].tolist(), -1]:
+        until = one.leave_s if i < 0 else float(data.time_s[i])
+        moved = rate * max(until - last, 0.0)
+        if sensor == 0:
+            moved += JUMP_SIGMA[DRIFT] ** 2 * int(np.sum((jumps_s > last) & (jumps_s <= until)))
+        if moved > 0:
+            steps.append(({here: -1.0, here + 1: 1.0}, 0.0, moved))
+            here += 1
+        last = max(last, until)
+        state_of[i] = here
+    return steps, state_of, here
+
+
 def dense(
     data: OnTraversals, passes: list[Pass], k: int, rates: tuple[float, float], jumps_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
@@ -76,34 +100,21 @@ def dense(
     knots = int(variable_count(passes[k].length_m))
     kept = knots + NUISANCES
     wander, size = kept, kept + 1
-    equations: list[tuple[dict[int, float], float, float]] = [({wander: 1.0}, 0.0, WANDER_SIGMA**2)]
+    equations: list[Equation] = [({wander: 1.0}, 0.0, WANDER_SIGMA**2)]
     state_of: dict[int, int] = {}
     leaves: dict[int, int] = {}  # the last state is the unknown at the exit
     for s, rate in enumerate(rates):
-        if not np.any(data.height_sensor == s):
-            continue
-        here, size = size, size + 1
-        equations.append(({knots + ENTRY.start + s: -1.0, here: 1.0}, 0.0, JOINED_M**2))
-        last = passes[k].enter_s
-        for i in [*mine[data.height_sensor[mine] == s].tolist(), -1]:
-            until = passes[k].leave_s if i < 0 else float(data.time_s[i])
-            moved = rate * max(until - last, 0.0)
-            if s == 0:
-                moved += JUMP_SIGMA[DRIFT] ** 2 * int(np.sum((jumps_s > last) & (jumps_s <= until)))
-            if moved > 0:
-                equations.append(({here: -1.0, size: 1.0}, 0.0, moved))
-                here, size = size, size + 1
-            last = max(last, until)
-            if i >= 0:
-                state_of[i] = here
-        leaves[here] = knots + EXIT.start + s
+        if np.any(data.height_sensor == s):
+            equations.append(({knots + ENTRY.start + s: -1.0, size: 1.0}, 0.0, JOINED_M**2))
+            steps, states, last = walk_of(data, passes[k], mine, s, rate, jumps_s, size)
+            equations += steps
+            state_of |= states
+            leaves[last], size = knots + EXIT.start + s, last + 1
     for i in mine.tolist():
         row = {int(data.variable[i]) + a: float(data.weights[i, a]) for a in range(4)}
         row |= {knots + a: float(c) for a, c in enumerate(data.constants[i]) if c}
-        if data.height_sensor[i] >= 0:
-            row[state_of[i]] = 1.0
-        if data.wander[i]:
-            row[wander] = float(data.wander[i])
+        row |= {state_of[i]: 1.0} if data.height_sensor[i] >= 0 else {}
+        row |= {wander: float(data.wander[i])}
         equations.append((row, float(data.value[i]), float(data.variance[i])))
     whole, right, square = np.zeros((size, size), np.longdouble), np.zeros(size, np.longdouble), 0.0
     for row, value, variance in equations:
