@@ -147,6 +147,7 @@ class DenseAdjustment:
         self.lag: dict[int, int] = {}
         for d in sorted(self.said):
             self._drive(d, sorted(self.said[d], key=lambda p: p.sequence))
+        self.scale = [1.0] * len(self.walks)
         if self.lag:
             self.lag_mean = self._new(1)
             self.fixed.append(observed({self.lag_mean: 1.0}, *drives.LAG_MEAN_S))
@@ -255,22 +256,25 @@ class DenseAdjustment:
             self.usual = float((weight @ change + 20 * self.begin) / (2 * len(change) + 20))
         for (one, factor), c in zip(self.intervals, change, strict=True):
             one.weight = (free + 2) / (free * self.usual + c) / factor
-        for series in self.walks:
-            self._learn_walk(series)
+        self.scale = [
+            self._learn_walk(series, scale) for series, scale in zip(self.walks, self.scale, strict=True)
+        ]
         for one_pass, equation in self.passes:
             c = self._misfit(one_pass, equation)
             weight = (drives.PASS_FREEDOM + 1) / (drives.PASS_FREEDOM + c)
             equation.weight = weight * min(1.0, drives.REJECT_SIGMAS**2 / max(c, 1e-9))
         self._learn_model(first)
 
-    def _learn_walk(self, series: list[Equation]) -> None:
-        squares, scale = np.array([e.square(*(self.solution, self.covariance)) for e in series]), 1.0
+    def _learn_walk(self, series: list[Equation], scale: float) -> float:
+        """From the scale of the round before the next one's, and the weights."""
+        squares = np.array([e.square(self.solution, self.covariance) for e in series])
         free, prior = drives.WALK_FREEDOM, drives.WALK_PRIOR_COUNT
         for _ in range(5):
             weight = (free + 1) / (free + squares / scale)
             scale = float((weight @ squares + prior) / (len(series) + prior)) if series else 1.0
         for one, square in zip(series, squares, strict=True):
             one.weight = (free + 1) / (free + square / scale) / scale
+        return scale
 
     def _learn_model(self, first: bool) -> None:
         free = models.STEP_FREEDOM
