@@ -193,6 +193,36 @@ def test_the_verdict_turns_when_others_agree_with_the_rejected_one() -> None:
     assert [many.heard[d, 0] for d in range(8)] == [False] * 2 + [True] * 6
 
 
+def test_a_pass_over_a_part_speaks_of_the_whole_and_contradicts_no_whole_one() -> None:
+    """A crest of 400 m, from +6 to -6 %: its first quarter rises by 4.5 %, all of it by nothing."""
+    table = street(60.0, 400.0, 60.0)
+    rng = np.random.default_rng(5)
+
+    def crest(at: np.ndarray) -> np.ndarray:
+        return np.asarray(0.06 - 0.12 * at / 400)
+
+    def drive(part: tuple[float, float] | None) -> list[PassFactor]:
+        before = graded(table, 0, lambda at: 0.06 + 0 * at, 0.01, rng)
+        return [before, graded(table, 1, crest, 0.01, rng, part=part, sequence=1)]
+
+    quarter = (0.0, 100.0)
+    one = adjust(table, {0: drive(quarter)})
+    assert abs(one.slope_percent[1]) < 1.96 * one.slope_sigma_percent[1]
+    assert one.driven_share[1] == pytest.approx(0.25, abs=0.01)
+    mixed = adjust(table, {**{k: drive(quarter) for k in range(3)}, 3: drive(None)})
+    assert all(mixed.heard.values())
+    assert abs(mixed.slope_percent[1]) < 0.3
+    assert mixed.driven_share[1] == 1.0
+    assert mixed.slope_sigma_percent[1] < 0.3 * one.slope_sigma_percent[1]
+
+
+def test_parts_of_a_segment_are_counted_once_where_they_overlap() -> None:
+    table = street(100.0)
+    parts = [(0.0, 40.0), (20.0, 50.0), (80.0, 100.0)]
+    drives = {k: [graded(table, 0, lambda at: 0 * at, 0.01, part=part)] for k, part in enumerate(parts)}
+    assert adjust(table, drives).driven_share[0] == pytest.approx(0.7, abs=1e-6)
+
+
 def test_laps_of_one_drive_are_one_witness_of_what_it_carries() -> None:
     """Ten laps with one tilted sensor know the slope no better than the tilt; ten drives do."""
     table = street(60.0, 70.0)
