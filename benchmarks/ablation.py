@@ -1,32 +1,46 @@
 #!/usr/bin/env python3
-"""What each sensor adds to method ``profile``: slopes from altitudes alone, then with one sensor more at a time.
+"""What each part of method ``profile`` is worth: sensors one more at a time, or constants one by one.
 
     python benchmarks/ablation.py DATA_DIR [--seeds N] [--profile m8|phone|f9p] [--json FILE]
+    python benchmarks/ablation.py DATA_DIR --constants [--only TEXT] [--sequences 00,09,10] [--seeds N] [...]
 
 DATA_DIR holds ``karlsruhe`` and ``comma2k19`` as in ``slope_accuracy.py`` (folders that are missing are left out).
-Printed for the drives 09 and 10 and the real log: RMSE in percent of slope, coverage, and the share within 1.96 sigma.
+
+Sensors: slopes from altitudes alone, then with one sensor more at a time. Printed for the drives 09 and 10 and the real
+log: RMSE in percent of slope, coverage, and the share within 1.96 sigma.
+
+Constants: the model of the network as it is, and once with each constant of ``accuracy.constants`` halved, doubled or
+switched off (``--only``: those whose label holds the text). Of the sequences of ``karlsruhe``, with one drive (each of
+``--seeds`` sets) and with ten (a set of ten for every five of ``--seeds``, one at least): RMSE, by how much the change
+makes it worse, share within 1.96 sigma and the root mean square of error over sigma; means over the sequences, errors
+pooled, and by sequence in the JSON. A constant that changes nothing in these logs (those of altimeters' lags, which
+they do not have) shows it by zeros.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import tempfile
-from dataclasses import replace
+from argparse import Namespace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from accuracy.scoring import Errors, Row, figures, text_table, write_json
+from accuracy.constants import CHANGES, Change, changed
+from accuracy.scoring import Errors, Row, figures, show_progress, text_table, write_json
 from accuracy.sequences import (
     RECEIVERS,
     Sequence,
     estimate,
     find_sequences,
+    fuse,
     load_tool,
     make_log,
     parser_of,
+    slopes_of,
     tool_beside,
 )
+from app.cli.fuse_files import Fusion
 
 SENSORS = ("altitude", "doppler", "pitch", "force", "dem")
 LABELS = ("altitude alone", "+ Doppler", "+ pitch", "+ specific force", "+ DEM")
@@ -38,6 +52,22 @@ COLUMNS = {
     "coverage": ("cover", ".1%"),
     "within_95": ("in 1.96s", ".1%"),
 }
+MANY = 10
+"""Drives in the larger sets."""
+SETS_OF = (1, MANY)
+CONSTANT_COLUMNS = {
+    "constant": ("constant", ""),
+    **{
+        f"{name}_{drives}": (f"{title} ({drives})", spec)
+        for drives in SETS_OF
+        for name, title, spec in (
+            ("rmse_percent", "RMSE %", ".3f"),
+            ("worse", "worse", "+.1%"),
+            ("within_95", "in 1.96s", ".1%"),
+            ("z_rms", "z-rms", ".2f"),
+        )
+    },
+}
 
 
 def main() -> None:
@@ -45,18 +75,26 @@ def main() -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--profile", default="m8", choices=RECEIVERS)
+    parser.add_argument("--constants", action="store_true", help="constants instead of sensors")
+    parser.add_argument("--only", default="", metavar="TEXT", help="constants whose label holds the text")
+    parser.add_argument("--sequences", default="00,09,10", help="of the constants, separated by commas")
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
+    rows = of_constants(args) if args.constants else of_sensors(args)
+    print(text_table(rows, CONSTANT_COLUMNS if args.constants else COLUMNS))
+    write_json(args.json, rows)
+
+
+def of_sensors(args: Namespace) -> list[Row]:
+    """One row for each sequence and set of sensors."""
     folders = [args.data_dir / name for name in ("karlsruhe", "comma2k19")]
     sequences = [s for f in folders if f.is_dir() for s in find_sequences(f) if s.name in SEQUENCES]
     if not sequences:
         sys.exit(f"{args.data_dir}: neither karlsruhe nor comma2k19")
-    rows = [row for sequence in sequences for row in ablate(sequence, args)]
-    print(text_table(rows, COLUMNS))
-    write_json(args.json, rows)
+    return [row for sequence in sequences for row in ablate(sequence, args)]
 
 
-def ablate(sequence: Sequence, args: argparse.Namespace) -> list[Row]:
+def ablate(sequence: Sequence, args: Namespace) -> list[Row]:
     """One row for each set of sensors."""
     tool = args.roadtruth or tool_beside(args.data_dir / "karlsruhe")
     module = load_tool(tool) if sequence.log is None else None
@@ -73,6 +111,70 @@ def ablate(sequence: Sequence, args: argparse.Namespace) -> list[Row]:
             if scores is not None:
                 rows.append({"sequence": sequence.name, "sensors": label, **scores})
     return rows
+
+
+@dataclass(frozen=True)
+class Sets:
+    """The logs of one sequence, by number of drives in a set, and each log fused as the library is."""
+
+    sequence: Sequence
+    logs: dict[int, list[list[Path]]]
+    fused: Fusion
+
+    def errors(self, drives: int, change: Change | None) -> list[Errors]:
+        """Errors of every set with a constant changed."""
+        out = []
+        for logs in self.logs[drives]:
+            with changed(change):
+                one = fuse(self.sequence, logs, "profile") if change and change.factors else self.known(logs)
+                out.append(Errors.of(self.sequence.truth, slopes_of(one)))
+        return out
+
+    def known(self, logs: list[Path]) -> Fusion:
+        """The logs together, from factors that are there already."""
+        return replace(self.fused, fused=[one for one in self.fused.fused if one.path in logs])
+
+
+def of_constants(args: Namespace) -> list[Row]:
+    """The model as it is, then one row for each change."""
+    chosen = [c for c in CHANGES if args.only.lower() in c.label.lower()]
+    if not chosen:
+        sys.exit(f"no constant holds {args.only!r}; there are: {', '.join(c.label for c in CHANGES)}")
+    data = args.data_dir / "karlsruhe" if (args.data_dir / "karlsruhe").is_dir() else args.data_dir
+    tool = load_tool(args.roadtruth or tool_beside(data))
+    wanted = args.sequences.split(",")
+    sequences = [s for s in find_sequences(data) if s.name in wanted and s.log is None]
+    if not sequences:
+        sys.exit(f"{data}: no sequence named {args.sequences}")
+    with tempfile.TemporaryDirectory() as folder:
+        sets = []
+        for sequence in sequences:
+            show_progress(f"{sequence.name}: logs")
+            count = max(args.seeds, MANY * max(1, args.seeds // 5))
+            logs = [make_log(tool, sequence, seed, Path(folder), args.profile) for seed in range(count)]
+            many = [logs[at : at + MANY] for at in range(0, MANY * max(1, args.seeds // 5), MANY)]
+            by_drives = {1: [[log] for log in logs[: args.seeds]], MANY: many}
+            sets.append(Sets(sequence, by_drives, fuse(sequence, logs, "profile")))
+        rows: list[Row] = []
+        for change in (None, *chosen):
+            show_progress(change.label if change else "as it is")
+            rows.append(row_of(change, sets, rows[0] if rows else None))
+        show_progress("")
+    return rows
+
+
+def row_of(change: Change | None, sets: list[Sets], base: Row | None) -> Row:
+    """Figures with one constant changed beside those of the model as it is."""
+    row: Row = {"constant": change.label if change else "(as it is)", "sequences": {}}
+    for drives in SETS_OF:
+        errors = [one.errors(drives, change) for one in sets]
+        for one, of_sequence in zip(sets, errors, strict=True):
+            row["sequences"].setdefault(one.sequence.name, {})[drives] = figures([[e] for e in of_sequence])
+        scores = figures(list(map(list, zip(*errors, strict=True)))) or {}
+        row |= {f"{name}_{drives}": scores.get(name) for name in ("rmse_percent", "within_95", "z_rms")}
+        mine, usual = row[f"rmse_percent_{drives}"], (base or row)[f"rmse_percent_{drives}"]
+        row[f"worse_{drives}"] = mine / usual - 1 if mine and usual else None
+    return row
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A dense reference for the network adjustment."""
+"""A dense reference for the network adjustment, in more digits than the library's."""
 
 from __future__ import annotations
 
@@ -6,77 +6,107 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from factor_support import PLANE
-from fusion.network import adjust as tuned
 from fusion.network import curve as knots
+from fusion.network import drive_beliefs as drives
 from fusion.network import joints as turns
-from fusion.network.curve import interval_count, slope_row, variable_count
-from fusion.network.evidence import SegmentEvidence
+from fusion.network import pass_factor as factors
+from fusion.network import published as shown
+from fusion.network import road_beliefs as roads
+from fusion.network import terrain as models
+from fusion.network.adjust import ROUNDS
+from fusion.network.curve import interval_count, place_rows, slope_row, variable_count
+from fusion.network.pass_factor import PassFactor
+from fusion.network.terrain import Terrain
 from fusion.roads.table import RoadTable
+
+CONSTANTS, SENSORS = len(factors.CONSTANTS), len(factors.HEIGHT_SENSORS)
+
+
+class Equation:
+    """Information and vector over some unknowns, times a weight that rounds of learning change."""
+
+    def __init__(self, at: Sequence[int], information: np.ndarray, vector: np.ndarray | None = None) -> None:
+        self.at, self.information, self.weight = list(at), information, 1.0
+        self.vector = np.zeros(len(self.at)) if vector is None else vector
+
+    def square(self, solution: np.ndarray, covariance: np.ndarray) -> float:
+        """Expected x' information x."""
+        x = solution[self.at]
+        spread = np.trace(self.information @ covariance[np.ix_(self.at, self.at)])
+        return float(x @ self.information @ x + spread)
+
+
+def observed(weights: Mapping[int, float], value: float, sigma: float) -> Equation:
+    """weights' x = value +- sigma."""
+    w = np.array(list(weights.values()))
+    return Equation(list(weights), np.outer(w, w) / sigma**2, w * value / sigma**2)
 
 
 class DenseAdjustment:
     """The same model as ``fusion.network.adjust``, written down equation by equation and solved densely.
 
-    Every rule is restated here from the docstrings, so that a slip there does not repeat itself here; only the numbers
-    that are a matter of tuning are the module's.
+    Every rule is restated here from ``.docs/network.md``, so that a slip there does not repeat itself here; only the
+    numbers that are a matter of tuning are the modules', and so is what is learned of the elevation model:
+    ``quality`` is its sigma and length, m.
     """
 
     def __init__(
         self,
         table: RoadTable,
-        evidence: Sequence[SegmentEvidence | None],
-        dem_slope_percent: np.ndarray,
-        ids: Sequence[int] | None = None,
+        said: Mapping[int, Sequence[PassFactor]],
+        terrain: Terrain | None = None,
+        quality: tuple[float, float] = (1.0, 1.0),
     ) -> None:
-        self.table, self.evidence = table, evidence
+        self.table, self.said = table, said
         self.length = np.maximum(table.length_m, knots.SHORTEST_M)
         self.nodes = sorted({*table.from_node.tolist(), *table.to_node.tolist()})
-        self.first: list[int] = []
-        size = len(self.nodes)
-        for length in self.length:
-            self.first.append(size)
-            size += int(variable_count(length))
-        self.fixed, self.vector = np.zeros((size, size)), np.zeros(size)
-        self._nodes()
-        self._grades_go_on()
-        self._terrain(dem_slope_percent)
-        for row in range(len(table)):
-            for at in self._knots(row):
-                self._observe({at + 1: 1.0}, 0.0, tuned.GRADE_PRIOR_SIGMA)
-        row_of = {int(i): row for row, i in enumerate(range(len(table)) if ids is None else ids)}
-        for one in evidence:
-            for history, (information, vector) in () if one is None else one.groups.items():
-                self._factor([row_of.get(i) for i in history], information, vector)
-        self._solve()
+        self.size = len(self.nodes)
+        self.first = [self._new(int(variable_count(length))) for length in self.length]
+        self.fixed: list[Equation] = []
+        self.ties = [
+            observed({self.nodes.index(node): -1.0, height: 1.0}, 0.0, roads.NODE_SIGMA_M)
+            for node, _, height, _, _ in self._ends()
+        ]
+        self._grades()
+        self._roughness()
+        self._drives()
+        self._model(terrain, *quality)
+        for turn in range(ROUNDS):
+            self._solve()
+            if turn < ROUNDS - 1:
+                self._learn(turn == 0)
+
+    def _new(self, count: int) -> int:
+        self.size += count
+        return self.size - count
 
     def _knots(self, row: int) -> list[int]:
         """Where the heights of the knots stand; the grade is the next."""
         return [self.first[row] + 2 * j for j in range(int(interval_count(self.length[row])) + 1)]
 
-    def _observe(self, weights: Mapping[int, float], value: float, sigma: float) -> None:
-        at, w = list(weights), np.array(list(weights.values()))
-        self.fixed[np.ix_(at, at)] += np.outer(w, w) / sigma**2
-        self.vector[at] += w * value / sigma**2
+    def _own(self, row: int) -> list[int]:
+        return list(range(self.first[row], self.first[row] + int(variable_count(self.length[row]))))
+
+    # Roads
 
     def _ends(self) -> list[tuple[int, int, int, float, np.ndarray]]:
         """Each end of each segment: node, row, height unknown, sign of the grade and unit vector away from the node."""
         t, out = self.table, []
-        x0, y0 = PLANE.to_xy(t.lon0_deg, t.lat0_deg)
-        x1, y1 = PLANE.to_xy(t.lon1_deg, t.lat1_deg)
+        narrow = np.cos(np.radians(0.5 * (t.lat0_deg + t.lat1_deg)))
+        east, north = (t.lon1_deg - t.lon0_deg) * narrow, t.lat1_deg - t.lat0_deg
         for row in range(len(t)):
-            along = np.array([x1[row] - x0[row], y1[row] - y0[row]])
-            along /= np.hypot(*along)
+            along = np.array([east[row], north[row]]) / np.hypot(east[row], north[row])
             heights = self._knots(row)
             out.append((int(t.from_node[row]), row, heights[0], 1.0, along))
             out.append((int(t.to_node[row]), row, heights[-1], -1.0, -along))
         return out
 
-    def _nodes(self) -> None:
-        for node, _, height, _, _ in self._ends():
-            self._observe({self.nodes.index(node): -1.0, height: 1.0}, 0.0, tuned.NODE_SIGMA_M)
-
-    def _grades_go_on(self) -> None:
+    def _grades(self) -> None:
+        """Roads are not steep, heights are within the Earth's, and grades go on where segments meet."""
+        for row in range(len(self.table)):
+            own = self._own(row)
+            weak = np.diag(np.where(np.arange(len(own)) % 2, roads.GRADE_SIGMA**-2, 1e-10)) + 1e-12
+            self.fixed.append(Equation(own, weak))
         for node in self.nodes:
             ends = [end for end in self._ends() if end[0] == node]
             for k, (_, row_a, height_a, sign_a, away_a) in enumerate(ends):
@@ -89,99 +119,212 @@ class DenseAdjustment:
                     ramp = turns.STRUCTURE_SIGMA if len(kinds) > 1 else 0.0
                     sigma = float(np.linalg.norm([level, turn * turned, ramp]))
                     # Uphill away from the node on one side is downhill away from it on the other.
-                    self._observe({height_a + 1: sign_a, height_b + 1: sign_b}, 0.0, sigma)
+                    self.fixed.append(observed({height_a + 1: sign_a, height_b + 1: sign_b}, 0.0, sigma))
 
-    def _terrain(self, slope_percent: np.ndarray) -> None:
-        t = self.table
+    def _roughness(self) -> None:
+        """Each interval for q = 1, beside what its q is times the usual one."""
+        learned = [p.roughness for d in sorted(self.said) for p in self.said[d]] or [roads.DEFAULT_ROUGHNESS]
+        self.begin = float(np.clip(np.exp(np.mean(np.log(learned))), *roads.ROUGHNESS_BOUNDS))
+        self.usual = self.begin
+        self.intervals: list[tuple[Equation, float]] = []
+        for row, length in enumerate(self.length):
+            built = self.table.bridge[row] or self.table.tunnel[row]
+            heights = self._knots(row)
+            d = length / (len(heights) - 1)
+            walk = np.array([[d**3 / 3, d**2 / 2], [d**2 / 2, d]])
+            step = np.array([[-1.0, -d, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])
+            for h in heights[:-1]:
+                one = Equation([h, h + 1, h + 2, h + 3], step.T @ np.linalg.inv(walk) @ step)
+                factor = roads.STRUCTURE_FACTOR if built else 1.0
+                one.weight = 1 / (roads.ROUGHNESS_START * 2 * self.usual * factor)
+                self.intervals.append((one, factor))
+
+    # Drives
+
+    def _drives(self) -> None:
+        self.passes: list[tuple[PassFactor, Equation]] = []
+        self.walks: list[list[Equation]] = []
+        self.lag: dict[int, int] = {}
+        for d in sorted(self.said):
+            self._drive(d, sorted(self.said[d], key=lambda p: p.sequence))
+        self.scale = [1.0] * len(self.walks)
+        if self.lag:
+            self.lag_mean = self._new(1)
+            self.fixed.append(observed({self.lag_mean: 1.0}, *drives.LAG_MEAN_S))
+            for lag in self.lag.values():
+                self.fixed.append(observed({lag: 1.0, self.lag_mean: -1.0}, 0.0, drives.LAG_SIGMA_S))
+
+    def _drive(self, d: int, passes: Sequence[PassFactor]) -> None:
+        constant: dict[tuple[int, int], int] = {}
+        exits: list[tuple[int, float] | None] = [None] * SENSORS
+        walks: list[list[Equation]] = [[] for _ in range(SENSORS)]
+        for one in passes:
+            # What the factor does not speak of is not an unknown.
+            speaks = np.diagonal(one.information)[-factors.NUISANCES :] > 0
+            own, kept = self._own(one.segment), list(range(len(one.vector) - factors.NUISANCES))
+            for kind in np.flatnonzero(speaks).tolist():
+                kept.append(len(one.vector) - factors.NUISANCES + kind)
+                if kind >= CONSTANTS:
+                    own.append(self._error(one, kind - CONSTANTS, exits, walks))
+                    continue
+                key = (kind, one.mount if kind == factors.MOUNT else -1)
+                if key not in constant:
+                    constant[key] = self._new(1)
+                    if kind == factors.LAG:
+                        self.lag[d] = constant[key]
+                    else:
+                        sigma = factors.CONSTANT_SIGMA[kind]
+                        self.fixed.append(observed({constant[key]: 1.0}, 0.0, sigma))
+                own.append(constant[key])
+            equation = Equation(own, one.information[np.ix_(kept, kept)], one.vector[kept])
+            self.passes.append((one, equation))
+        self.walks += walks
+
+    def _error(
+        self,
+        one: PassFactor,
+        number: int,
+        exits: list[tuple[int, float] | None],
+        walks: list[list[Equation]],
+    ) -> int:
+        """The unknown of a height sensor's error at entry or at exit, and the way from the last exit to it."""
+        leaving, s = divmod(number, SENSORS)
+        unknown = self._new(1)
+        if leaving:
+            exits[s] = (unknown, one.last_time_s)
+            return unknown
+        before = exits[s]
+        if before is None:
+            self.fixed.append(observed({unknown: 1.0}, 0.0, drives.START_SIGMA_M[s]))
+        else:
+            between_s = max(one.first_time_s - before[1], 0.0) + 1.0
+            sigma = np.sqrt(one.walk_m2_per_s[s] * between_s)
+            walks[s].append(observed({before[0]: -1.0, unknown: 1.0}, 0.0, sigma))
+        return unknown
+
+    # The elevation model: nothing at first, then an Ornstein-Uhlenbeck process along each segment
+
+    def _model(self, terrain: Terrain | None, sigma_m: float, length_m: float) -> None:
+        self.steps: list[tuple[Equation, float, float]] = []
+        self.levels: list[Equation] = []
+        if terrain is None:
+            return
+        t, place = self.table, 0
         structure = t.bridge | t.tunnel
         spoilt = {*t.from_node[structure].tolist(), *t.to_node[structure].tolist()}
         for row, length in enumerate(self.length):
-            if not np.isfinite(slope_percent[row]) or {int(t.from_node[row]), int(t.to_node[row])} & spoilt:
-                continue
-            posts = tuned.DEM_LENGTH_M / length
-            sigma = tuned.DEM_SIGMA_PERCENT / 100 * (posts if posts < 1 else np.sqrt(posts))
             heights = self._knots(row)
-            self._observe({heights[0]: -1 / length, heights[-1]: 1 / length}, slope_percent[row] / 100, sigma)
+            said = terrain.height_m[place : place + len(heights)]
+            place += len(heights)
+            if {int(t.from_node[row]), int(t.to_node[row])} & spoilt:
+                continue
+            apart = length / (len(heights) - 1) / length_m
+            variance = 2 * sigma_m**2 * np.sinh(apart)
+            end = 1 / np.sqrt(np.tanh(apart / 2) / (2 * sigma_m**2))
+            for j, h in enumerate(heights[:-1]):
+                rise = float(said[j + 1] - said[j])
+                if not np.isfinite(rise):
+                    continue
+                step = observed({h: -1.0, h + 2: 1.0}, rise, 1.0)
+                self.steps.append((step, rise, variance))
+                self.levels += [observed({h + 2 * k: 1.0}, float(said[j + k]), end) for k in (0, 1)]
+        for one in [*(s for s, _, _ in self.steps), *self.levels]:
+            one.weight = 0.0
 
-    def _factor(self, rows: list[int | None], information: np.ndarray, vector: np.ndarray) -> None:
-        if rows[-1] is None:
-            return
-        if None in rows:
-            own = int(variable_count(self.length[rows[-1]]))
-            gone, kept = slice(0, len(vector) - own), slice(len(vector) - own, None)
-            share = information[kept, gone] @ np.linalg.pinv(
-                information[gone, gone], rcond=1e-12, hermitian=True
-            )
-            vector = vector[kept] - share @ vector[gone]
-            information = information[kept, kept] - share @ information[gone, kept]
-            rows = [rows[-1]]
-        at = np.concatenate(
-            [self.first[r] + np.arange(int(variable_count(self.length[r]))) for r in rows if r is not None]
-        )
-        self.fixed[np.ix_(at, at)] += information
-        self.vector[at] += vector
-
-    def _smooth(self) -> list[tuple[list[int], np.ndarray, float]]:
-        """Each interval's unknowns, its information for q = 1, and the usual q."""
-        out = []
-        for row, length in enumerate(self.length):
-            one = self.evidence[row]
-            learned = tuned.DEFAULT_ROUGHNESS if one is None else one.roughness
-            usual = tuned.ROUGHNESS_FACTOR * float(np.clip(learned, *tuned.ROUGHNESS_BOUNDS))
-            if self.table.bridge[row] or self.table.tunnel[row]:
-                usual *= tuned.STRUCTURE_FACTOR
-            at_knots = self._knots(row)
-            d = length / (len(at_knots) - 1)
-            walk = np.array([[d**3 / 3, d**2 / 2], [d**2 / 2, d]])
-            step = np.array([[-1.0, -d, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])
-            unit = step.T @ np.linalg.inv(walk) @ step
-            out += [([a, a + 1, a + 2, a + 3], unit, usual) for a in at_knots[:-1]]
-        return out
+    # Rounds
 
     def _solve(self) -> None:
-        smooth = self._smooth()
-        strength = [tuned.TAIL_START * usual for _, _, usual in smooth]
-        for turn in range(tuned.TAIL_ROUNDS + 1):
-            whole = self.fixed.copy()
-            for (at, unit, _), q in zip(smooth, strength, strict=True):
-                whole[np.ix_(at, at)] += unit / q
-            # The level: any height will do, and how firmly it is held does not matter to slopes.
-            for members in self._parts(whole):
-                whole[members[-2], members[-2]] += 1.0
-            self.covariance = np.linalg.inv(whole)
-            self.solution = self.covariance @ self.vector
-            if turn < tuned.TAIL_ROUNDS:
-                for k, (at, unit, usual) in enumerate(smooth):
-                    x = self.solution[at]
-                    change = x @ unit @ x + np.trace(unit @ self.covariance[np.ix_(at, at)])
-                    strength[k] = (tuned.TAIL_FREEDOM * usual + change) / (tuned.TAIL_FREEDOM + 2)
+        whole, right = np.zeros((self.size, self.size), np.longdouble), np.zeros(self.size, np.longdouble)
+        for one in [
+            *self.fixed, *self.ties, *self.levels, *(e for e, _ in self.intervals), *(e for _, e in self.passes),
+            *(e for series in self.walks for e in series), *(e for e, _, _ in self.steps),
+        ]:  # fmt: skip
+            whole[np.ix_(one.at, one.at)] += one.weight * one.information
+            right[one.at] += one.weight * one.vector
+        inverse = inverted(whole)
+        self.solution = (inverse @ right).astype(float)
+        self.covariance = inverse.astype(float)
 
-    @staticmethod
-    def _parts(matrix: np.ndarray) -> list[list[int]]:
-        left, parts = set(range(len(matrix))), []
-        while left:
-            found, fresh = set(), {min(left)}
-            while fresh:
-                found |= fresh
-                fresh = {int(j) for i in fresh for j in np.flatnonzero(matrix[i])} - found
-            parts.append(sorted(found))
-            left -= found
-        return parts
+    def _learn(self, first: bool) -> None:
+        now = (self.solution, self.covariance)
+        for one in self.ties:
+            one.weight = (roads.NODE_FREEDOM + 1) / (roads.NODE_FREEDOM + one.square(*now))
+        change = np.array([e.square(*now) / f for e, f in self.intervals])
+        free = roads.ROUGHNESS_FREEDOM
+        for _ in range(5):
+            weight = (free + 2) / (free + change / self.usual)
+            self.usual = float((weight @ change + 20 * self.begin) / (2 * len(change) + 20))
+        for (one, factor), c in zip(self.intervals, change, strict=True):
+            one.weight = (free + 2) / (free * self.usual + c) / factor
+        self.scale = [
+            self._learn_walk(series, scale) for series, scale in zip(self.walks, self.scale, strict=True)
+        ]
+        for one_pass, equation in self.passes:
+            c = self._misfit(one_pass, equation)
+            weight = (drives.PASS_FREEDOM + 1) / (drives.PASS_FREEDOM + c)
+            equation.weight = weight * min(1.0, drives.REJECT_SIGMAS**2 / max(c, 1e-9))
+        self._learn_model(first)
+
+    def _learn_walk(self, series: list[Equation], scale: float) -> float:
+        """From the scale of the round before the next one's, and the weights."""
+        squares = np.array([e.square(self.solution, self.covariance) for e in series])
+        free, prior = drives.WALK_FREEDOM, drives.WALK_PRIOR_COUNT
+        for _ in range(5):
+            weight = (free + 1) / (free + squares / scale)
+            scale = float((weight @ squares + prior) / (len(series) + prior)) if series else 1.0
+        for one, square in zip(series, squares, strict=True):
+            one.weight = (free + 1) / (free + square / scale) / scale
+        return scale
+
+    def _learn_model(self, first: bool) -> None:
+        free = models.STEP_FREEDOM
+        for step, rise, variance in self.steps:
+            low, high = step.at
+            spread = self.covariance
+            own = spread[low, low] + spread[high, high] - 2 * spread[low, high]
+            misfit = (self.solution[high] - self.solution[low] - rise) ** 2 + own
+            tail = 1.0 if first else (free + 1) / (free + misfit / variance)
+            step.weight = tail / (variance * (free + 3) / (free + 1))
+        for one in self.levels:
+            one.weight = 1.0
+
+    def _misfit(self, one: PassFactor, equation: Equation) -> float:
+        """Chi-square of a pass for each of its measurements."""
+        x = self.solution[equation.at]
+        whole = one.square - 2 * equation.vector @ x + x @ equation.information @ x
+        return float(max(whole, 0.0) / max(one.rows, 1))
+
+    # What is published
 
     def slopes(self) -> tuple[np.ndarray, np.ndarray]:
         """Slope and sigma of every row, percent."""
         slope, sigma = [], []
         for row, length in enumerate(self.length):
-            one = self.evidence[row]
-            start, end = (0.0, length) if one is None else (max(0.0, v) for v in one.driven)
-            end = min(end, length)
-            if end - start < min(1.0, 0.5 * length):
-                start, end = 0.0, length
-            w = slope_row(start, end, length)
-            at = self.first[row] + np.arange(len(w))
-            spread = np.sqrt(w @ self.covariance[np.ix_(at, at)] @ w) * (
-                1.0 if one is None else one.birge_ratio
-            )
-            slope.append(100 * float(w @ self.solution[at]))
-            sigma.append(float(np.hypot(100 * spread, tuned.SIGMA_FLOOR_PERCENT)))
+            own = self._own(row)
+            x, spread = self.solution[own], self.covariance[np.ix_(own, own)]
+            w = slope_row(0.0, float(length), float(length))
+            variance = w @ spread @ w
+            for moved in place_rows(np.array([length])):
+                variance += shown.PLACE_SIGMA_M**2 * ((moved[0] @ x) ** 2 + moved[0] @ spread @ moved[0])
+            slope.append(100 * float(w @ x))
+            sigma.append(100 * float(np.sqrt(variance)))
         return np.array(slope), np.array(sigma)
+
+    def heard(self) -> list[bool]:
+        """Whether each pass is, in the order of drives and of driving."""
+        return [self._misfit(*pair) <= drives.REJECT_SIGMAS**2 for pair in self.passes]
+
+
+def inverted(matrix: np.ndarray) -> np.ndarray:
+    """The inverse of a positive definite matrix by Gauss and Jordan, in the digits that the matrix comes with."""
+    scale = 1 / np.sqrt(np.diagonal(matrix))
+    left = matrix * np.outer(scale, scale)
+    n = len(left)
+    for k in range(n):
+        pivot = left[k, k]
+        row = left[k] / pivot
+        column = left[:, k].copy()
+        left -= np.outer(column, row)
+        left[k], left[:, k] = row, -column / pivot
+        left[k, k] = 1 / pivot
+    return np.asarray(0.5 * (left + left.T) * np.outer(scale, scale))

@@ -1,21 +1,23 @@
-"""Small road networks, and passes over them made up from what they are to say."""
+"""Small road networks, and passes over them made up from what they are to say, with honest errors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from fusion.frames import LocalProjection
-from fusion.network.curve import grade_rows, height_rows, slope_row, smoothness, variable_count
-from fusion.network.evidence import SegmentEvidence
-from fusion.network.pass_factor import PassFactor
+from fusion.network.curve import grade_rows, height_rows, knot_length, variable_count
+from fusion.network.pass_factor import BIAS, ENTRY, EXIT, LAG, MOUNT, NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
 
 PLANE = LocalProjection(8.5, 49.0)
 ROUGHNESS = 3e-5
-Height = Callable[[int, np.ndarray], np.ndarray]
-"""Height of a row at distances along it, metres."""
+Profile = Callable[[int, np.ndarray], np.ndarray]
+"""Height (m) or grade (1) of a row at distances along it, metres from from_node."""
+START_S = 1.7e9
+SPEED_MPS = 10.0
 
 
 def roads(
@@ -61,34 +63,17 @@ def block_of_streets(width: int, height: int, side_m: float = 60.0) -> RoadTable
     return roads(points, edges)
 
 
-def lone_slope(length: float, information: np.ndarray, vector: np.ndarray) -> tuple[float, float]:
-    """Slope (%) and sigma over the own segment, its variables last, if hardly anything else is known."""
-    own = int(variable_count(length))
-    total = information + 1e-7 * np.eye(len(vector))
-    total[-own:, -own:] += smoothness(length, 1e-3)
-    row = np.zeros(len(vector))
-    row[-own:] = slope_row(0.0, length, length)
-    solved = np.linalg.solve(total, np.column_stack([row, vector]))
-    return 100 * float(row @ solved[:, 1]), 100 * float(np.sqrt(row @ solved[:, 0]))
-
-
-def factor_from(
-    table: RoadTable,
-    segments: Sequence[int],
-    information: np.ndarray,
-    vector: np.ndarray,
-    *,
-    part: tuple[float, float] | None = None,
-    roughness: float = ROUGHNESS,
-    observations: int = 5,
+def pass_of(
+    table: RoadTable, row: int, information: np.ndarray, vector: np.ndarray, square: float, **more: object
 ) -> PassFactor:
-    """A pass with this likelihood over the last of ``segments``."""
-    length = float(table.length_m[segments[-1]])
-    start, end = part or (0.0, length)
-    return PassFactor(
-        tuple(segments), information, vector, *lone_slope(length, information, vector), start, end, roughness,
-        observations, 1.7e9, 1.7e9 + 5.0,
-    )  # fmt: skip
+    """A pass over the whole of a row with this likelihood; ``more`` are fields that are not an ordinary pass's."""
+    length = float(knot_length(table.length_m[row]))
+    said: dict[str, object] = {
+        "segment": row, "sequence": 0, "mount": 0, "rows": 5, "walk_m2_per_s": (0.1, 0.01), "start_m": 0.0,
+        "end_m": length, "roughness": ROUGHNESS, "observations": 5, "first_time_s": START_S,
+        "last_time_s": START_S + length / SPEED_MPS,
+    }  # fmt: skip
+    return PassFactor(information=information, vector=vector, square=square, **(said | more))  # type: ignore[arg-type]
 
 
 def graded(
@@ -100,89 +85,166 @@ def graded(
     *,
     part: tuple[float, float] | None = None,
     every_m: float = 8.0,
-    **more: float,
+    **more: object,
 ) -> PassFactor:
-    """A pass that measured the grade (1) every few metres; the noise is drawn from ``rng``, or there is none."""
-    length = float(table.length_m[row])
+    """A pass that measured the grade (1) every few metres; the noise is drawn from ``rng``, or there is none.
+
+    Nothing that the drive carries along is in it.
+    """
+    length = float(knot_length(table.length_m[row]))
     start, end = part or (0.0, length)
     count = max(2, int((end - start) / every_m))
     at = start + (end - start) * (np.arange(count) + 0.5) / count
     value = grades(at) + (0.0 if rng is None else sigma * rng.normal(size=count))
-    rows = grade_rows(at, length)
-    return factor_from(
-        table,
-        (row,),
-        rows.T @ rows / sigma**2,
-        rows.T @ value / sigma**2,
-        part=part,
-        observations=count,
-        **more,
-    )
+    design = np.hstack([grade_rows(at, length), np.zeros((count, NUISANCES))])
+    likelihood = integrated(design, value, np.full(count, sigma), design.shape[1])
+    said = {"start_m": start, "end_m": end, "rows": count, "observations": count}
+    return pass_of(table, row, *likelihood, **(said | more))
 
 
 def steady(
-    table: RoadTable, row: int, slope_percent: float, sigma: float = 0.01, **more: float
+    table: RoadTable, row: int, slope_percent: float, sigma: float = 0.01, **more: object
 ) -> PassFactor:
     """A pass that measured the same grade everywhere, without noise."""
     return graded(table, row, lambda at: np.full(len(at), slope_percent / 100), sigma, **more)  # type: ignore[arg-type]
 
 
-def levelled(
-    table: RoadTable,
-    segments: Sequence[int],
-    height: Height,
-    sigma_m: float,
-    rng: np.random.Generator | None = None,
-    every_m: float = 10.0,
-) -> PassFactor:
-    """A pass that measured heights from an unknown level along ``segments``, in driving order.
+@dataclass(frozen=True)
+class Sensors:
+    """What a vehicle of ``driven`` carries: one sigma of each error (NaN: it has no such sensor), and what it hides.
 
-    The factor is what its last segment adds to what was measured on those before, as Vecchia's approximation has it.
+    ``doppler``, ``pitch``, ``force``: grades; ``altitude_m``, ``pressure_m``: white errors of heights, which walk
+    besides by ``walk_m2_per_s``. ``mount``, ``bias``: of every pitch and every force; ``lag_s``: of the altitudes.
     """
-    parts = []
-    for row in segments:
-        length = float(table.length_m[row])
-        at = np.linspace(0.0, length, max(2, int(length / every_m)))
-        noise = 0.0 if rng is None else sigma_m * rng.normal(size=len(at))
-        parts.append((height_rows(at, length), height(row, at) + noise))
-    whole = _unlevelled(parts, sigma_m)
-    before = _unlevelled(parts[:-1], sigma_m) if len(parts) > 1 else (np.zeros((0, 0)), np.zeros(0))
-    information, vector = whole[0].copy(), whole[1].copy()
-    size = len(before[1])
-    information[:size, :size] -= before[0]
-    vector[:size] -= before[1]
-    return factor_from(table, segments, information, vector)
+
+    doppler: float = 0.02
+    pitch: float = np.nan
+    force: float = np.nan
+    altitude_m: float = np.nan
+    pressure_m: float = np.nan
+    walk_m2_per_s: tuple[float, float] = (0.1, 0.01)
+    mount: float = 0.0
+    bias: float = 0.0
+    lag_s: float = np.nan
+    speed_mps: float = SPEED_MPS
+    every_m: float = 8.0
 
 
-def _unlevelled(
-    parts: Sequence[tuple[np.ndarray, np.ndarray]], sigma_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Information and vector of stacked height measurements whose common level is unknown."""
-    size = sum(rows.shape[1] for rows, _ in parts)
-    rows, offset = np.zeros((sum(len(v) for _, v in parts), size)), 0
-    at = 0
-    for block, values in parts:
-        rows[at : at + len(values), offset : offset + block.shape[1]] = block
-        at, offset = at + len(values), offset + block.shape[1]
-    value = np.concatenate([v for _, v in parts])
-    rows, value = rows - rows.mean(axis=0), value - value.mean()  # a flat level takes the mean away
-    return rows.T @ rows / sigma_m**2, rows.T @ value / sigma_m**2
+def driven(
+    table: RoadTable,
+    rows: Sequence[int],
+    height: Profile,
+    sensors: Sensors,
+    rng: np.random.Generator,
+    begin_s: float = START_S,
+) -> list[PassFactor]:
+    """The passes of one drive over ``rows`` of a table, from_node to to_node, as its likelihood has it.
+
+    Within a pass the errors of heights walk from the entry over the measurements to the exit, and what they were in
+    between is integrated out; from pass to pass they walk for a second more.
+    """
+    error = np.array([20.0, 80.0]) * rng.normal(size=2)
+    out, time = [], begin_s
+    for number, row in enumerate(rows):
+        length = float(knot_length(table.length_m[row]))
+        count = max(2, int(length / sensors.every_m))
+        at = length * (np.arange(count) + 0.5) / count
+        slopes = _slopes(row, at, length, height, sensors, rng)
+        heights, error = _heights(row, at, length, height, sensors, error, rng)
+        parts = [*slopes, *heights]
+        design, value, sigma = (np.concatenate(column) for column in zip(*parts, strict=True))
+        end = time + length / sensors.speed_mps
+        out.append(
+            pass_of(
+                table, row, *integrated(design, value, sigma, design.shape[1] - 2 * count),
+                rows=(len(slopes) + len(heights) // 2) * count, observations=count, sequence=number,
+                walk_m2_per_s=sensors.walk_m2_per_s, first_time_s=time, last_time_s=end,
+            )
+        )  # fmt: skip
+        error = error + np.sqrt(sensors.walk_m2_per_s) * rng.normal(size=2)
+        time = end
+    return out
 
 
-def evidence_of(factors: Sequence[PassFactor]) -> dict[int, SegmentEvidence]:
-    """Evidence by own segment, keys in the order given."""
-    passes: dict[int, list[tuple[int, PassFactor]]] = {}
-    for key, factor in enumerate(factors):
-        passes.setdefault(factor.segments[-1], []).append((key, factor))
-    return {row: SegmentEvidence.build(keyed) for row, keyed in passes.items()}
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Design, values and sigmas of measurements; behind knots and nuisances stand each height sensor's errors at ``at``."""
 
 
-def in_rows(table: RoadTable, factors: Sequence[PassFactor]) -> list[SegmentEvidence | None]:
-    """The same as a list over the table's rows."""
-    known = evidence_of(factors)
-    return [known.get(row) for row in range(len(table))]
+def _slopes(
+    row: int, at: np.ndarray, length: float, height: Profile, sensors: Sensors, rng: np.random.Generator
+) -> list[Rows]:
+    out: list[Rows] = []
+    count, knots = len(at), int(variable_count(length))
+    for level, hidden, constant in (
+        (sensors.doppler, 0.0, None),
+        (sensors.pitch, sensors.mount, MOUNT),
+        (sensors.force, sensors.bias, BIAS),
+    ):
+        if np.isfinite(level):
+            design = np.zeros((count, knots + NUISANCES + 2 * count))
+            design[:, :knots] = grade_rows(at, length)
+            if constant is not None:
+                design[:, knots + constant] = 1.0
+            value = true_grade(height, row, at) + hidden + level * rng.normal(size=count)
+            out.append((design, value, np.full(count, level)))
+    return out
 
 
-def unknown(table: RoadTable) -> np.ndarray:
-    """DEM slopes where there is no DEM."""
-    return np.full(len(table), np.nan)
+def _heights(
+    row: int,
+    at: np.ndarray,
+    length: float,
+    height: Profile,
+    sensors: Sensors,
+    error: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[list[Rows], np.ndarray]:
+    """Measurements, then the steps of the error, for each sensor; and the errors at the exit."""
+    out: list[Rows] = []
+    count, knots, leave = len(at), int(variable_count(length)), error.copy()
+    apart_s = np.diff(np.concatenate([[0.0], at, [length]])) / sensors.speed_mps
+    for s, level in enumerate((sensors.altitude_m, sensors.pressure_m)):
+        if not np.isfinite(level):
+            continue
+        spread = np.sqrt(sensors.walk_m2_per_s[s] * apart_s)
+        walk = error[s] + np.cumsum(spread * rng.normal(size=count + 1))
+        leave[s] = walk[-1]
+        mine = knots + NUISANCES + s * count + np.arange(count)
+        design = np.zeros((count, knots + NUISANCES + 2 * count))
+        design[:, :knots] = height_rows(at, length)
+        design[np.arange(count), mine] = 1.0
+        value = height(row, at) + walk[:-1] + level * rng.normal(size=count)
+        if s == 0 and np.isfinite(sensors.lag_s):
+            design[:, knots + LAG] = -true_grade(height, row, at) * sensors.speed_mps
+            value = value + design[:, knots + LAG] * sensors.lag_s
+        chain = np.concatenate([[knots + ENTRY.start + s], mine, [knots + EXIT.start + s]])
+        steps = np.zeros((count + 1, design.shape[1]))
+        steps[np.arange(count + 1), chain[:-1]] -= 1.0
+        steps[np.arange(count + 1), chain[1:]] += 1.0
+        out += [(design, value, np.full(count, level)), (steps, np.zeros(count + 1), spread)]
+    return out, leave
+
+
+def true_grade(height: Profile, row: int, at: np.ndarray, step_m: float = 0.01) -> np.ndarray:
+    """The derivative of a profile."""
+    return (height(row, at + step_m) - height(row, at - step_m)) / (2 * step_m)
+
+
+def integrated(
+    design: np.ndarray, value: np.ndarray, sigma: np.ndarray, kept: int
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Information, vector and square over the first ``kept`` unknowns, the others integrated out (flat priors).
+
+    Of those, the ones that nothing speaks of are left alone.
+    """
+    scaled = design / sigma[:, None]
+    whole, right = scaled.T @ scaled, scaled.T @ (value / sigma)
+    square = float(np.sum(np.square(value / sigma)))
+    gone = kept + np.flatnonzero(np.diagonal(whole)[kept:])
+    inner = np.linalg.inv(whole[np.ix_(gone, gone)])
+    share = whole[:kept, gone] @ inner
+    return (
+        whole[:kept, :kept] - share @ whole[gone, :kept],
+        right[:kept] - share @ right[gone],
+        square - float(right[gone] @ inner @ right[gone]),
+    )

@@ -15,6 +15,7 @@ from fusion.network.curve import (
     height_rows,
     height_variance,
     interval_count,
+    place_rows,
     slope_row,
     slope_rows,
     smoothness,
@@ -190,6 +191,31 @@ def test_slopes_are_regressions_of_height_on_distance(
     line = np.polyfit(middles - middles.mean(), height_rows(middles, length) @ knots, 1)
     size = np.abs(slope_row(start, end, length)) @ np.abs(knots)
     assert slope_row(start, end, length) @ knots == pytest.approx(line[0], abs=1e-5 * size)
+
+
+@given(length=st.floats(1.0, 350.0), seed=st.integers(0, 2**31))
+def test_moving_an_end_changes_the_slope_as_it_is_said(length: float, seed: int) -> None:
+    """Against differences of the regression over parts that begin or end a little inside."""
+    size = int(variable_count(length))
+    knots = np.random.default_rng(seed).normal(size=size) * np.tile([1.0, 0.1], size // 2)
+    h = 1e-4 * length / int(interval_count(length))
+    whole, near, far = (
+        [slope_row(low, length - high, length) @ knots for low, high in ((k * h, 0.0), (0.0, k * h))]
+        for k in range(3)
+    )
+    start, end = ((4 * near[k] - 3 * whole[k] - far[k]) / (2 * h) for k in (0, 1))
+    found = [float(rows[0] @ knots) for rows in place_rows(np.array([length]))]
+    scale = float(sum(np.abs(rows[0]) @ np.abs(knots) for rows in place_rows(np.array([length]))))
+    assert found == pytest.approx([start, -end], abs=1e-5 * scale)
+
+
+def test_where_the_grade_is_even_it_does_not_matter_where_a_segment_ends() -> None:
+    lengths = np.array([41.0, 55.0, 60.0])
+    start, end = place_rows(lengths)
+    for k, length in enumerate(lengths.tolist()):
+        even = sampled(length, np.polynomial.Polynomial([250.0, -0.07]))
+        assert start[k] @ even == pytest.approx(0.0, abs=1e-12)
+        assert end[k] @ even == pytest.approx(0.0, abs=1e-12)
 
 
 def test_slopes_of_many_segments_at_once_are_those_of_each() -> None:

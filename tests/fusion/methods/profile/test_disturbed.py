@@ -13,8 +13,8 @@ from profile_support import Columns, World, coverage, inside, rmse, unchanged
 
 pytestmark = pytest.mark.slow
 
-HONEST = 0.85
-WORSE = 2.0
+HONEST = 0.9
+WORSE = 1.4
 FLEET = ((1, "m8"), (2, "phone"), (3, "f9p"))
 """Town and receiver of the drives that each disturbance is tried on: some 300 segments together."""
 

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from fusion.methods.profile.method import adjusted_slopes
-from fusion.network.adjust import Adjustment, adjust
-from fusion.network.evidence import SegmentEvidence
+from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
+from fusion.network.published import Adjustment
+from fusion.network.terrain import heights_at
+from fusion.network.unknowns import knot_positions
 from fusion.pipeline import run_drive
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.motion.routes import structures
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns
-from fusion.terrain.windows import dem_slopes
 from profile_support import World, identities, log_of, whole
 
 pytestmark = pytest.mark.slow
@@ -38,12 +39,8 @@ class Together:
     passes: np.ndarray
 
 
-def solved(town: Town, factors: list[PassFactor], world: World) -> Adjustment:
-    passes: dict[int, list[tuple[int, PassFactor]]] = {}
-    for key, factor in enumerate(factors):
-        passes.setdefault(factor.segments[-1], []).append((key, factor))
-    evidence = [SegmentEvidence.build(passes[k]) if k in passes else None for k in range(len(town.roads))]
-    return adjust(town.roads, evidence, dem_slopes(world.dem(town.seed), town.roads))
+def solved(town: Town, drives: dict[int, list[PassFactor]], world: World) -> Adjustment:
+    return adjust(town.roads, drives, heights_at(world.dem(town.seed).heights(*knot_positions(town.roads))))
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +53,7 @@ def drive_town(world: World, seed: int) -> Together:
     town = world.town(seed)
     row_of = {key: row for row, key in enumerate(identities(town.roads))}
     visits = np.zeros(len(town.roads), np.int64)
-    everything: list[PassFactor] = []
+    everything: dict[int, list[PassFactor]] = {}
     alone, sums, known = [], np.zeros((2, len(town.roads))), set()
     for number in range(DRIVES):
         drive = simulate_drive(
@@ -69,7 +66,7 @@ def drive_town(world: World, seed: int) -> Together:
         )
         network, result = run_drive(log_of(csv_columns(drive)), town.roads, world.dem(seed))
         rows = np.array([row_of[key] for key in identities(network.table)])
-        everything += [in_town(f, rows) for f in result.factors]
+        everything[number] = [in_town(f, rows) for f in result.factors]
         wanted = set(whole(town, drive))
         known |= wanted
         mine = [s for s in result.slopes if int(rows[s.segment]) in wanted]
@@ -87,8 +84,8 @@ def drive_town(world: World, seed: int) -> Together:
 
 
 def in_town(factor: PassFactor, rows: np.ndarray) -> PassFactor:
-    """The factor with the town's numbers of its segments, by way of its bytes as it is stored."""
-    return PassFactor.decode(factor.encode(), tuple(int(rows[s]) for s in factor.segments))
+    """The factor with the town's number of its segment, by way of its bytes as it is stored."""
+    return PassFactor.decode(factor.encode(), int(rows[factor.segment]), factor.sequence)
 
 
 def share_inside(parts: list[tuple[np.ndarray, np.ndarray]]) -> float:

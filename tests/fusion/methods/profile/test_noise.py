@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from fusion.methods.profile.measurements import ALTITUDE, DOPPLER, FORCE, PITCH, Measurements
+from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
 from fusion.methods.profile.model import (
     DRIFT,
     DRIFT_TAU_S,
@@ -70,6 +70,7 @@ def simulate(
     def white() -> np.ndarray:
         return np.asarray(rng.standard_t(3, n) / np.sqrt(3) if tails else rng.normal(size=n))
 
+    air = np.cumsum(np.sqrt(truth.baro_drift) * rng.normal(size=n)) if BARO in sensors else 0.0
     late = {name: time >= s[0] * n for name, s in (("mount", mount_step), ("height", height_step))}
     body = grade + MOUNT_GRADE + springs * white() + np.where(late["mount"], mount_step[1], 0.0)
     values = {
@@ -81,6 +82,8 @@ def simulate(
         PITCH: body + truth.pitch * white(),
         FORCE: body + BIAS_GRADE + truth.force * white(),
     }
+    if BARO in sensors:
+        values[BARO] = height - 35 + air + truth.baro_m * white()
     m = len(sensors) * n
     order = np.repeat(np.arange(n), len(sensors))
     sensor = np.tile(np.array(sorted(sensors)), n)
@@ -121,6 +124,17 @@ def test_levels_are_recovered(truth: Noise) -> None:
     assert 1 / 1.3 < np.exp(np.mean(np.log(drift))) < 1.3, drift
     roughness = [noise.roughness / truth.roughness for noise in found]
     assert 1 / 3 < np.exp(np.mean(np.log(roughness))) < 3, roughness
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("white_m", "drift"), [(0.1, 4e-4), (0.3, 0.01), (1.0, 0.05)])
+def test_a_barometer_s_levels_are_recovered(white_m: float, drift: float) -> None:
+    truth = Noise(roughness=1e-5, doppler=1.0, baro_m=white_m, baro_drift=drift)
+    found = [simulate(seed, truth, sensors=(DOPPLER, BARO)).learned().noise for seed in range(4)]
+    level = [noise.baro_m / white_m for noise in found]
+    rate = [np.sqrt(noise.baro_drift / drift) for noise in found]
+    assert 1 / 1.3 < np.exp(np.mean(np.log(level))) < 1.3, level
+    assert 1 / 1.3 < np.exp(np.mean(np.log(rate))) < 1.3, rate
 
 
 def test_what_the_log_states_does_not_decide() -> None:

@@ -1,0 +1,154 @@
+"""The constants of the network's model, each with another value to try, and how one is tried.
+
+A constant is changed in every module that looks its name up when it runs: the one that defines it and those that
+import it. Nothing is changed silently: a name that no function looks up is refused.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+ROOMS = ("fusion.network.", "fusion.methods.profile.")
+"""Where constants of the network's model are looked up."""
+_MODEL = "fusion.network."
+_LIKELIHOOD = "fusion.methods.profile.likelihood"
+
+
+def times(factor: float) -> Callable[[Any], Any]:
+    """A number, or each of several, multiplied."""
+    return lambda v: type(v)(factor * x for x in v) if isinstance(v, tuple) else factor * v
+
+
+def set_to(value: Any) -> Callable[[Any], Any]:
+    """Another value, whatever it was."""
+    return lambda _: value
+
+
+@dataclass(frozen=True)
+class Change:
+    """A constant, what is done to it, and the value that comes of it; ``factors`` whether drives hold it already."""
+
+    module: str
+    name: str
+    what: str
+    value: Callable[[Any], Any]
+
+    @property
+    def factors(self) -> bool:
+        """Whether it is in the factors, which are then made anew."""
+        return self.module == _LIKELIHOOD
+
+    @property
+    def label(self) -> str:
+        """How a table names it."""
+        return f"{self.name} {self.what}"
+
+
+def _both(module: str, name: str) -> tuple[Change, Change]:
+    return Change(module, name, "halved", times(0.5)), Change(module, name, "doubled", times(2.0))
+
+
+_ROAD, _DRIVE = _MODEL + "road_beliefs", _MODEL + "drive_beliefs"
+_SHOWN, _DEM = _MODEL + "published", _MODEL + "terrain"
+CHANGES: tuple[Change, ...] = (
+    Change(_ROAD, "ROUGHNESS_FREEDOM", "off: Gauss", set_to(1e6)),
+    Change(_ROAD, "ROUGHNESS_FREEDOM", "doubled", times(2.0)),
+    Change(_ROAD, "ROUGHNESS_START", "off: 1", set_to(1.0)),
+    Change(_ROAD, "STRUCTURE_FACTOR", "off: 1", set_to(1.0)),
+    *_both(_ROAD, "NODE_SIGMA_M"),
+    Change(_ROAD, "NODE_FREEDOM", "off: Gauss", set_to(1e6)),
+    *_both(_ROAD, "GRADE_SIGMA"),
+    Change(_DRIVE, "PASS_FREEDOM", "off: Gauss", set_to(1e6)),
+    *_both(_DRIVE, "PASS_FREEDOM"),
+    Change(_DRIVE, "REJECT_SIGMAS", "off: never", set_to(1e6)),
+    Change(_DRIVE, "REJECT_SIGMAS", "halved", times(0.5)),
+    Change(_DRIVE, "WALK_FREEDOM", "off: Gauss", set_to(1e6)),
+    Change(_DRIVE, "WALK_FREEDOM", "doubled", times(2.0)),
+    Change(_DRIVE, "WALK_PRIOR_COUNT", "off: never learned", set_to(1e9)),
+    Change(_DRIVE, "WALK_PRIOR_COUNT", "halved", times(0.5)),
+    *_both(_DRIVE, "START_SIGMA_M"),
+    Change(_DRIVE, "LAG_MEAN_S", "off: 0 +- 1 s", set_to((0.0, 1.0))),
+    *_both(_DRIVE, "LAG_SIGMA_S"),
+    *_both(_MODEL + "pass_factor", "CONSTANT_SIGMA"),
+    Change(_SHOWN, "PLACE_SIGMA_M", "off: 0", set_to(0.0)),
+    *_both(_SHOWN, "PLACE_SIGMA_M"),
+    *_both(_DEM, "DEFAULT_SIGMA_M"),
+    *_both(_DEM, "DEFAULT_LENGTH_M"),
+    *_both(_DEM, "LONG_LAG_M"),
+    Change(_DEM, "PRIOR_PAIRS", "off: 0", set_to(0.0)),
+    Change(_DEM, "PRIOR_PAIRS", "doubled", times(2.0)),
+    Change(_DEM, "SOUND_GRADE", "off: any", set_to(1e6)),
+    *_both(_DEM, "SOUND_GRADE"),
+    Change(_DEM, "STEP_FREEDOM", "off: Gauss", set_to(1e6)),
+    Change(_LIKELIHOOD, "WANDER_SIGMA", "off", times(1e-3)),
+    *_both(_LIKELIHOOD, "WANDER_SIGMA"),
+    Change(_LIKELIHOOD, "ROBUST_INFORMATION_LOSS", "off: 1", set_to(1.0)),
+)
+"""Halved, doubled or switched off: what could be missed without it, or tuned by it."""
+
+LEFT_OUT = {
+    "DEFAULT_ROUGHNESS": "of networks without any drive",
+    "ROUGHNESS_BOUNDS": "what roads can be at all",
+    "SIGMA_BOUNDS_M": "what elevation models can be at all",
+}
+"""Constants that are not tried, with the reason."""
+
+
+def module_of(change: Change) -> ModuleType:
+    """The module that defines a constant; every other of ``ROOMS`` that is there is loaded with it."""
+    importlib.import_module("fusion.pipeline")
+    return importlib.import_module(change.module)
+
+
+def places(change: Change) -> list[ModuleType]:
+    """The modules whose functions look the constant up. Raises ``LookupError`` where none does."""
+    home = module_of(change)
+    if not hasattr(home, change.name):
+        raise LookupError(f"{change.module} has no constant {change.name}")
+    value = getattr(home, change.name)
+    loaded = [m for name, m in sorted(sys.modules.items()) if name.startswith(ROOMS)]
+    found = [m for m in loaded if getattr(m, change.name, None) is value and _looks_up(m, change.name)]
+    if not found:
+        raise LookupError(f"no function looks up {change.name} of {change.module}: changing it does nothing")
+    return found
+
+
+def _looks_up(module: ModuleType, name: str) -> bool:
+    return any(name in code.co_names for code in _code_of(module))
+
+
+def _code_of(module: ModuleType) -> Iterator[CodeType]:
+    """The code of all functions and methods of a module, and of those within them."""
+    waiting: list[CodeType] = []
+    for value in vars(module).values():
+        members = vars(value).values() if isinstance(value, type) else [value]
+        for member in members:
+            inner = getattr(member, "fget", None) or getattr(member, "__func__", None) or member
+            if isinstance(inner, FunctionType) and inner.__module__ == module.__name__:
+                waiting.append(inner.__code__)
+    while waiting:
+        code = waiting.pop()
+        yield code
+        waiting += [c for c in code.co_consts if isinstance(c, CodeType)]
+
+
+@contextmanager
+def changed(change: Change | None) -> Iterator[None]:
+    """The library with one constant changed; as it is with None."""
+    if change is None:
+        yield
+        return
+    modules, before = places(change), getattr(module_of(change), change.name)
+    for module in modules:
+        setattr(module, change.name, change.value(before))
+    try:
+        yield
+    finally:
+        for module in modules:
+            setattr(module, change.name, before)

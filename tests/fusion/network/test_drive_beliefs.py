@@ -1,0 +1,184 @@
+"""What drives say: errors that go on from pass to pass, jumps that are let go, passes that are not heard."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import street_support
+from factor_support import Sensors, steady, street
+from fusion.network.adjust import adjust
+from fusion.network.drive_beliefs import (
+    LAG_MEAN_S,
+    PASS_FREEDOM,
+    REJECT_SIGMAS,
+    DriveBeliefs,
+)
+from fusion.network.equations import EquationSystem
+from fusion.network.pass_factor import ENTRY, EXIT, PassFactor
+from fusion.network.road_beliefs import RoadBeliefs
+from fusion.roads.table import RoadTable
+from street_support import EVERYTHING, true_percent
+
+COUNT = 24
+STREET = street(*[50.0] * COUNT)
+TRUE_PERCENT = true_percent(STREET)
+LEVEL = Sensors(np.nan, pressure_m=0.05, walk_m2_per_s=(0.1, 0.002))
+
+
+def ride(sensors: Sensors, seed: int = 1, rows: Sequence[int] | None = None) -> list[PassFactor]:
+    return street_support.ride(STREET, sensors, seed, rows)
+
+
+def learned(
+    drives: Mapping[int, list[PassFactor]], table: RoadTable = STREET, rounds: int = 4
+) -> DriveBeliefs:
+    """What is believed of drives after some rounds."""
+    road = RoadBeliefs(table, [p for passes in drives.values() for p in passes])
+    said = DriveBeliefs(drives, road.unknowns)
+    system = EquationSystem(said.size, [*road.blocks(), *said.blocks()], np.array([], np.int64))
+    for _ in range(rounds):
+        solution = system.solve()
+        road.learn(solution)
+        said.learn(solution)
+    return said
+
+
+def lifted(passes: Sequence[PassFactor], sensor: int, metres: float) -> list[PassFactor]:
+    """The passes with the errors of a height sensor greater by so much: what they say shifts with them."""
+    out = []
+    for one in passes:
+        shift = np.zeros(len(one.vector))
+        shift[[len(shift) - 8 + ENTRY.start + sensor, len(shift) - 8 + EXIT.start + sensor]] = metres
+        moved = one.information @ shift
+        square = one.square + 2 * one.vector @ shift + shift @ moved
+        out.append(replace(one, vector=one.vector + moved, square=float(square)))
+    return out
+
+
+def test_errors_walk_for_as_long_as_lies_between_two_passes_and_a_second() -> None:
+    passes = ride(EVERYTHING, rows=(0, 1, 2))
+    late = replace(
+        passes[2], first_time_s=passes[2].first_time_s + 59, last_time_s=passes[2].last_time_s + 59
+    )
+    said = learned({0: [*passes[:2], late]}, rounds=0)
+    variance = 1 / said.walks.information[:, 0, 0]
+    rates = passes[0].walk_m2_per_s
+    assert variance == pytest.approx([rates[0], 60 * rates[0], rates[1], 60 * rates[1]])
+    assert said.walks.variables.shape == (4, 2)
+    of_pass = said.unknowns[0].of_pass
+    assert said.walks.variables[1].tolist() == [of_pass[1, EXIT.start], of_pass[2, ENTRY.start]]
+
+
+def test_passes_that_overlap_in_time_are_a_second_apart() -> None:
+    """Clocks and matching are not so exact that the next pass never begins before the last one ends."""
+    passes = ride(EVERYTHING, rows=(0, 1))
+    early = replace(passes[1], first_time_s=passes[0].last_time_s - 5)
+    said = learned({0: [passes[0], early]}, rounds=0)
+    assert 1 / said.walks.information[:, 0, 0] == pytest.approx(passes[0].walk_m2_per_s)
+
+
+def test_drives_have_nothing_in_common_but_the_mean_of_lags() -> None:
+    said = learned({3: ride(EVERYTHING), 7: ride(EVERYTHING, 2)}, rounds=0)
+    own = [set(said.unknowns[d].of_pass.ravel().tolist()) - {-1} for d in (3, 7)]
+    assert not own[0] & own[1]
+    assert said.lag_mean is None
+    late = Sensors(0.02, altitude_m=0.3, lag_s=2.0)
+    both = learned({3: ride(late), 7: ride(late, 2)}, rounds=0)
+    assert both.lag_mean == both.size - 1
+
+
+def test_a_jump_between_two_passes_is_let_go_where_it_happens() -> None:
+    passes, others = ride(LEVEL), {k: ride(LEVEL, k) for k in (2, 3)}
+    jumped = [*passes[:12], *lifted(passes[12:], 1, 20.0)]
+    found, clean = (adjust(STREET, {0: p, **others}) for p in (jumped, passes))
+    assert np.abs(found.slope_percent - clean.slope_percent).max() < 0.05
+    # The passes on either side of it may be taken for contradicting ones, no other.
+    assert {key for key, good in found.heard.items() if not good} <= {(0, 11), (0, 12)}
+    weight = learned({0: jumped, **others}).walks.weight
+    assert int(np.argmin(weight)) == 11
+    assert weight[11] < 0.01 * np.median(weight)
+
+
+def test_a_jump_of_a_drive_that_nobody_confirms_spoils_no_slope() -> None:
+    """Whether the sensor jumped or the map joins what does not meet, one drive cannot tell."""
+    passes = ride(LEVEL)
+    jumped = [*passes[:12], *lifted(passes[12:], 1, 20.0)]
+    found, clean = (adjust(STREET, {0: p}) for p in (jumped, passes))
+    assert np.abs(found.slope_percent - clean.slope_percent)[np.r_[0:11, 13:COUNT]].max() < 0.3
+    assert np.all(np.abs(found.slope_percent - TRUE_PERCENT)[11:13] < 3 * found.slope_sigma_percent[11:13])
+
+
+def test_a_drive_whose_heights_step_more_than_it_says_is_trusted_less() -> None:
+    rng = np.random.default_rng(4)
+    honest = [ride(LEVEL, seed) for seed in range(3)]
+    level = np.cumsum(0.5 * rng.normal(size=COUNT))
+    stepping = [
+        one
+        for p, metres in zip(ride(LEVEL, 9), level.tolist(), strict=True)
+        for one in lifted([p], 1, metres)
+    ]
+    said = learned(dict(enumerate([*honest, stepping])), rounds=6)
+    # Behind the one of nobody stand the series of each drive's altitude and barometer.
+    scale = said.walk_scale[2:9:2]
+    assert np.all(scale[:3] < 2)
+    assert scale[3] > 10
+
+
+def test_the_weight_of_a_pass_falls_with_its_misfit() -> None:
+    """Student's t at first, and beyond the limit besides as if it were out of the question."""
+    table = street(60.0)
+
+    def weights(offset_percent: float) -> tuple[float, float]:
+        crowd = {k: [steady(table, 0, 2.0, 0.01)] for k in range(50)}
+        said = learned({**crowd, 99: [steady(table, 0, 2.0 + offset_percent, 0.01)]}, table)
+        (group,) = said.groups
+        return float(group[1].weight[0]), float(group[1].weight[-1])
+
+    for offset in (0.0, 1.0, 2.0, 3.5):
+        fair, odd = weights(offset)
+        assert fair == pytest.approx((PASS_FREEDOM + 1) / PASS_FREEDOM, rel=0.02)
+        assert odd == pytest.approx((PASS_FREEDOM + 1) / (PASS_FREEDOM + offset**2), rel=0.1)
+    _, out = weights(2 * REJECT_SIGMAS)
+    square = (2 * REJECT_SIGMAS) ** 2
+    assert out == pytest.approx((PASS_FREEDOM + 1) / (PASS_FREEDOM + square) / 4, rel=0.1)
+
+
+def test_the_misfit_of_honest_passes_is_about_one() -> None:
+    drives = {seed: ride(EVERYTHING, seed) for seed in range(6)}
+    result = adjust(STREET, drives)
+    road = RoadBeliefs(STREET, [p for d in drives.values() for p in d])
+    misfit = np.concatenate(DriveBeliefs(drives, road.unknowns).misfits(result.solution))
+    assert np.mean(misfit) == pytest.approx(1.0, abs=0.15)
+    assert all(result.heard.values())
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 3.0])
+def test_an_altimeter_s_lag_is_found_where_the_road_is_known(lag_s: float) -> None:
+    """By another drive's Doppler; the hill is the same, only later."""
+    late = Sensors(np.nan, altitude_m=0.2, walk_m2_per_s=(0.01, 0.01), lag_s=lag_s)
+    precise = {10 + k: ride(Sensors(0.01), k) for k in range(3)}
+    found = adjust(STREET, {0: ride(late, 5), **precise})
+    assert found.lag_s.keys() == {0}
+    assert found.lag_s[0] == pytest.approx(lag_s, abs=0.5)
+    assert min(lag_s, LAG_MEAN_S[0]) - 0.1 < found.lag_mean_s < max(lag_s, LAG_MEAN_S[0]) + 0.1
+
+
+def test_lags_of_drives_that_agree_pull_their_mean() -> None:
+    late = Sensors(np.nan, altitude_m=0.2, walk_m2_per_s=(0.01, 0.01), lag_s=3.5)
+    precise = {30 + k: ride(Sensors(0.01), k) for k in range(3)}
+    few, many = (
+        adjust(STREET, {**{k: ride(late, k) for k in range(count)}, **precise}).lag_mean_s for count in (1, 8)
+    )
+    assert LAG_MEAN_S[0] < few < many < 3.5 + 0.3
+
+
+def test_what_drives_are_called_and_the_order_of_their_passes_change_nothing() -> None:
+    drives = {5: ride(EVERYTHING, 5), 2: ride(EVERYTHING, 2)}
+    one = adjust(STREET, drives)
+    other = adjust(STREET, {2: drives[2][::-1], 5: drives[5][::-1]})
+    assert np.array_equal(one.slope_percent, other.slope_percent)
+    assert one.heard == other.heard

@@ -1,0 +1,120 @@
+"""What is believed of roads: how rough they are, that their ends meet, and that neither holds everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from factor_support import Sensors, driven, graded, steady, street
+from fusion.network.adjust import adjust
+from fusion.network.drive_beliefs import DriveBeliefs
+from fusion.network.equations import EquationSystem
+from fusion.network.pass_factor import PassFactor
+from fusion.network.road_beliefs import (
+    DEFAULT_ROUGHNESS,
+    NODE_SIGMA_M,
+    ROUGHNESS_BOUNDS,
+    STRUCTURE_FACTOR,
+    RoadBeliefs,
+)
+from fusion.roads.table import RoadTable
+
+PRECISE = Sensors(0.002, pressure_m=0.02, walk_m2_per_s=(0.1, 1e-4))
+
+
+def learned(road: RoadBeliefs, passes: list[PassFactor], rounds: int = 4) -> np.ndarray:
+    """Let roads learn from the passes of one drive; the last solution."""
+    said = DriveBeliefs({0: passes}, road.unknowns)
+    system = EquationSystem(said.size, [*road.blocks(), *said.blocks()], np.array([], np.int64))
+    for _ in range(rounds):
+        solution = system.solve()
+        road.learn(solution)
+    return np.asarray(solution.x)
+
+
+def walk_street(seed: int, roughness: float, count: int = 60) -> tuple[RoadTable, np.ndarray, np.ndarray]:
+    """A street whose grade is a random walk, and its heights at places 0.25 m apart."""
+    rng = np.random.default_rng(seed)
+    table = street(*rng.uniform(20.0, 60.0, count).tolist())
+    at = np.arange(-5.0, float(table.length_m.sum()) + 5.0, 0.25)
+    grade = np.cumsum(np.sqrt(0.25 * roughness) * rng.normal(size=len(at)))
+    return table, at, 100 + 0.25 * np.cumsum(grade)
+
+
+def test_the_usual_roughness_begins_with_what_drives_learned() -> None:
+    table = street(40.0, 50.0)
+
+    def usual(*values: float) -> float:
+        passes = [steady(table, 0, 1.0, roughness=v, sequence=k) for k, v in enumerate(values)]
+        return RoadBeliefs(table, passes).usual
+
+    assert usual() == pytest.approx(DEFAULT_ROUGHNESS)
+    assert usual(1e-5, 1e-4, 1e-3) == pytest.approx(1e-4)
+    assert usual(1e-9) == ROUGHNESS_BOUNDS[0]
+    assert usual(1.0) == ROUGHNESS_BOUNDS[1]
+
+
+@pytest.mark.parametrize("roughness", [3e-6, 3e-5, 3e-4])
+def test_the_roughness_of_roads_is_learned(roughness: float) -> None:
+    """From where drives began three times too low, well-measured roads lead to what they are."""
+    table, at, height = walk_street(1, roughness)
+    edge = np.concatenate([[0.0], np.cumsum(table.length_m)])
+    rng = np.random.default_rng(2)
+    passes = driven(
+        table, range(len(table)), lambda row, x: np.interp(edge[row] + x, at, height), PRECISE, rng
+    )
+    road = RoadBeliefs(table, [replace(p, roughness=roughness / 3) for p in passes])
+    learned(road, passes)
+    # The scale of a Student's t of three degrees of freedom that is fitted to Gaussian steps is smaller than theirs.
+    assert 0.4 < road.usual / roughness < 1.5
+
+
+def test_bridges_and_tunnels_are_smoother() -> None:
+    table = street(20.0, 20.0, 20.0, bridge=[False, True, False], tunnel=[False, False, True])
+    road = RoadBeliefs(table, [])
+    (weights,) = (one.weight for one in road.roughness)
+    assert weights[1:] / weights[0] == pytest.approx(np.full(2, 1 / STRUCTURE_FACTOR))
+
+
+def test_one_rough_interval_does_not_make_the_others_rough() -> None:
+    """A kink in an even road: the walk gives way there, and there alone."""
+    table = street(*[20.0] * 12)
+    passes = [
+        graded(
+            table, row, lambda at, r=row: np.where(r < 6, 0.0, 0.01) + 0.01 * (r == 6) * at / 2, 0.003, sequence=row
+        )  # type: ignore[misc]
+        for row in range(12)
+    ]  # fmt: skip
+    road = RoadBeliefs(table, passes)
+    learned(road, passes)
+    (weights,) = (one.weight for one in road.roughness)
+    assert weights[6] < 0.2 * np.median(weights)
+    assert np.delete(weights, [5, 6, 7]).min() > 0.5 * np.median(weights)
+
+
+def test_ends_meet_at_a_node_and_one_that_does_not_is_let_go() -> None:
+    """Maps join what does not meet: a node whose roads lie 3 m apart leaves the others as they are."""
+    table = street(40.0, 40.0, 40.0, 40.0)
+    rng = np.random.default_rng(3)
+    sensors = replace(PRECISE, walk_m2_per_s=(0.1, 1e-6))
+    passes = driven(table, range(4), lambda row, at: np.where(row < 2, 100.0, 103.0) + 0 * at, sensors, rng)
+    road = RoadBeliefs(table, passes)
+    x = learned(road, passes, 6)
+    u = road.unknowns
+    rows = np.arange(4)
+    gap = x[u.first[1:]] - x[u.end(rows, np.ones(4, bool))][:-1]
+    assert gap[1] > 2.5
+    assert np.abs(gap[[0, 2]]).max() < NODE_SIGMA_M
+    # One tie at either side of the node: the ends of row 1 and the start of row 2.
+    weight = road.ties.weight
+    assert min(weight[2], weight[4 + 1]) < 0.1
+    assert np.delete(weight, [2, 5]).min() > 0.9
+
+
+def test_a_network_of_nothing_driven_is_flat_and_unsure() -> None:
+    table = street(40.0, 60.0)
+    found = adjust(table, {0: [steady(table, 0, 2.0, 0.5)]})
+    assert found.slope_sigma_percent[1] > 3.0
+    assert abs(found.slope_percent[1]) < 2.0
