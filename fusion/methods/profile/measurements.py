@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.frames import GRAVITY_MPS2
+from fusion.methods.profile.inertia import set_right
 from fusion.methods.profile.path import DrivenPath, ground_speed
+from fusion.methods.profile.sampling import binned
 from fusion.terrain.dem import Dem
 from fusion.types import Bools, DriveLog, Floats, Ints
 
@@ -78,6 +80,8 @@ def build_measurements(
     log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[int], lags: Lags = Lags()
 ) -> Measurements:
     """All measurements of the sensors ``use`` that lie on the path."""
+    if use & {PITCH, FORCE}:
+        log, _ = set_right(log)
     speed_time, speed, _ = ground_speed(log)
     if not len(speed_time):
         speed_time, speed = _speed_of_path(path)
@@ -156,17 +160,6 @@ def acceleration(time: Floats, speed_time: Floats, speed: Floats) -> Floats:
     near &= (time > speed_time[0]) & (time < speed_time[-1])
     v = [np.interp(time + h * step_s, speed_time, speed) for h in (-2, -1, 1, 2)]
     return np.where(near, (v[0] - 8 * v[1] + 8 * v[2] - v[3]) / (12 * step_s), np.nan)
-
-
-def binned(time: Floats, period_s: float, *columns: Floats) -> tuple[Floats, ...]:
-    """Means of columns over slots of ``period_s``, at their mean times; columns as given where they are sparser."""
-    known = np.all(np.isfinite(columns), axis=0)
-    time, kept = time[known], [c[known] for c in columns]
-    if len(time) < 2 or np.median(np.diff(time)) >= 0.95 * period_s:
-        return (time, *kept)
-    slot = np.floor((time - time[0]) / period_s + 1e-6).astype(np.int64)
-    _, start, count = np.unique(slot, return_index=True, return_counts=True)
-    return tuple(np.add.reduceat(c, start) / count for c in (time, *kept))
 
 
 Column = tuple[Floats, Floats, Floats]
