@@ -1,20 +1,30 @@
 """How inertial data lie in time and in direction against GNSS: their lag, and the yaw of the sensor in the vehicle.
 
-Arrays in, an estimate with its sigma out; what is done with it is not known here (``inertia``). Both come from the same
-sums: changes of velocity over about a second by GNSS, against what the inertial sensor shows of them.
+Arrays in, an estimate with its sigma out; what is done with it is not known here (``inertia``). Both compare changes of
+velocity over about a second by GNSS with what the inertial sensor shows of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
-import scipy
+from scipy.interpolate import CubicSpline, PPoly
 
 from fusion.frames import GRAVITY_MPS2, wrap_angle
+from fusion.methods.profile.blocks import (
+    NOTHING,
+    Estimate,
+    alone,
+    blocks_of,
+    centred,
+    crossed,
+    inliers,
+    jackknife,
+    together,
+)
 from fusion.types import Bools, Floats, Ints
 
 WINDOW_S = 1.0
@@ -24,28 +34,12 @@ LONGEST_WINDOW_S = 2.5
 MIN_SPEED_MPS = 3.0
 """Slower, the course is noise, and a vehicle may go backwards."""
 BLOCK_S = 10.0
-"""Grade, bias and mount hardly change in this time: each block has a level of its own. Blocks are also what is left out
-in turn to see how sure an estimate is (jackknife; Efron and Tibshirani 1993, chapter 11)."""
-MIN_BLOCKS = 5
-MOST_GROUPS = 60
-"""Blocks are left out together where there are many."""
+"""Grade, bias and mount hardly change in this time, and a manoeuvre fits into it."""
 LONGEST_LAG_S = 0.8
-"""Lags are looked for up to here, every ``_STEP_S``."""
+"""Lags are looked for up to here, every ``_STEP_S``: half a second is usual of slow devices."""
 _STEP_S = 0.05
-_FAR = 4.0
-"""Changes that miss by so many robust sigmas are left out: kerbs, reflections, a hand on the phone."""
-_NORMAL = 1.4826
-"""Median absolute deviation of a Gaussian error to its sigma."""
-
-
-class Estimate(NamedTuple):
-    """A number and one sigma of it; NaN and infinity where the data say nothing."""
-
-    value: float
-    sigma: float
-
-
-NOTHING = Estimate(float("nan"), float("inf"))
+_HOLE_S, _HOLE_STEPS = 0.3, 2.5
+"""Samples that are farther apart than both this and so many usual steps have a hole between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,180 +67,107 @@ class Changes:
 
 
 @dataclass(frozen=True, eq=False)
-class Cue:
-    """An inertial signal (m,) at ``time_s``, and the changes ``wanted`` (n,) that its own should be proportional to.
-
-    ``factor`` (n,) is what a change of the signal's integral is multiplied with; an ``angle`` is an integral already.
-    """
+class Signal:
+    """Samples (m,) of an inertial sensor; of an ``angle`` the changes count, of others the integrals."""
 
     time_s: Floats
-    signal: Floats
-    wanted: Floats
-    factor: Floats
+    value: Floats
     angle: bool = False
 
-    def shown(self, begin_s: Floats, end_s: Floats) -> Floats:
-        """What the signal shows between instants, shape (n,)."""
+    def over(self, begin_s: Floats, end_s: Floats) -> Floats:
+        """Its change or integral between instants, shape (n,)."""
         start = self.time_s[0]
-        spline = self._spline
-        return np.asarray(self.factor * (spline(end_s - start) - spline(begin_s - start)))
+        return np.asarray(self._integral(end_s - start) - self._integral(begin_s - start))
 
     @cached_property
-    def _spline(self) -> scipy.interpolate.PPoly:
-        """The integral of the signal between its samples."""
-        spline = scipy.interpolate.CubicSpline(self.time_s - self.time_s[0], self.signal)
+    def _integral(self) -> PPoly:
+        spline = CubicSpline(self.time_s - self.time_s[0], self.value)
         return spline if self.angle else spline.antiderivative()
+
+    def covers(self, begin_s: Floats, end_s: Floats) -> Bools:
+        """Whether samples go through from ``begin_s`` to ``end_s`` without a hole."""
+        time = self.time_s
+        if len(time) < 4:
+            return np.zeros(len(begin_s), bool)
+        step = np.diff(time)
+        hole = step > max(_HOLE_STEPS * float(np.median(step)), _HOLE_S)
+        holes = np.concatenate([[0], np.cumsum(hole)])
+        first = np.clip(np.searchsorted(time, begin_s, side="right") - 1, 0, None)
+        last = np.clip(np.searchsorted(time, end_s, side="left"), None, len(time) - 1)
+        inside = (begin_s >= time[0]) & (end_s <= time[-1])
+        return np.asarray(inside & (holes[first] == holes[last]))
+
+
+@dataclass(frozen=True, eq=False)
+class Cue:
+    """A signal whose integral, times ``factor`` (n,), should be proportional to ``wanted`` (n,), changes by GNSS."""
+
+    signal: Signal
+    wanted: Floats
+    factor: Floats
 
 
 def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Floats) -> Changes:
-    """The changes of a Doppler velocity, where it moves on without gaps."""
+    """The changes of a Doppler velocity, samples of shape (m,), where it goes on without gaps and fast enough."""
     known = np.isfinite(north_mps + east_mps)
     time, north, east, down = (c[known] for c in (time_s, north_mps, east_mps, down_mps))
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     apart = max(1, round(WINDOW_S / step))
-    if not len(time) > apart or step * apart > LONGEST_WINDOW_S:
+    if len(time) <= apart or step * apart > LONGEST_WINDOW_S:
         return Changes(*np.empty((6, 0)), np.empty(0, np.int64))
     begin, end = slice(None, -apart), slice(apart, None)
     speed = np.hypot(north, east)
-    turned = wrap_angle(np.diff(np.arctan2(north, east), prepend=0.0))  # anticlockwise, sample by sample
-    angle = np.concatenate([[0.0], np.cumsum(turned[1:])])
+    turned = wrap_angle(np.diff(np.arctan2(north, east)))  # anticlockwise
+    course = np.concatenate([[0.0], np.cumsum(turned)])
     middle = 0.5 * (speed[begin] + speed[end])
-    left = middle * (angle[end] - angle[begin])
-    climb = -0.5 * np.nan_to_num(down[begin] + down[end]) / np.maximum(middle, MIN_SPEED_MPS)
-    gravity = GRAVITY_MPS2 * climb * (time[end] - time[begin])
-    block = np.floor((time[begin] - time[0]) / BLOCK_S).astype(np.int64)
-    found = Changes(time[begin], time[end], speed[end] - speed[begin], left, gravity, middle, block)
-    whole = found.end_s - found.begin_s < 1.2 * step * apart
-    return found.take(whole & (np.minimum(speed[begin], speed[end]) > MIN_SPEED_MPS))
+    lasted = time[end] - time[begin]
+    slope = -0.5 * np.nan_to_num(down[begin] + down[end]) / np.maximum(middle, MIN_SPEED_MPS)
+    found = Changes(
+        time[begin],
+        time[end],
+        speed[end] - speed[begin],
+        middle * (course[end] - course[begin]),
+        GRAVITY_MPS2 * slope * lasted,
+        middle,
+        blocks_of(time[begin], BLOCK_S),
+    )
+    return found.take(
+        (lasted < 1.2 * step * apart) & (np.minimum(speed[begin], speed[end]) > MIN_SPEED_MPS)
+    )
 
 
 def time_lag(changes: Changes, cues: Sequence[Cue]) -> Estimate:
     """How late the inertial signals are against GNSS, s."""
-    return _together([_lag_of(changes, cue) for cue in cues])
-
-
-def _together(estimates: Sequence[Estimate]) -> Estimate:
-    """Their mean by their weights; where they contradict each other the sigma says so (Birge 1932)."""
-    known = [e for e in estimates if np.isfinite(e.sigma)]
-    if not known:
-        return NOTHING
-    value, sigma = np.array(known).T
-    weight = sigma**-2.0
-    mean = float(np.average(value, weights=weight))
-    apart = float(np.sum(weight * (value - mean) ** 2)) / max(len(known) - 1, 1)
-    return Estimate(mean, float(np.sqrt(max(apart, 1.0) / weight.sum())))
+    return together([_lag_of(changes, cue) for cue in cues])
 
 
 def _lag_of(changes: Changes, cue: Cue) -> Estimate:
     """The lag at which one signal correlates best with the changes that it should show."""
     lags = np.arange(-LONGEST_LAG_S, LONGEST_LAG_S + _STEP_S / 2, _STEP_S)
-    keep = _recorded(cue.time_s, changes.begin_s - LONGEST_LAG_S, changes.end_s + LONGEST_LAG_S)
-    keep &= np.isfinite(cue.wanted)
+    keep = cue.signal.covers(changes.begin_s - LONGEST_LAG_S, changes.end_s + LONGEST_LAG_S)
     if not keep.any():
         return NOTHING
-    wanted, block = cue.wanted[keep], changes.block[keep]
-    shown = np.array([cue.shown(changes.begin_s + lag, changes.end_s + lag)[keep] for lag in lags])
+    begin, end, block = changes.begin_s[keep], changes.end_s[keep], changes.block[keep]
+    wanted = cue.wanted[keep]
+    shown = np.array([cue.factor[keep] * cue.signal.over(begin + lag, end + lag) for lag in lags])
     for _ in range(2):
-        best = int(np.argmax(_correlation(_block_sums(shown, wanted, block).sum(axis=-1))))
-        near = _not_far(shown[best], wanted, block)
+        best = int(np.argmax(_correlation(_products(shown, wanted, block).sum(axis=-1))))
+        near = inliers(np.array([wanted, shown[best]]), block)
         shown, wanted, block = shown[:, near], wanted[near], block[near]
-    return _jackknife(_block_sums(shown, wanted, block), lambda total: _peak(lags, _correlation(total)))
+    return jackknife(_products(shown, wanted, block), lambda total: _peak(lags, _correlation(total)))
 
 
-def mount_yaw(changes: Changes, time_s: Floats, forward_mps2: Floats, left_mps2: Floats) -> Estimate:
-    """How far an accelerometer's forward axis points to the left of the vehicle's, rad; samples of shape (m,).
-
-    Of the acceleration across by GNSS both axes show a part: their ratio is the angle's tangent. Change of speed (and
-    the squat with it) and gravity on slopes are taken out first. That the force across is also gravity's, where the body
-    rolls, is no harm: what leaks into the forward axis is what was felt.
-    """
-    keep = _recorded(time_s, changes.begin_s, changes.end_s)
-    if not keep.any():
-        return NOTHING
-    changes = changes.take(keep)
-    one = np.ones(len(changes))
-    felt = [
-        Cue(time_s, f, one, one).shown(changes.begin_s, changes.end_s) for f in (forward_mps2, left_mps2)
-    ]
-    columns = np.array([*felt, changes.left_mps, changes.forward_mps, changes.gravity_mps])
-    block = changes.block
-    for _ in range(2):
-        part = _partial(_crossed(columns, block).sum(axis=-1))
-        near = _near(part @ _centred(columns, block)[2:] - _centred(columns, block)[0])
-        columns, block = columns[:, near], block[near]
-    return _jackknife(_crossed(columns, block), _yaw)
-
-
-def _partial(total: Floats) -> Floats:
-    """Regression of the first column on the last three by their sums of products (5, 5): coefficients (3,)."""
-    return np.linalg.lstsq(total[2:, 2:], total[2:, 0], rcond=1e-9)[0]
-
-
-def _yaw(total: Floats) -> float:
-    """The angle by sums of products (5, 5) of the forces forward and left, and of changes left, forward, by gravity."""
-    share = np.linalg.lstsq(total[3:, 3:], total[3:, 2], rcond=1e-9)[0]
-    forward, left = total[:2, 2] - total[:2, 3:] @ share
-    return float(np.arctan2(forward, left))
-
-
-def _crossed(columns: Floats, block: Ints) -> Floats:
-    """Sums of products of all pairs of columns (k, n) in each block, shape (k, k, blocks)."""
-    centred = _centred(columns, block)
-    return np.array([[np.bincount(block, a * b) for b in centred] for a in centred])
-
-
-def _recorded(time_s: Floats, begin_s: Floats, end_s: Floats) -> Bools:
-    """Whether the samples go through from ``begin_s`` to ``end_s``."""
-    if len(time_s) < 4:
-        return np.zeros(len(begin_s), bool)
-    step = np.diff(time_s)
-    gaps = np.concatenate([[0], np.cumsum(step > max(2.5 * float(np.median(step)), 0.3))])
-    inside = (begin_s >= time_s[0]) & (end_s <= time_s[-1])
-    first = np.searchsorted(time_s, begin_s, side="right") - 1
-    last = np.searchsorted(time_s, end_s, side="left")
-    return np.asarray(inside & (gaps[np.clip(first, 0, None)] == gaps[np.clip(last, None, len(time_s) - 1)]))
-
-
-def _centred(value: Floats, block: Ints) -> Floats:
-    """``value`` (..., n) less its mean in each block."""
-    count = np.maximum(np.bincount(block), 1)
-    rows = value.reshape(-1, value.shape[-1])
-    means = np.array([np.bincount(block, row, len(count)) / count for row in rows])
-    return np.asarray((rows - means[:, block]).reshape(value.shape))
-
-
-def _products(value: Floats, other: Floats, block: Ints) -> Floats:
-    """Sums of ``value`` (k, n) times ``other`` (n,) or (k, n) in each block, both centred; shape (k, blocks)."""
-    product = _centred(value, block) * _centred(other, block)
-    return np.array([np.bincount(block, row) for row in product])
-
-
-def _block_sums(shown: Floats, wanted: Floats, block: Ints) -> Floats:
-    """Of shown squared, of shown times wanted and of wanted squared, shape (3, k, blocks) for ``shown`` (k, n)."""
-    square = _products(wanted[None], wanted, block)
+def _products(shown: Floats, wanted: Floats, block: Ints) -> Floats:
+    """Sums in each block of shown (k, n) squared, of shown times wanted and of wanted squared: (3, k, blocks)."""
+    own, want = centred(shown, block), centred(wanted[None], block)[0]
     return np.array(
-        [
-            _products(shown, shown, block),
-            _products(shown, wanted, block),
-            np.broadcast_to(square, (len(shown), square.shape[1])),
-        ]
+        [[np.bincount(block, p) for p in product] for product in (own**2, own * want, want**2 + 0 * own)]
     )
 
 
 def _correlation(total: Floats) -> Floats:
     """Of shown and wanted by their sums (3, k)."""
     return np.asarray(total[1] / np.sqrt(np.maximum(total[0] * total[2], 1e-30)))
-
-
-def _not_far(shown: Floats, wanted: Floats, block: Ints) -> Bools:
-    """Which changes the signal shows to ``_FAR`` robust sigmas, at the gain that fits them all."""
-    shown, wanted = _centred(shown, block), _centred(wanted, block)
-    return _near(wanted - shown * np.sum(shown * wanted) / max(float(np.sum(shown**2)), 1e-30))
-
-
-def _near(miss: Floats) -> Bools:
-    miss = np.abs(miss)
-    return np.asarray(miss <= _FAR * _NORMAL * np.median(miss) + 1e-9)
 
 
 def _peak(lags: Floats, correlation: Floats) -> float:
@@ -256,19 +177,26 @@ def _peak(lags: Floats, correlation: Floats) -> float:
         return float("nan")
     low, middle, high = correlation[best - 1 : best + 2]
     curvature = low - 2 * middle + high
-    return float(lags[best] + 0.5 * _STEP_S * (low - high) / curvature) if curvature < 0 else float(lags[best])
+    return float(lags[best] + (0.5 * _STEP_S * (low - high) / curvature if curvature < 0 else 0.0))
 
 
-def _jackknife(sums: Floats, estimate: Callable[[Floats], float]) -> Estimate:
-    """The estimate from sums (..., blocks) over all blocks, and its sigma from leaving out each block in turn."""
-    some = np.flatnonzero(np.any(sums.reshape(-1, sums.shape[-1]) != 0, axis=0))
-    if len(some) < MIN_BLOCKS:
+def mount_yaw(changes: Changes, forward: Signal, left: Signal) -> Estimate:
+    """How far an accelerometer's forward axis points to the left of the vehicle's, rad, by its two level axes.
+
+    Of the acceleration across by GNSS both axes show a part: their ratio is the angle's tangent. Change of speed (and
+    the squat with it) and gravity on slopes are taken out first. That the force across is also gravity's, where the body
+    rolls, is no harm: what leaks into the forward axis is what was felt.
+    """
+    keep = forward.covers(changes.begin_s, changes.end_s)
+    if not keep.any():
         return NOTHING
-    total = sums.sum(axis=-1)
-    group = np.array_split(some, min(len(some), MOST_GROUPS))
-    without = np.array([estimate(total - sums[..., g].sum(axis=-1)) for g in group])
-    value = estimate(total)
-    if not np.isfinite(value) or not np.isfinite(without).all():
-        return NOTHING
-    share = (len(group) - 1) / len(group)
-    return Estimate(value, float(np.sqrt(share * np.sum((without - without.mean()) ** 2))))
+    change = changes.take(keep)
+    felt = [signal.over(change.begin_s, change.end_s) for signal in (forward, left)]
+    columns = np.array([felt[0], change.left_mps, change.forward_mps, change.gravity_mps, felt[1]])
+    near = inliers(columns[:4], change.block)
+
+    def angle(total: Floats) -> float:
+        common = alone(total, 1, besides=(2, 3))
+        return float(np.arctan2(common[0], common[4]))
+
+    return jackknife(crossed(columns[:, near], change.block[near]), angle)

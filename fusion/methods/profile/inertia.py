@@ -9,22 +9,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fusion.methods.profile.alignment import Changes, Cue, Estimate, changes_of, mount_yaw, time_lag
+from fusion.methods.profile.alignment import Changes, Cue, Signal, changes_of, mount_yaw, time_lag
+from fusion.methods.profile.blocks import Estimate
 from fusion.methods.profile.sampling import binned
 from fusion.types import DriveLog
 
 SAMPLE_S = 0.1
 """Denser inertial samples are averaged over slots this long before they are compared."""
-CLEAR = 4.0
-"""A lag or a yaw is set right from so many sigmas on: below, the estimate may do more harm than the error."""
 LAG_FLOOR_S = 0.01
 YAW_FLOOR_RAD = np.radians(0.25)
-"""One sigma of what the method itself may be wrong by: interpolation, a receiver's own filter, the antenna's place. With
-``CLEAR`` the least that is set right is 0.04 s and 1 degree, which move a grade by less than 0.5 %."""
+"""One sigma of what the method itself may be wrong by: interpolation, a receiver's own filter, the antenna's place. So
+the least that is set right is 0.03 s and 0.75 degrees."""
+USUAL_LAG_S, USUAL_YAW_RAD = 0.2, np.radians(5.0)
+"""How large such errors usually are, where there are any: filters of a few samples, a phone in its holder."""
 MOST_YAW_RAD = np.radians(45.0)
 """A larger angle is an axis that is not the forward one."""
-_FEW = 8
-"""Fewer samples are no signal."""
 
 
 @dataclass(frozen=True)
@@ -41,18 +40,18 @@ def set_right(log: DriveLog) -> tuple[DriveLog, Inertia]:
     """The log with its inertial data at the times and along the axes of the vehicle, and what was found."""
     v = log.velocity
     changes = changes_of(v.time_s, v.vel_n_mps, v.vel_e_mps, v.vel_d_mps)
-    lag = _with_floor(time_lag(changes, _cues(log, changes)), LAG_FLOOR_S)
-    lag_s = lag.value if _clear(lag) else 0.0
+    lag = time_lag(changes, _cues(log, changes)).with_floor(LAG_FLOOR_S)
+    lag_s = lag.worth(USUAL_LAG_S)
     if lag_s:
         early = {name: getattr(log, name) for name in ("force", "rate", "attitude")}
         log = replace(log, **{name: replace(t, time_s=t.time_s - lag_s) for name, t in early.items()})
     f = log.force
-    yaw = _with_floor(mount_yaw(changes, *binned(f.time_s, SAMPLE_S, f.acc_x_mps2, f.acc_y_mps2)), YAW_FLOOR_RAD)
-    yaw_rad = yaw.value if _clear(yaw) and abs(yaw.value) < MOST_YAW_RAD else 0.0
+    time, forward, left = binned(f.time_s, SAMPLE_S, f.acc_x_mps2, f.acc_y_mps2)
+    yaw = mount_yaw(changes, Signal(time, forward), Signal(time, left)).with_floor(YAW_FLOOR_RAD)
+    yaw_rad = yaw.worth(USUAL_YAW_RAD) if abs(yaw.value) < MOST_YAW_RAD else 0.0
     if yaw_rad:
-        forward = np.cos(yaw_rad) * f.acc_x_mps2 - np.sin(yaw_rad) * f.acc_y_mps2
-        left = np.sin(yaw_rad) * f.acc_x_mps2 + np.cos(yaw_rad) * f.acc_y_mps2
-        log = replace(log, force=replace(f, acc_x_mps2=forward, acc_y_mps2=left))
+        turned = np.cos(yaw_rad) * f.acc_x_mps2 - np.sin(yaw_rad) * f.acc_y_mps2
+        log = replace(log, force=replace(f, acc_x_mps2=turned))
     return log, Inertia(lag, yaw, lag_s, yaw_rad)
 
 
@@ -60,24 +59,12 @@ def _cues(log: DriveLog, changes: Changes) -> list[Cue]:
     """What shows the lag: forces forward and across, and the turning by gyroscope and by attitude."""
     f, a, w = log.force, log.attitude, log.rate
     known = np.isfinite(a.yaw_rad)
-    course = np.unwrap(a.yaw_rad[known])
+    nose = np.unwrap(a.yaw_rad[known])  # clockwise
     one = np.ones(len(changes))
     found = [
-        (binned(f.time_s, SAMPLE_S, f.acc_x_mps2), changes.forward_mps, one, False),
-        (binned(f.time_s, SAMPLE_S, f.acc_y_mps2), changes.left_mps, one, False),
-        (binned(w.time_s, SAMPLE_S, w.gyr_z_radps), changes.left_mps, changes.speed_mps, False),
-        (binned(a.time_s[known], SAMPLE_S, course), changes.left_mps, -changes.speed_mps, True),
+        (Signal(*binned(f.time_s, SAMPLE_S, f.acc_x_mps2)), changes.forward_mps, one),
+        (Signal(*binned(f.time_s, SAMPLE_S, f.acc_y_mps2)), changes.left_mps, one),
+        (Signal(*binned(w.time_s, SAMPLE_S, w.gyr_z_radps)), changes.left_mps, changes.speed_mps),
+        (Signal(*binned(a.time_s[known], SAMPLE_S, nose), angle=True), changes.left_mps, -changes.speed_mps),
     ]
-    return [
-        Cue(time, signal, wanted, factor, angle)
-        for (time, signal), wanted, factor, angle in found
-        if len(time) >= _FEW
-    ]
-
-
-def _with_floor(estimate: Estimate, floor: float) -> Estimate:
-    return Estimate(estimate.value, float(np.hypot(estimate.sigma, floor)))
-
-
-def _clear(estimate: Estimate) -> bool:
-    return bool(abs(estimate.value) > CLEAR * estimate.sigma)
+    return [Cue(*parts) for parts in found]

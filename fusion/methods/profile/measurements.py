@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.frames import GRAVITY_MPS2
+from fusion.methods.profile.barometer import pressure_heights
 from fusion.methods.profile.inertia import set_right
 from fusion.methods.profile.path import DrivenPath, ground_speed
 from fusion.methods.profile.sampling import binned
@@ -33,8 +34,6 @@ _DOPPLER_FLOOR = 0.002
 """What a grade by Doppler is wrong by at any speed (spec 7: 0.2 %)."""
 _DEFAULT_DOPPLER_MPS = 0.3
 """Accuracy of vertical velocities of a log that states none."""
-_ATMOSPHERE = (44_330.77, 101_325.0, 0.190263)
-"""Scale (m), pressure at sea level (Pa) and exponent of the standard atmosphere's height."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,11 +236,9 @@ def _force(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -
 
 
 def _pressure(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
-    """Height in the standard atmosphere; its drift is the filter's affair."""
-    scale, sea_level, exponent = _ATMOSPHERE
-    with np.errstate(invalid="ignore"):
-        height = scale * (1 - (log.pressure.pressure_pa / sea_level) ** exponent)
-    time, value = binned(log.pressure.time_s, PERIOD_S[BARO], height)
+    """Height by the air's pressure; its drift is the filter's affair."""
+    at, height = pressure_heights(log, speed_time, speed)
+    time, value = binned(at, PERIOD_S[BARO], height)
     return time, value, np.full(len(time), np.nan)
 
 
