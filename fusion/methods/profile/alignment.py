@@ -25,6 +25,7 @@ from fusion.methods.profile.blocks import (
     jackknife,
     together,
 )
+from fusion.methods.profile.sampling import binned
 from fusion.types import Bools, Floats, Ints
 
 WINDOW_S = 1.0
@@ -35,9 +36,12 @@ MIN_SPEED_MPS = 3.0
 """Slower, the course is noise, and a vehicle may go backwards."""
 BLOCK_S = 10.0
 """Grade, bias and mount hardly change in this time, and a manoeuvre fits into it."""
-LONGEST_LAG_S = 0.8
-"""Lags are looked for up to here, every ``_STEP_S``: half a second is usual of slow devices."""
-_STEP_S = 0.05
+SAMPLE_S = 0.25
+"""Denser velocities are averaged over slots this long, and inertial samples over ``INERTIAL_SAMPLE_S``."""
+INERTIAL_SAMPLE_S = 0.1
+LONGEST_LAG_S = 0.7
+"""Lags are looked for up to here, every ``_STEP_S``: half a second is much, even for a slow device."""
+_STEP_S = 0.1
 _HOLE_S, _HOLE_STEPS = 0.3, 2.5
 """Samples that are farther apart than both this and so many usual steps have a hole between them."""
 
@@ -46,8 +50,8 @@ _HOLE_S, _HOLE_STEPS = 0.3, 2.5
 class Changes:
     """Changes of velocity between pairs of instants, by GNSS; columns of shape (n,).
 
-    ``forward_mps``: of the speed; ``left_mps``: across, to the left; ``gravity_mps``: what the slope, by the climb, adds
-    to the force forward (0 unknown); ``speed_mps``: the mean; ``block``: its number.
+    ``forward_mps``: of the speed; ``left_mps``: across, to the left; ``gravity_mps``: what the slope, by the climb,
+    adds to the force forward (0 unknown); ``speed_mps``: the mean; ``block``: its number.
     """
 
     begin_s: Floats
@@ -110,7 +114,8 @@ class Cue:
 def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Floats) -> Changes:
     """The changes of a Doppler velocity, samples of shape (m,), where it goes on without gaps and fast enough."""
     known = np.isfinite(north_mps + east_mps)
-    time, north, east, down = (c[known] for c in (time_s, north_mps, east_mps, down_mps))
+    velocity = (c[known] for c in (north_mps, east_mps, np.nan_to_num(down_mps)))
+    time, north, east, down = binned(time_s[known], SAMPLE_S, *velocity)
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     apart = max(1, round(WINDOW_S / step))
     if len(time) <= apart or step * apart > LONGEST_WINDOW_S:
@@ -121,7 +126,7 @@ def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Fl
     course = np.concatenate([[0.0], np.cumsum(turned)])
     middle = 0.5 * (speed[begin] + speed[end])
     lasted = time[end] - time[begin]
-    slope = -0.5 * np.nan_to_num(down[begin] + down[end]) / np.maximum(middle, MIN_SPEED_MPS)
+    slope = -0.5 * (down[begin] + down[end]) / np.maximum(middle, MIN_SPEED_MPS)
     found = Changes(
         time[begin],
         time[end],
@@ -131,9 +136,7 @@ def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Fl
         middle,
         blocks_of(time[begin], BLOCK_S),
     )
-    return found.take(
-        (lasted < 1.2 * step * apart) & (np.minimum(speed[begin], speed[end]) > MIN_SPEED_MPS)
-    )
+    return found.take((lasted < 1.2 * step * apart) & (np.minimum(speed[begin], speed[end]) > MIN_SPEED_MPS))
 
 
 def time_lag(changes: Changes, cues: Sequence[Cue]) -> Estimate:
@@ -184,8 +187,8 @@ def mount_yaw(changes: Changes, forward: Signal, left: Signal) -> Estimate:
     """How far an accelerometer's forward axis points to the left of the vehicle's, rad, by its two level axes.
 
     Of the acceleration across by GNSS both axes show a part: their ratio is the angle's tangent. Change of speed (and
-    the squat with it) and gravity on slopes are taken out first. That the force across is also gravity's, where the body
-    rolls, is no harm: what leaks into the forward axis is what was felt.
+    the squat with it) and gravity on slopes are taken out first. That the force across is also gravity's, where the
+    body rolls, is no harm: what leaks into the forward axis is what was felt.
     """
     keep = forward.covers(changes.begin_s, changes.end_s)
     if not keep.any():

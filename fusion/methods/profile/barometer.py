@@ -56,7 +56,7 @@ def pressure_heights(log: DriveLog, speed_time: Floats, speed: Floats) -> tuple[
     Speeds (n,) at ``speed_time`` are for the pressure that they make at the sensor, where the drive shows it.
     """
     time, height = _still_air(log.pressure)
-    share = speed_pressure(log, speed_time, speed).worth(USUAL_SPEED_PRESSURE, CLEAR)
+    share = set_right_share(speed_pressure(log, speed_time, speed))
     if share:
         height = height + share * _head(np.interp(time, speed_time, speed))
     return time, height
@@ -76,8 +76,7 @@ def air_scale(temperature_k: Floats, height_m: float) -> float:
     device is believed as far as its thermometer tells more of the air than the calendar does: 80 %.
     """
     low, high = PLAUSIBLE_K
-    with np.errstate(invalid="ignore"):
-        plausible = temperature_k[(temperature_k >= low) & (temperature_k <= high)]
+    plausible = temperature_k[(temperature_k >= low) & (temperature_k <= high)]
     if not len(plausible):
         return 1.0
     standard = _SEA_LEVEL_K - _LAPSE_K_PER_M * height_m
@@ -87,8 +86,9 @@ def air_scale(temperature_k: Floats, height_m: float) -> float:
 
 def _still_air(pressure: Pressure) -> tuple[Floats, Floats]:
     """Times and heights of the samples as if the vehicle stood; the level is that of the standard atmosphere."""
-    known = np.isfinite(pressure.pressure_pa)
-    time, height = pressure.time_s[known], standard_height(pressure.pressure_pa[known])
+    height = standard_height(pressure.pressure_pa)
+    known = np.isfinite(height)
+    time, height = pressure.time_s[known], height[known]
     if not len(time):
         return time, height
     middle = float(np.median(height))
@@ -119,6 +119,11 @@ def speed_pressure(log: DriveLog, speed_time: Floats, speed: Floats) -> Estimate
         keep &= known[right] - known[right - 1] < HOLE_S
     found = _share(at[keep], columns[:, keep]).with_floor(SPEED_PRESSURE_FLOOR)
     return found if abs(found.value) < MOST_SPEED_PRESSURE else NOTHING
+
+
+def set_right_share(share: Estimate) -> float:
+    """What of a share of the dynamic pressure is set right."""
+    return share.worth(USUAL_SPEED_PRESSURE, CLEAR)
 
 
 def _share(at: Floats, columns: Floats) -> Estimate:

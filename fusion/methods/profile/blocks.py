@@ -1,8 +1,8 @@
 """Regressions over a drive in which each block of time has a level of its own, and how sure they are.
 
 What changes slowly (grade, bias, mount, drift of a barometer) goes into the levels. Sums of products are kept by block,
-so that leaving out each block in turn shows the sigma of an estimate, whatever its errors are like (jackknife; Efron and
-Tibshirani 1993, chapter 11).
+so that leaving out each block in turn shows the sigma of an estimate, whatever its errors are like (jackknife; Efron
+and Tibshirani 1993, chapter 11).
 """
 
 from __future__ import annotations
@@ -78,7 +78,10 @@ def inliers(columns: Floats, block: Ints) -> Bools:
 
 
 def alone(total: Floats, of: int, besides: Sequence[int]) -> Floats:
-    """What every column has in common with column ``of`` that others do not explain: by sums of products, shape (k,)."""
+    """What each column has in common with the part of column ``of`` that others do not explain, shape (k,).
+
+    By sums of products (k, k).
+    """
     others = list(besides)
     share = np.linalg.lstsq(total[np.ix_(others, others)], total[others, of], rcond=1e-9)[0]
     return np.asarray(total[:, of] - total[:, others] @ share)

@@ -9,13 +9,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fusion.methods.profile.alignment import Changes, Cue, Signal, changes_of, mount_yaw, time_lag
+from fusion.methods.profile.alignment import (
+    INERTIAL_SAMPLE_S,
+    Changes,
+    Cue,
+    Signal,
+    changes_of,
+    mount_yaw,
+    time_lag,
+)
 from fusion.methods.profile.blocks import Estimate
 from fusion.methods.profile.sampling import binned
 from fusion.types import DriveLog
 
-SAMPLE_S = 0.1
-"""Denser inertial samples are averaged over slots this long before they are compared."""
 LAG_FLOOR_S = 0.01
 YAW_FLOOR_RAD = np.radians(0.25)
 """One sigma of what the method itself may be wrong by: interpolation, a receiver's own filter, the antenna's place. So
@@ -28,7 +34,7 @@ MOST_YAW_RAD = np.radians(45.0)
 
 @dataclass(frozen=True)
 class Inertia:
-    """What is known of a drive's inertial data; ``lag_s`` and ``yaw_rad`` are what was set right (0 where not clear)."""
+    """What a drive shows of its inertial data; ``lag_s`` and ``yaw_rad`` were set right (0 where not clear)."""
 
     lag: Estimate
     yaw: Estimate
@@ -46,7 +52,7 @@ def set_right(log: DriveLog) -> tuple[DriveLog, Inertia]:
         early = {name: getattr(log, name) for name in ("force", "rate", "attitude")}
         log = replace(log, **{name: replace(t, time_s=t.time_s - lag_s) for name, t in early.items()})
     f = log.force
-    time, forward, left = binned(f.time_s, SAMPLE_S, f.acc_x_mps2, f.acc_y_mps2)
+    time, forward, left = binned(f.time_s, INERTIAL_SAMPLE_S, f.acc_x_mps2, f.acc_y_mps2)
     yaw = mount_yaw(changes, Signal(time, forward), Signal(time, left)).with_floor(YAW_FLOOR_RAD)
     yaw_rad = yaw.worth(USUAL_YAW_RAD) if abs(yaw.value) < MOST_YAW_RAD else 0.0
     if yaw_rad:
@@ -62,9 +68,13 @@ def _cues(log: DriveLog, changes: Changes) -> list[Cue]:
     nose = np.unwrap(a.yaw_rad[known])  # clockwise
     one = np.ones(len(changes))
     found = [
-        (Signal(*binned(f.time_s, SAMPLE_S, f.acc_x_mps2)), changes.forward_mps, one),
-        (Signal(*binned(f.time_s, SAMPLE_S, f.acc_y_mps2)), changes.left_mps, one),
-        (Signal(*binned(w.time_s, SAMPLE_S, w.gyr_z_radps)), changes.left_mps, changes.speed_mps),
-        (Signal(*binned(a.time_s[known], SAMPLE_S, nose), angle=True), changes.left_mps, -changes.speed_mps),
+        (Signal(*binned(f.time_s, INERTIAL_SAMPLE_S, f.acc_x_mps2)), changes.forward_mps, one),
+        (Signal(*binned(f.time_s, INERTIAL_SAMPLE_S, f.acc_y_mps2)), changes.left_mps, one),
+        (Signal(*binned(w.time_s, INERTIAL_SAMPLE_S, w.gyr_z_radps)), changes.left_mps, changes.speed_mps),
+        (
+            Signal(*binned(a.time_s[known], INERTIAL_SAMPLE_S, nose), angle=True),
+            changes.left_mps,
+            -changes.speed_mps,
+        ),
     ]
     return [Cue(*parts) for parts in found]

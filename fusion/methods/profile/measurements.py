@@ -81,9 +81,7 @@ def build_measurements(
     """All measurements of the sensors ``use`` that lie on the path."""
     if use & {PITCH, FORCE}:
         log, _ = set_right(log)
-    speed_time, speed, _ = ground_speed(log)
-    if not len(speed_time):
-        speed_time, speed = _speed_of_path(path)
+    speed_time, speed = speeds(log, path)
     parts = []
     for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure)):
         if sensor in use:
@@ -274,8 +272,11 @@ def _near_structure(path: DrivenPath, along: Floats) -> Bools:
     return (last >= 0) & (along <= reach[np.maximum(last, 0)]) if len(end) else np.zeros(len(along), bool)
 
 
-def _speed_of_path(path: DrivenPath) -> tuple[Floats, Floats]:
-    """Speeds by the positions, for logs that have no others."""
+def speeds(log: DriveLog, path: DrivenPath) -> tuple[Floats, Floats]:
+    """Times and ground speeds; by the positions, for logs that have no others."""
+    time, speed, _ = ground_speed(log)
+    if len(time):
+        return time, speed
     time, step = path.time_s, np.diff(path.time_s)
     same = np.diff(path.run) == 0
     speed = np.where(same, np.diff(path.along_m) / np.maximum(step, 1e-3), 0.0)
