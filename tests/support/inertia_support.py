@@ -50,7 +50,7 @@ def ride(
     inertial_hz: float = 10.0,
     noise: float = 1.0,
 ) -> Ride:
-    """Speeds about 12 m/s with changes of about 0.7 m/s^2, bends of about 1 m/s^2, grades of 3 %; squat and roll too."""
+    """Speeds about 12 m/s, changes of 0.7 m/s^2, bends of 1 m/s^2, grades of 3 %; squat and roll beside it."""
     rng = np.random.default_rng(seed)
     fine = np.arange(-5.0, duration_s + 5.0, 0.02)
     speed = 12 + _wave(rng, fine, 1.2, (4.0, 30.0))

@@ -119,7 +119,8 @@ def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Fl
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     apart = max(1, round(WINDOW_S / step))
     if len(time) <= apart or step * apart > LONGEST_WINDOW_S:
-        return Changes(*np.empty((6, 0)), np.empty(0, np.int64))
+        none = np.empty(0)
+        return Changes(none, none, none, none, none, none, np.empty(0, np.int64))
     begin, end = slice(None, -apart), slice(apart, None)
     speed = np.hypot(north, east)
     turned = wrap_angle(np.diff(np.arctan2(north, east)))  # anticlockwise

@@ -20,14 +20,17 @@ from fusion.methods.profile.alignment import (
 )
 from fusion.methods.profile.blocks import Estimate
 from fusion.methods.profile.sampling import binned
-from fusion.types import DriveLog
+from fusion.types import DriveLog, Floats
 
 LAG_FLOOR_S = 0.01
 YAW_FLOOR_RAD = np.radians(0.25)
 """One sigma of what the method itself may be wrong by: interpolation, a receiver's own filter, the antenna's place. So
-the least that is set right is 0.03 s and 0.75 degrees."""
+the least that is set right is 0.03 s and 1 degree."""
 USUAL_LAG_S, USUAL_YAW_RAD = 0.2, np.radians(5.0)
 """How large such errors usually are, where there are any: filters of a few samples, a phone in its holder."""
+CLEAR_YAW = 4.0
+"""Sigmas from which on a yaw is set right: few bends can look like one (1 drive in 60 by 3 sigma), and forces that are
+turned wrongly do more harm than those that are a little late."""
 MOST_YAW_RAD = np.radians(45.0)
 """A larger angle is an axis that is not the forward one."""
 
@@ -54,7 +57,7 @@ def set_right(log: DriveLog) -> tuple[DriveLog, Inertia]:
     f = log.force
     time, forward, left = binned(f.time_s, INERTIAL_SAMPLE_S, f.acc_x_mps2, f.acc_y_mps2)
     yaw = mount_yaw(changes, Signal(time, forward), Signal(time, left)).with_floor(YAW_FLOOR_RAD)
-    yaw_rad = yaw.worth(USUAL_YAW_RAD) if abs(yaw.value) < MOST_YAW_RAD else 0.0
+    yaw_rad = yaw.worth(USUAL_YAW_RAD, CLEAR_YAW) if abs(yaw.value) < MOST_YAW_RAD else 0.0
     if yaw_rad:
         turned = np.cos(yaw_rad) * f.acc_x_mps2 - np.sin(yaw_rad) * f.acc_y_mps2
         log = replace(log, force=replace(f, acc_x_mps2=turned))
@@ -67,14 +70,14 @@ def _cues(log: DriveLog, changes: Changes) -> list[Cue]:
     known = np.isfinite(a.yaw_rad)
     nose = np.unwrap(a.yaw_rad[known])  # clockwise
     one = np.ones(len(changes))
-    found = [
-        (Signal(*binned(f.time_s, INERTIAL_SAMPLE_S, f.acc_x_mps2)), changes.forward_mps, one),
-        (Signal(*binned(f.time_s, INERTIAL_SAMPLE_S, f.acc_y_mps2)), changes.left_mps, one),
-        (Signal(*binned(w.time_s, INERTIAL_SAMPLE_S, w.gyr_z_radps)), changes.left_mps, changes.speed_mps),
-        (
-            Signal(*binned(a.time_s[known], INERTIAL_SAMPLE_S, nose), angle=True),
-            changes.left_mps,
-            -changes.speed_mps,
-        ),
+    return [
+        Cue(_signal(f.time_s, f.acc_x_mps2), changes.forward_mps, one),
+        Cue(_signal(f.time_s, f.acc_y_mps2), changes.left_mps, one),
+        Cue(_signal(w.time_s, w.gyr_z_radps), changes.left_mps, changes.speed_mps),
+        Cue(_signal(a.time_s[known], nose, angle=True), changes.left_mps, -changes.speed_mps),
     ]
-    return [Cue(*parts) for parts in found]
+
+
+def _signal(time_s: Floats, value: Floats, angle: bool = False) -> Signal:
+    time, mean = binned(time_s, INERTIAL_SAMPLE_S, value)
+    return Signal(time, mean, angle)
