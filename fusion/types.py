@@ -162,9 +162,10 @@ class Odometry(SensorTable):
 
 @dataclass(frozen=True)
 class Pressure(SensorTable):
-    """Barometric pressure."""
+    """Barometric pressure, and the temperature that the device states (its own, for want of the air's)."""
 
     pressure_pa: Floats
+    temperature_k: Floats
 
 
 @dataclass(frozen=True)

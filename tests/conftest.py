@@ -140,7 +140,7 @@ def karlsruhe(shared_data: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def receiver_log(karlsruhe: Path) -> Callable[..., Path]:
-    """``receiver_log(name, path, seed=0, profile="m8", cut=None)``: a log along a reference drive, as a CSV."""
+    """``receiver_log(name, path, seed=0, profile="m8", cut=None, rate=1.0)``: a log along a reference drive, a CSV."""
     tool = karlsruhe.parents[1] / "tools" / "roadtruth.py"
     if not tool.exists():
         pytest.skip("roadtruth.py (../shared/tools) is not on this machine")
@@ -150,9 +150,16 @@ def receiver_log(karlsruhe: Path) -> Callable[..., Path]:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
 
-    def make(name: str, path: Path, seed: int = 0, profile: str = "m8", cut: list[str] | None = None) -> Path:
+    def make(
+        name: str,
+        path: Path,
+        seed: int = 0,
+        profile: str = "m8",
+        cut: list[str] | None = None,
+        rate: float = 1.0,
+    ) -> Path:
         reference = str(karlsruhe / f"ref_{name}.csv")
-        wanted = SimpleNamespace(ref=reference, out=str(path), seed=seed, rate=1.0, profile=profile, cut=cut)
+        wanted = SimpleNamespace(ref=reference, out=str(path), seed=seed, rate=rate, profile=profile, cut=cut)
         with contextlib.redirect_stdout(io.StringIO()):
             module.drive(wanted)
         return path

@@ -21,7 +21,7 @@ NUMBERS: tuple[str, ...] = (
     "vel_n_mps", "vel_e_mps", "vel_d_mps", "s_acc_mps", "speed_mps", "heading_deg",
     "acc_x_mps2", "acc_y_mps2", "acc_z_mps2", "gyr_x_dps", "gyr_y_dps", "gyr_z_dps",
     "roll_deg", "pitch_deg", "yaw_deg", "pitch_acc_deg",
-    "wheel_left_rad", "wheel_right_rad", "odo_speed_mps", "pressure_hpa",
+    "wheel_left_rad", "wheel_right_rad", "odo_speed_mps", "pressure_hpa", "temperature_c",
 )  # fmt: skip
 COLUMNS = ("time", *NUMBERS)
 NOT_MEASURED = ["", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None"]

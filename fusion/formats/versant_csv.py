@@ -32,6 +32,7 @@ from fusion.types import (
 )
 
 DEG = np.pi / 180
+FREEZING_K = 273.15
 _OTHER_KINDS = (b"$", b"<", b"{", b"[", b"%")
 _WORST_ACCURACY = 10_000.0
 
@@ -112,6 +113,7 @@ def _assemble(block: Block, notes: Notes) -> dict[str, SensorTable]:
         n.replace("deg", "rad"): col[n] * DEG for n in ("roll_deg", "pitch_deg", "yaw_deg", "pitch_acc_deg")
     }
     used |= {"speed_mps": col["odo_speed_mps"], "pressure_pa": col["pressure_hpa"] * 100}
+    used["temperature_k"] = col["temperature_c"] + FREEZING_K
     position = {n: used[n][here] for n in GnssFix.columns()}
     tables: dict[str, SensorTable] = {
         "fix": GnssFix.assemble(time_s[here], notes.repaired, **position),

@@ -39,9 +39,9 @@ def test_rows_without_any_value_are_dropped_and_columns_not_given_are_unknown() 
 
 def test_a_table_refuses_columns_of_other_lengths_and_times_that_stand_still() -> None:
     with pytest.raises(ValueError, match="shape"):
-        Pressure(np.array([0.0, 1.0]), np.array([1.0]))
+        Pressure(np.array([0.0, 1.0]), np.array([1.0]), np.array([1.0, 2.0]))
     with pytest.raises(ValueError, match="increase strictly"):
-        Pressure(np.array([0.0, 0.0]), np.array([1.0, 1.0]))
+        Pressure(np.array([0.0, 0.0]), np.array([1.0, 1.0]), np.array([1.0, 1.0]))
 
 
 def test_a_log_says_what_it_lacks() -> None:

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.frames import GRAVITY_MPS2
+from fusion.methods.profile.barometer import pressure_heights
+from fusion.methods.profile.inertia import set_right
 from fusion.methods.profile.path import DrivenPath, ground_speed
+from fusion.methods.profile.sampling import binned
 from fusion.terrain.dem import Dem
 from fusion.types import Bools, DriveLog, Floats, Ints
 
@@ -31,8 +34,6 @@ _DOPPLER_FLOOR = 0.002
 """What a grade by Doppler is wrong by at any speed (spec 7: 0.2 %)."""
 _DEFAULT_DOPPLER_MPS = 0.3
 """Accuracy of vertical velocities of a log that states none."""
-_ATMOSPHERE = (44_330.77, 101_325.0, 0.190263)
-"""Scale (m), pressure at sea level (Pa) and exponent of the standard atmosphere's height."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +79,9 @@ def build_measurements(
     log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[int], lags: Lags = Lags()
 ) -> Measurements:
     """All measurements of the sensors ``use`` that lie on the path."""
-    speed_time, speed, _ = ground_speed(log)
-    if not len(speed_time):
-        speed_time, speed = _speed_of_path(path)
+    if use & {PITCH, FORCE}:
+        log, _ = set_right(log)
+    speed_time, speed = speeds(log, path)
     parts = []
     for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure)):
         if sensor in use:
@@ -158,17 +159,6 @@ def acceleration(time: Floats, speed_time: Floats, speed: Floats) -> Floats:
     return np.where(near, (v[0] - 8 * v[1] + 8 * v[2] - v[3]) / (12 * step_s), np.nan)
 
 
-def binned(time: Floats, period_s: float, *columns: Floats) -> tuple[Floats, ...]:
-    """Means of columns over slots of ``period_s``, at their mean times; columns as given where they are sparser."""
-    known = np.all(np.isfinite(columns), axis=0)
-    time, kept = time[known], [c[known] for c in columns]
-    if len(time) < 2 or np.median(np.diff(time)) >= 0.95 * period_s:
-        return (time, *kept)
-    slot = np.floor((time - time[0]) / period_s + 1e-6).astype(np.int64)
-    _, start, count = np.unique(slot, return_index=True, return_counts=True)
-    return tuple(np.add.reduceat(c, start) / count for c in (time, *kept))
-
-
 Column = tuple[Floats, Floats, Floats]
 
 
@@ -244,11 +234,9 @@ def _force(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -
 
 
 def _pressure(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
-    """Height in the standard atmosphere; its drift is the filter's affair."""
-    scale, sea_level, exponent = _ATMOSPHERE
-    with np.errstate(invalid="ignore"):
-        height = scale * (1 - (log.pressure.pressure_pa / sea_level) ** exponent)
-    time, value = binned(log.pressure.time_s, PERIOD_S[BARO], height)
+    """Height by the air's pressure; its drift is the filter's affair."""
+    at, height = pressure_heights(log, speed_time, speed)
+    time, value = binned(at, PERIOD_S[BARO], height)
     return time, value, np.full(len(time), np.nan)
 
 
@@ -284,8 +272,11 @@ def _near_structure(path: DrivenPath, along: Floats) -> Bools:
     return (last >= 0) & (along <= reach[np.maximum(last, 0)]) if len(end) else np.zeros(len(along), bool)
 
 
-def _speed_of_path(path: DrivenPath) -> tuple[Floats, Floats]:
-    """Speeds by the positions, for logs that have no others."""
+def speeds(log: DriveLog, path: DrivenPath) -> tuple[Floats, Floats]:
+    """Times and ground speeds; by the positions, for logs that have no others."""
+    time, speed, _ = ground_speed(log)
+    if len(time):
+        return time, speed
     time, step = path.time_s, np.diff(path.time_s)
     same = np.diff(path.run) == 0
     speed = np.where(same, np.diff(path.along_m) / np.maximum(step, 1e-3), 0.0)

@@ -12,8 +12,19 @@ from typing import Any
 
 import numpy as np
 
+from fusion.methods.profile.barometer import set_right_share, speed_pressure
+from fusion.methods.profile.blocks import Estimate
 from fusion.methods.profile.factors import MIN_CONFIDENCE
-from fusion.methods.profile.measurements import BARO, DOPPLER, FORCE, PITCH, SENSORS, Measurements
+from fusion.methods.profile.inertia import set_right
+from fusion.methods.profile.measurements import (
+    BARO,
+    DOPPLER,
+    FORCE,
+    PITCH,
+    SENSORS,
+    Measurements,
+    speeds,
+)
 from fusion.methods.profile.model import DRIFT, GRADE, MOUNT, SmootherEpochs, linear_model
 from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath, ground_speed
@@ -52,6 +63,8 @@ def drive_report(
         "noise": asdict(learned.noise),
         "own_speed_scale": ground_speed(log)[2],
         "mount": _mount(measured, epochs, learned),
+        "inertia": _inertia(log, measured),
+        "speed_pressure": _speed_pressure(log, path, measured),
         "height_jumps_s": [float(epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
         "sensors": _contributions(measured, epochs, learned),
     }
@@ -75,6 +88,35 @@ def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> 
         "sigma_deg": float(np.degrees(sigma)),
         "moves": moves,
     }
+
+
+def _inertia(log: DriveLog, measured: Measurements) -> dict[str, Any] | None:
+    """How late inertial data are against GNSS, and the yaw of their sensor; None without pitch and specific force.
+
+    What was set right, which is 0 where it is not clear, and what was found (None where nothing shows it).
+    """
+    if not np.isin(measured.sensor, (PITCH, FORCE)).any():
+        return None
+    _, inertia = set_right(log)
+    return {
+        "imu_lag_s": inertia.lag_s,
+        "found_imu_lag_s": _found(inertia.lag),
+        "mount_yaw_deg": float(np.degrees(inertia.yaw_rad)),
+        "found_mount_yaw_deg": _found(inertia.yaw, 180 / np.pi),
+    }
+
+
+def _speed_pressure(log: DriveLog, path: DrivenPath, measured: Measurements) -> dict[str, Any] | None:
+    """The share of the dynamic pressure that a barometer feels, likewise; None without pressure."""
+    if not (measured.sensor == BARO).any():
+        return None
+    share = speed_pressure(log, *speeds(log, path))
+    return {"share": set_right_share(share), "found_share": _found(share)}
+
+
+def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:
+    known = np.isfinite(estimate.sigma)
+    return {"value": unit * estimate.value, "sigma": unit * estimate.sigma} if known else None
 
 
 def _contributions(

@@ -14,9 +14,9 @@ from fusion.formats.csv_cells import COLUMNS, NUMBERS
 ALL = (
     "time_s,lat_deg,lon_deg,alt_msl_m,height_ell_m,h_acc_m,v_acc_m,vel_n_mps,vel_e_mps,vel_d_mps,s_acc_mps,speed_mps,"
     "heading_deg,acc_x_mps2,acc_y_mps2,acc_z_mps2,gyr_x_dps,gyr_y_dps,gyr_z_dps,roll_deg,pitch_deg,yaw_deg,"
-    "pitch_acc_deg,wheel_left_rad,wheel_right_rad,odo_speed_mps,pressure_hpa"
+    "pitch_acc_deg,wheel_left_rad,wheel_right_rad,odo_speed_mps,pressure_hpa,temperature_c"
 )
-VALUES = "1525448060.5,49,8,100,148,1,2,3,4,-0.5,0.1,5,90,0.1,0.2,9.8,10,20,30,1,2,270,0.3,11,12,5.1,1013.25"
+VALUES = "1525448060.5,49,8,100,148,1,2,3,4,-0.5,0.1,5,90,0.1,0.2,9.8,10,20,30,1,2,270,0.3,11,12,5.1,1013.25,12.5"
 
 
 def test_every_column_of_the_design_reaches_its_table_in_si_units() -> None:
@@ -35,6 +35,7 @@ def test_every_column_of_the_design_reaches_its_table_in_si_units() -> None:
     )
     assert [float(c[0]) for c in (o.wheel_left_rad, o.wheel_right_rad, o.speed_mps)] == [11, 12, 5.1]
     assert p.pressure_pa[0] == pytest.approx(101325)
+    assert p.temperature_k[0] == pytest.approx(285.65)
     assert f.time_s[0] == 1525448060.5
 
 

@@ -1,0 +1,18 @@
+"""Samples brought to a common rate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fusion.types import Floats
+
+
+def binned(time: Floats, period_s: float, *columns: Floats) -> tuple[Floats, ...]:
+    """Means of columns over slots of ``period_s``, at their mean times; columns as given where they are sparser."""
+    known = np.all(np.isfinite(columns), axis=0)
+    time, kept = time[known], [c[known] for c in columns]
+    if len(time) < 2 or np.median(np.diff(time)) >= 0.95 * period_s:
+        return (time, *kept)
+    slot = np.floor((time - time[0]) / period_s + 1e-6).astype(np.int64)
+    _, start, count = np.unique(slot, return_index=True, return_counts=True)
+    return tuple(np.add.reduceat(c, start) / count for c in (time, *kept))
