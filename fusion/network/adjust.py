@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fusion.network.drive_beliefs import DriveBeliefs
+from fusion.network.elsewhere import ConstantsSaid, blocks_elsewhere
 from fusion.network.equations import EquationSystem
 from fusion.network.pass_factor import PassFactor
 from fusion.network.published import Adjustment, published
@@ -24,9 +25,16 @@ ROUNDS = 4
 
 
 def adjust(
-    network: RoadTable, drives: Mapping[int, Sequence[PassFactor]], terrain: Terrain | None = None
+    network: RoadTable,
+    drives: Mapping[int, Sequence[PassFactor]],
+    terrain: Terrain | None = None,
+    *,
+    elsewhere: Mapping[int, ConstantsSaid] | None = None,
 ) -> Adjustment:
-    """Solve a network; ``PassFactor.segment`` are its rows, the keys of ``drives`` any numbers that differ."""
+    """Solve a network; ``PassFactor.segment`` are its rows, the keys of ``drives`` any numbers that differ.
+
+    ``elsewhere`` is what the passes of drives outside the network say about their constants.
+    """
     everything = [p for d in sorted(drives) for p in drives[d]]
     road = RoadBeliefs(network, everything)
     said = DriveBeliefs(drives, road.unknowns)
@@ -34,8 +42,9 @@ def adjust(
     driven[[p.segment for p in everything]] = True
     model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
     last = np.array([] if said.lag_mean is None else [said.lag_mean], np.int64)
+    outside = blocks_elsewhere(elsewhere or {}, said.unknowns)
     system = EquationSystem(
-        said.size, [*road.blocks(), *said.blocks(), *(model.blocks() if model else [])], last
+        said.size, [*road.blocks(), *said.blocks(), *outside, *(model.blocks() if model else [])], last
     )
     for number in range(ROUNDS):
         solution = system.solve()
