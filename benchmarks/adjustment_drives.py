@@ -126,7 +126,10 @@ class Synthetic:
         grade = forward[k] * (self.height(rows[k], share + step) - self.height(rows[k], share - step))
         n = len(time_s)
         mount, bias, squat = rng.normal(size=3) * (MOUNT_SIGMA, BIAS_SIGMA, SQUAT_SIGMA)
-        acceleration, wander = ACCELERATION_MPS2 * rng.normal(size=n), WANDER_SIGMA * rng.normal(size=len(rows))
+        acceleration, wander = (
+            ACCELERATION_MPS2 * rng.normal(size=n),
+            WANDER_SIGMA * rng.normal(size=len(rows)),
+        )
         zero, one = np.zeros(n), np.ones(n)
         late_s = rng.normal(*LAG_S)
         variable, high = height_weights(share * length[k], length[k])
@@ -167,9 +170,7 @@ class Synthetic:
     def _factors(self, rows: Ints, enter_s: Floats, leave_s: Floats, *data: Floats) -> list[PassFactor]:
         *columns, first = data
         size = variable_count(self.length[rows]) + NUISANCES
-        information, vector, square = (
-            np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows))
-        )
+        information, vector, square = (np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows)))
         walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives
         sum_passes(
             first, size, *columns, enter_s, leave_s, np.array(walk), np.empty(0), 0.0, WANDER_SIGMA**-2.0,

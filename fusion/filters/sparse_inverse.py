@@ -10,21 +10,20 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from fusion.filters.fronts import (
+from fusion.filters.front_tree import (
     Tree,
     column_counts,
     elimination_tree,
-    factorise,
     front_columns,
     front_rows,
     gather_blocks,
     postorder,
-    selected_inverse,
     slots_of,
-    solve_in_place,
     stack_sizes,
     triangle,
 )
+from fusion.filters.fronts import factorise, selected_inverse, solve_in_place
+from fusion.filters.minimum_degree import minimum_degree
 from fusion.types import Floats, Ints
 
 
@@ -136,19 +135,9 @@ class NormalEquations:
         return out
 
 
-def fill_reducing_order(matrix: scipy.sparse.csc_matrix) -> Ints:
-    """An elimination order (n,) with little fill: minimum degree, as SuperLU finds it."""
-    n = matrix.shape[0]
-    held = scipy.sparse.csc_matrix(
-        (np.ones(matrix.nnz), matrix.indices, matrix.indptr), matrix.shape
-    ) + scipy.sparse.identity(n, format="csc") * (2.0 * n)
-    factor = scipy.sparse.linalg.splu(
-        held.tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True, "Equil": False},
-    )
-    return np.argsort(factor.perm_c).astype(np.int64)
+def fill_reducing_order(pattern: scipy.sparse.csc_matrix) -> Ints:
+    """An elimination order (n,) with little fill for a symmetric pattern (n, n)."""
+    return np.asarray(minimum_degree(pattern.indptr.astype(np.int64), pattern.indices.astype(np.int64)))
 
 
 def _inverse_of(order: Ints) -> Ints:

@@ -76,7 +76,9 @@ class DriveBeliefs:
         pairs, variance, series = [np.empty((0, 2), np.int64)], [np.empty(0)], [np.empty(0, np.int64)]
         for d in self.names:
             u, passes = self.unknowns[d], self.passes[d]
-            first_s, last_s = (np.array([getattr(p, f"{n}_time_s") for p in passes]) for n in ("first", "last"))
+            first_s, last_s = (
+                np.array([getattr(p, f"{n}_time_s") for p in passes]) for n in ("first", "last")
+            )
             rate = np.array([p.walk_m2_per_s for p in passes])
             for s in range(len(HEIGHT_SENSORS)):
                 before, after = u.joints(s)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from fusion.filters.fronts import add_blocks
+from fusion.filters.front_tree import add_blocks
 from fusion.filters.sparse_inverse import Elimination, NormalEquations, fill_reducing_order
 from fusion.types import Floats, Ints
 
