@@ -6,6 +6,7 @@ Knows where things stand, not what is believed or measured of them (``adjust``).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy
@@ -54,12 +55,18 @@ class Blocks:
         return np.asarray(self.squares(solution.x) + np.maximum(spread, 0.0))
 
 
+class Covariances(Protocol):
+    """Whoever knows covariances (m, k, k) among unknowns (m, k) that share an equation."""
+
+    def covariance(self, rows: Ints) -> Floats: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The solution (size,) and the factorised equations, which know its covariances."""
 
     x: Floats
-    equations: NormalEquations
+    equations: Covariances
 
 
 class EquationSystem:
