@@ -114,3 +114,10 @@ def _unpacked(data: Sequence[bytes]) -> tuple[list[list[float]], Floats, Floats]
     row, column = (kept[v] for v in np.triu_indices(count))
     information[:, row, column] = information[:, column, row] = values[:, _HEAD + 1 + count :]
     return values[:, :_HEAD].tolist(), vector, information
+
+
+def symmetric(upper: Floats, size: int) -> Floats:
+    """The symmetric matrix (size, size) with this upper triangle, row by row."""
+    out = np.zeros((size, size))
+    out[np.triu_indices(size)] = upper
+    return np.asarray(out + np.triu(out, 1).T)

@@ -294,9 +294,8 @@ def test_boxes_hold_all_that_is_near_and_do_not_overlap(
 def test_what_is_published_of_a_window_is_as_of_the_whole_and_the_rest_keeps() -> None:
     """A further drive through a corner of a town: 99 % within a tenth of a sigma, inside and beyond."""
     table, drives = driven_town(36, 30, 24, 4000.0)
-    last = max(drives)
-    east, north = table.lon0_deg < 8.506, table.lat0_deg < 49.004
-    drives[last] = [p for p in drives[last] if east[p.segment] and north[p.segment]]
+    last, corner = max(drives), (table.lon0_deg < 8.506) & (table.lat0_deg < 49.004)
+    drives = {**drives, last: [p for p in drives[last] if corner[p.segment]]}
     before = {k: d for k, d in drives.items() if k != last}
     driven = mask(table, *(p.segment for d in drives.values() for p in d))
     touched = mask(table, *(p.segment for p in drives[last]))
