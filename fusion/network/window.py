@@ -21,7 +21,8 @@ PUBLISH_RADIUS_M = 300.0
 it, ``benchmarks/adjustment.py``)."""
 WINDOW_RADIUS_M = 500.0
 """So far the network is solved, so that of what lies within ``PUBLISH_RADIUS_M`` 99 % come out within a tenth of their
-sigma of the solution of all (0.08, ``benchmarks/adjustment.py``; 0.17 with 400 m)."""
+sigma of the solution of all (0.08 with a hundred drives over Heidelberg, ``benchmarks/adjustment.py``; 0.17 with
+400 m). Where few drives are near, less closely (0.18 with two passes over each street of a made-up town)."""
 LONGEST_GAP_M = 200.0
 """Longer ways between driven nodes get no slope."""
 
