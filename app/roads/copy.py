@@ -1,7 +1,8 @@
 """A ``RoadTable`` as PostgreSQL's binary COPY, made by numpy: no Python per row.
 
-Rows with equally many knots are equally wide. Text would vary, so the few distinct (highway, name) pairs travel in a table of their own and the
-rows carry their number. Geometries are EWKB (a line of two points, little-endian, with SRID).
+Rows with equally many knots are equally wide. Text would vary, so the few distinct (highway, name) pairs travel in a
+table of their own and the rows carry their number. Geometries are EWKB (a line of two points,
+little-endian, with SRID).
 """
 
 from __future__ import annotations
