@@ -7,6 +7,7 @@ FusionError
 │   └── MalformedLogError        a known format, broken beyond skipping
 ├── RoadsError          a road file cannot be used
 ├── TerrainError        an elevation raster cannot be used
+├── ControlError        a file of surveyed heights cannot be used
 └── MethodError         a method cannot do what was asked
     ├── UnknownNameError         a name that no registry holds
     ├── BadOptionsError          options that the method does not take
@@ -64,6 +65,12 @@ class TerrainError(FusionError):
     """An elevation raster cannot be used."""
 
     kind = "bad-terrain"
+
+
+class ControlError(FusionError):
+    """A file of surveyed heights cannot be used."""
+
+    kind = "bad-control"
 
 
 class MethodError(FusionError):

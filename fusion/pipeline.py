@@ -20,13 +20,16 @@ from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
+from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions
 from fusion.network.window import gap_rows
+from fusion.network.witnesses import Witness, repeated
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
+from fusion.terrain.datum import datum_of_log, datum_of_network
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Ints, Progress, Track, no_progress
 
@@ -130,6 +133,7 @@ def _report(
         "dem": None if dem is None else dem.description,
         "dem_datum": None if dem is None else dem.datum,
         "geoid": log.geoid,
+        "height_datum": datum_of_log(log),
         "missing": list(log.missing),
         "skipped": dict(log.skipped),
         "repaired": dict(log.repaired),
@@ -172,17 +176,25 @@ class SolvedNetwork(NamedTuple):
     """By row of the road file: driven segments and gaps."""
     rejected: list[int]
     """For each drive, the segments that it passed and on which it is rejected, for it contradicts the others."""
+    repeated: dict[int, int]
+    """Drives that another log is of too, each with that one: they are not heard a second time."""
+    remarks: list[str]
+    """Sentences on control points that have no road, or that the drives contradict."""
 
 
-def solve_network(roads: RoadTable, dem: Dem | None, drives: Sequence[FusedDrive]) -> SolvedNetwork:
+def solve_network(
+    roads: RoadTable, dem: Dem | None, drives: Sequence[FusedDrive], control: Sequence[ControlPoint] = ()
+) -> SolvedNetwork:
     """Solve the drives that give factors together, as the service does; the others have no part in it."""
     rejected = [0] * len(drives)
+    again = repeated({k: _witness(one) for k, one in enumerate(drives)})
     # In the order of driving, so that the order in which logs are named changes no digit.
     numbers = sorted(
-        (k for k, one in enumerate(drives) if one.result.factors), key=lambda k: _begin(drives[k])
+        (k for k, one in enumerate(drives) if one.result.factors and k not in again),
+        key=lambda k: _begin(drives[k]),
     )
     if not numbers:
-        return SolvedNetwork({}, rejected)
+        return SolvedNetwork({}, rejected, again, [])
     passes = {
         number: [
             replace(f, segment=int(drives[number].rows[f.segment])) for f in drives[number].result.factors
@@ -190,18 +202,44 @@ def solve_network(roads: RoadTable, dem: Dem | None, drives: Sequence[FusedDrive
         for number in numbers
     }
     near = surroundings([drives[k] for k in numbers])
+    surveyed, far = place(control, roads.subset(near))
     for _ in range(LAG_ROUNDS):
-        solved = _solved(roads, dem, near, passes)
+        solved = _solved(roads, dem, near, passes, surveyed)
         if not _relinearised(passes, drives, solved.lag_s):
             break
     for (number, _), weight in solved.heard.items():
         rejected[number] += weight == 0
-    return SolvedNetwork(solved.parts, rejected)
+    remarks = [
+        f"Control point {point.called} lies more than {REACH_M:g} m from the roads around the drives."
+        for point in far
+    ]
+    return SolvedNetwork(solved.parts, rejected, again, remarks + solved.remarks)
+
+
+def network_datum(
+    dem: Dem | None, drives: Sequence[FusedDrive], control: Sequence[ControlPoint] = ()
+) -> str | None:
+    """What the heights of ``solve_network`` refer to, in words; None where it gives none."""
+    with_heights = [one.result.report for one in drives if one.result.factors]
+    if not with_heights:
+        return None
+    logs = [report["height_datum"] for report in with_heights]
+    return datum_of_network(logs, dem.datum if dem else None, bool(control))
 
 
 def surroundings(drives: Sequence[FusedDrive]) -> Ints:
     """Rows of the road file around the drives: farther than any gap beside a track is long."""
     return np.unique(np.concatenate([one.rows for one in drives]))
+
+
+def _witness(one: FusedDrive) -> Witness:
+    said = one.result.factors or one.result.slopes
+    return Witness(
+        one.rows[np.array([s.segment for s in said], np.int64)],
+        np.array([s.first_time_s for s in said], float),
+        one.result.track.time_s,
+        sum(f.rows for f in one.result.factors) or sum(s.observations for s in said),
+    )
 
 
 def _begin(one: FusedDrive) -> float:
@@ -228,10 +266,15 @@ class _Solved(NamedTuple):
     parts: dict[int, list[SlopePart]]
     heard: dict[tuple[int, int], int]
     lag_s: dict[int, float]
+    remarks: list[str]
 
 
 def _solved(
-    roads: RoadTable, dem: Dem | None, near: Ints, passes: Mapping[int, Sequence[PassFactor]]
+    roads: RoadTable,
+    dem: Dem | None,
+    near: Ints,
+    passes: Mapping[int, Sequence[PassFactor]],
+    surveyed: ControlHeights,
 ) -> _Solved:
     """The solution over the rows ``near``, and for each drive and row how many of its passes are heard there."""
     table = roads.subset(near)
@@ -242,23 +285,20 @@ def _solved(
     terrain = heights_at(dem.heights(*knot_positions(table))) if dem else None
     # In the order of driving, so that the order in which logs are named changes no digit.
     own = {k: [replace(f, segment=row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
-    result = adjust(table, own, terrain)
+    result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)
     heard: dict[tuple[int, int], int] = {}
     for (k, sequence), good in result.heard.items():
         row = int(rows[next(f.segment for f in own[k] if f.sequence == sequence)])
         heard[names[k], row] = heard.get((names[k], row), 0) + good
     drives_on = Counter(row for (_, row), count in heard.items() if count)
-    columns = zip(
-        rows.tolist(),
-        result.slope_percent.tolist(),
-        result.slope_sigma_percent.tolist(),
-        result.observations.tolist(),
-        strict=True,
-    )
-    parts = {
-        row: [SlopePart(slope, sigma, drives_on[row], observations, network=True)]
-        for row, slope, sigma, observations in columns
-        if np.isfinite(slope) and np.isfinite(sigma)
-    }
-    return _Solved(parts, heard, {names[k]: lag for k, lag in result.lag_s.items()})
+    undriven = [
+        f"Control point {name} lies on a road that no drive knows."
+        for name, row in zip(surveyed.names, surveyed.row.tolist(), strict=True)
+        if not solved[row]
+    ]
+    lags = {names[k]: lag for k, lag in result.lag_s.items()}
+    counted = [drives_on[row] for row in rows.tolist()]
+    said = zip(rows.tolist(), result.parts(counted), strict=True)
+    parts = {row: [part] for row, part in said if part is not None}
+    return _Solved(parts, heard, lags, undriven + result.remarks)

@@ -45,6 +45,9 @@ COMMANDS = {
     "import-dem": Command(
         "app.cli.imports", "Add elevation rasters to the terrain that drives and roads are compared with."
     ),
+    "import-control": Command(
+        "app.cli.imports", "Add surveyed heights to what the network's heights rest on."
+    ),
     "upload": Command(
         "app.cli.remote", "Upload drive logs to a service; exit status 1 if any of them failed."
     ),

@@ -18,7 +18,7 @@ from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
-    from app.cli.fuse_files import FusedLog, Fusion
+    from app.cli.fuse_files import FusedLog, Fusion, Together
     from app.map.segment import Segment
     from fusion.methods.base import Options
 
@@ -48,6 +48,13 @@ def fuse(
     option: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="Option of the method; may be given several times."),
+    ] = None,
+    control: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Surveyed heights: lat_deg, lon_deg, height_m, sigma_m (0.1 where not stated), above the logs' datum.",
+        ),
     ] = None,
     gaps: Annotated[
         bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
@@ -94,8 +101,9 @@ def fuse(
     """
     from app.cli.fuse_files import Fusion
     from app.map.attribution import attribution
-    from app.map.outputs import write
+    from app.map.outputs import stated, write
     from app.map.outputs.geojson import collection_chunks
+    from fusion.network.control import read_control
     from fusion.roads.osm import read_roads
     from fusion.terrain.dem import Dem
 
@@ -103,26 +111,32 @@ def fuse(
     chosen = _usable(method, option or [], out)
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
+        points = read_control(control) if control else []
         bars = stack.enter_context(console.progress())
         terrain = stack.enter_context(Dem.open(dem)) if dem else None
         table = read_roads(roads, bars.work(roads.name))
-        fusion = Fusion(method, chosen, table, terrain)
+        fusion = Fusion(method, chosen, table, terrain, points)
         outcomes = [_one(fusion, path, console, bars) for path in logs]
-        features, rejected = fusion.solve(gaps=gaps)
-    done = [outcome for outcome in outcomes if outcome["status"] == "done"]
-    for outcome, count in zip(done, rejected, strict=True):
-        outcome["rejected_segments"] = count
+        together = fusion.solve(gaps=gaps)
+    features, datum = together.features, together.height_datum
+    _agreement(fusion, together, outcomes, console)
     source = attribution(terrain.names if terrain else ())
     if fusion.fused and out is None:
-        sys.stdout.writelines(collection_chunks(features, {"attribution": source}))
+        sys.stdout.writelines(collection_chunks(features, stated(source, datum)))
     elif fusion.fused and out is not None:
-        write(features, out, source=source)
+        write(features, out, source=source, height_datum=datum)
         console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(logs)} logs.")
     if fusion.fused and map_file is not None:
         _map(fusion, features, map_file, source, console)
     for number, one in enumerate(fusion.fused, 1):
         _pictures(one, number if len(fusion.fused) > 1 else None, profile, track, console)
-    write_json(json_file, {"method": method, "segments": len(features), "logs": outcomes})
+    figures = {
+        "method": method,
+        "segments": len(features),
+        "height_datum": datum,
+        "remarks": together.remarks,
+    }
+    write_json(json_file, {**figures, "logs": outcomes})
     if any(outcome["status"] == "failed" for outcome in outcomes):
         raise typer.Exit(1)
 
@@ -168,6 +182,19 @@ def _one(fusion: Fusion, path: Path, console: Console, bars: Bars) -> dict[str, 
             raise
         reason = console.complain_of(path, error)
         return {"file": str(path), "status": "failed", "reason": reason, "segments": 0}
+
+
+def _agreement(fusion: Fusion, together: Together, outcomes: list[dict[str, Any]], console: Console) -> None:
+    """Say of each log how it agrees with the others, in its outcome and, where a person must know it, aloud."""
+    done = [outcome for outcome in outcomes if outcome["status"] == "done"]
+    for k, (outcome, count) in enumerate(zip(done, together.rejected, strict=True)):
+        outcome["rejected_segments"] = count
+        if k in together.repeated:
+            said = f"The same drive as {fusion.fused[together.repeated[k]].path}: heard once, from that log."
+            console.note(f"{fusion.fused[k].path}: {said}")
+            outcome["report"]["warnings"].append(said)
+    for remark in together.remarks:
+        console.note(remark)
 
 
 def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, console: Console) -> None:

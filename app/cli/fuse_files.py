@@ -15,8 +15,9 @@ import numpy as np
 from app.map.segment import Segment
 from fusion.formats import read_log
 from fusion.methods.base import DriveResult, Options
-from fusion.network.combine import SlopePart, published_slope
-from fusion.pipeline import run_drive, solve_network, surroundings
+from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
+from fusion.network.control import ControlPoint
+from fusion.pipeline import network_datum, run_drive, solve_network, surroundings
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
@@ -41,6 +42,12 @@ class Together(NamedTuple):
     features: list[Segment]
     rejected: list[int]
     """For each log, on how many segments it contradicts the others and is not heard."""
+    repeated: dict[int, int]
+    """Logs of a drive that another log is of too, each with that one, by their places in ``Fusion.fused``."""
+    remarks: list[str]
+    """Sentences on control points."""
+    height_datum: str | None
+    """What the heights refer to; None where there are none."""
 
 
 @dataclass
@@ -51,6 +58,7 @@ class Fusion:
     options: Options
     roads: RoadTable
     dem: Dem | None
+    control: Sequence[ControlPoint] = ()
     fused: list[FusedLog] = field(default_factory=list)
     _seen: dict[str, Path] = field(default_factory=dict)
 
@@ -82,9 +90,10 @@ class Fusion:
 
     def solve(self, now: datetime | None = None, *, gaps: bool = False) -> Together:
         """The ``features``, and how the logs agree."""
-        parts, rejected = solve_network(self.roads, self.dem, self.fused)
-        for one in self.fused:
-            for slope in () if one.result.factors else one.result.slopes:
+        solved = solve_network(self.roads, self.dem, self.fused, self.control)
+        parts = solved.parts
+        for k, one in enumerate(self.fused):
+            for slope in () if one.result.factors or k in solved.repeated else one.result.slopes:
                 said = SlopePart(slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations)
                 parts.setdefault(int(one.rows[slope.segment]), []).append(said)
         shown = sorted(row for row, of_row in parts.items() if gaps or any(part.drives for part in of_row))
@@ -92,7 +101,8 @@ class Fusion:
         terrain = dem_slopes(self.dem, table) if self.dem else np.full(len(table), np.nan)
         now = now or datetime.now(UTC)
         features = [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
-        return Together(features, rejected)
+        datum = network_datum(self.dem, self.fused, self.control)
+        return Together(features, solved.rejected, solved.repeated, solved.remarks, datum)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
@@ -125,6 +135,7 @@ def _feature(
             (float(table.lon0_deg[row]), float(table.lat0_deg[row])),
             (float(table.lon1_deg[row]), float(table.lat1_deg[row])),
         ),
+        **{name: getattr(total, name) for name in NETWORK_ONLY},
     )
 
 

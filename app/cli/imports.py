@@ -1,4 +1,4 @@
-"""What the service's slopes rest on: ``versant import-roads``, ``import-dem``, and ``rebuild`` after such a change."""
+"""What the service's slopes rest on: roads, terrain and surveyed heights, and ``rebuild`` after a change of them."""
 
 # ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
 
@@ -88,6 +88,48 @@ def import_dem(
         typer.echo(f"With a quality layer (option dem_min_quality): {', '.join(with_quality)}.")
     figures = {"rasters": active.names, "datum": active.datum, "with_quality": with_quality}
     write_json(json_file, {**figures, "seconds": round(seconds, 3)})
+
+
+@app.command("import-control")
+def import_control(
+    ctx: typer.Context,
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="CSV: lat_deg, lon_deg, height_m, and sigma_m where it is known (else 0.1 m); heights above the datum "
+            "that the logs use.",
+        ),
+    ],
+    replace: Annotated[
+        bool,
+        typer.Option(
+            "--replace",
+            help="Let the file's points be all there are; one that has only a header removes all.",
+        ),
+    ] = False,
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Add surveyed heights to what the network's heights rest on.
+
+    A point belongs to the nearest road within 20 m. The roads around points that are new, changed or gone are solved
+    again; what lies farther away follows when it is solved next, by `versant rebuild` at the latest.
+    """
+    from app.cli.database import sessions
+    from app.network.control import import_control as import_points
+    from fusion.network.control import read_control
+
+    console: Console = ctx.obj
+    points = read_control(file)
+    with sessions(data_dir) as (_, factory), console.progress() as bars:
+        counts = import_points(factory, points, replace=replace, progress=bars.work(file.name))
+    typer.echo(
+        f"{file.name}: {counts.added} points added, {counts.changed} changed, {counts.unchanged} as they were, "
+        f"{counts.removed} removed; {counts.segments} segments solved again."
+    )
+    if counts.without_road:
+        typer.echo(f"{counts.without_road} points lie more than 20 m from any road and wait for one.")
+    write_json(json_file, {"file": str(file), **asdict(counts)})
 
 
 @app.command("rebuild")

@@ -284,6 +284,22 @@ class SegmentSlope(_OfNetwork, Base):
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now())
 
 
+class ControlPoint(Base):
+    """A surveyed height, above the datum that the drives' altitudes use; one at a place."""
+
+    __tablename__ = "control_points"
+
+    lon_deg: Mapped[float] = mapped_column(primary_key=True)
+    lat_deg: Mapped[float] = mapped_column(primary_key=True)
+    height_m: Mapped[float]
+    sigma_m: Mapped[float]
+    name: Mapped[str]
+    """Where it came from: a line of a file."""
+    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+    __table_args__ = (CheckConstraint("sigma_m > 0", name="sigma"),)
+
+
 class DataVersion(Base):
     """One row: the number of the published data, raised by every transaction that changes them."""
 

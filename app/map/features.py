@@ -33,6 +33,7 @@ from app.core.text import GEO_JSON, utc_text
 from app.map import store as segments
 from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
 from app.map.coverage import cached_extent, dem_names
+from app.map.segment import HEIGHT_DATUM
 from app.map.segments import EXAMPLE_ADDRESS, FEATURE_EXAMPLE, MAX_ID, GapsQuery, SegmentId
 from app.network.versions import data_version_tag
 
@@ -46,19 +47,23 @@ OPENAPI_TYPE = "application/vnd.oai.openapi+json;version=3.1"
 DESCRIPTION = (
     "Inclinations of road segments, measured by vehicles. slope_percent is positive uphill from from_node to "
     "to_node, the direction in which the way is drawn; slope_sigma_percent is one standard deviation; "
-    "unknown is null. dem_slope_percent is what the elevation model alone says."
+    "unknown is null. dem_slope_percent is what the elevation model alone says. height_from_m and height_to_m are "
+    f"heights of the nodes, with one standard deviation height_sigma_m, above {HEIGHT_DATUM}; steepest_percent is the "
+    "mean grade over the steepest 20 m inside, from steepest_from_m to steepest_to_m; driven_share is how much of the "
+    "segment was driven, 0 to 1."
 )
 BIND_NOTE = (
     "There is no access control yet: the service listens only on this machine's loopback address unless it "
     "is told otherwise (VERSANT_HOST, --host). Whoever reaches it can read, upload and delete drives."
 )
-ITEMS_SCHEMA = 1
+ITEMS_SCHEMA = 2
 """Raise it whenever items change without their data changing, so that caches notice."""
 ITEM_PARAMETERS = frozenset({"bbox", "limit", "driven", "gaps", "datetime", "after", "f"})
 
 ITEMS_EXAMPLE: dict[str, Any] = {
     "type": "FeatureCollection",
     "attribution": attribution(),
+    "height_datum": HEIGHT_DATUM,
     "timeStamp": "2026-11-20T09:14:00.000Z",
     "numberReturned": 1,
     "links": [
@@ -205,6 +210,7 @@ def items(
     document = {
         "type": "FeatureCollection",
         "attribution": source,
+        "height_datum": HEIGHT_DATUM,
         "timeStamp": utc_text(datetime.now(UTC)),
         **({"numberMatched": len(shown)} if not more and not after else {}),
         "numberReturned": len(shown),

@@ -13,6 +13,10 @@ from typing import Annotated, Any, get_origin, get_type_hints
 
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS, rounded, utc_text
 
+SHARE_DIGITS = 4
+HEIGHT_DATUM = "mean sea level as the receivers logged it, or the datum of control points near these"
+"""What the service's heights refer to. Receivers subtract a geoid of their own, mostly a coarse EGM96."""
+
 Position = tuple[float, float]
 """Longitude, latitude, degrees."""
 
@@ -33,8 +37,8 @@ class Column:
 class Segment:
     """A segment and its slope. Unknown is None or NaN here and null in every output, never 0.
 
-    An undriven segment has neither slope nor ``updated_at``, and counts 0; a gap between driven ones, where gaps are
-    asked for, has a slope and counts 0.
+    An undriven segment has neither slope nor heights nor ``updated_at``, and counts 0; a gap between driven ones, where
+    gaps are asked for, has a slope and counts 0.
     """
 
     id: Annotated[int | None, Column("s.id", "int64")]
@@ -61,6 +65,18 @@ class Segment:
     """When what is published of it last changed; aware."""
     coordinates: tuple[Position, ...]
     """The line, from_node first; its ends where it comes from the database."""
+    height_from_m: Annotated[float | None, Column("a.height_from_m", "double", LENGTH_DIGITS)] = None
+    """Of the network's node, which all segments there share; above ``HEIGHT_DATUM`` or what the file states."""
+    height_to_m: Annotated[float | None, Column("a.height_to_m", "double", LENGTH_DIGITS)] = None
+    height_sigma_m: Annotated[float | None, Column("a.height_sigma_m", "double", LENGTH_DIGITS)] = None
+    """One standard deviation, of the less sure end."""
+    steepest_percent: Annotated[float | None, Column("a.steepest_percent", "double", SLOPE_DIGITS)] = None
+    """Mean grade over the steepest 20 m inside, signed; over the whole segment where it is shorter."""
+    steepest_from_m: Annotated[float | None, Column("a.steepest_from_m", "double", LENGTH_DIGITS)] = None
+    """Where that begins and ends, from from_node."""
+    steepest_to_m: Annotated[float | None, Column("a.steepest_to_m", "double", LENGTH_DIGITS)] = None
+    driven_share: Annotated[float | None, Column("a.driven_share", "double", SHARE_DIGITS)] = None
+    """Of the length, 0 to 1, over which drives of the network are heard; unknown where only slope-only drives were."""
 
     @property
     def stored_id(self) -> int:

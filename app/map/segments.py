@@ -28,7 +28,7 @@ from app.core.http import (
 from app.core.text import GEO_JSON, SLOPE_DIGITS, Moment, rounded
 from app.map import store as segments
 from app.map.attribution import attribution
-from app.map.segment import Segment
+from app.map.segment import HEIGHT_DATUM, Segment
 from app.map.store import ObservationRow
 
 MAX_ID = 2**63 - 1
@@ -58,11 +58,19 @@ FEATURE_EXAMPLE = Segment(
     dem_slope_percent=4.1,
     updated_at=datetime(2026, 11, 20, 9, 13, 2, 4000, UTC),
     coordinates=((8.4812345, 48.9912345), (8.4815678, 48.9915432)),
+    height_from_m=151.204,
+    height_to_m=154.026,
+    height_sigma_m=2.41,
+    steepest_percent=7.9037,
+    steepest_from_m=12.5,
+    steepest_to_m=32.5,
+    driven_share=1.0,
 ).geojson()
 
 SEGMENT_EXAMPLE: dict[str, Any] = {
     "type": "FeatureCollection",
     "attribution": attribution(),
+    "height_datum": HEIGHT_DATUM,
     "numberReturned": 1,
     "links": [{"href": EXAMPLE_ADDRESS, "rel": "self", "type": GEO_JSON}],
     "features": [FEATURE_EXAMPLE],

@@ -23,11 +23,12 @@ from app.core.text import GEO_JSON, dumps
 from app.map import store as tiles
 from app.map.attribution import attribution, attribution_html
 from app.map.coverage import cached_extent, dem_names
+from app.map.segment import HEIGHT_DATUM
 from app.map.segments import SEGMENT_EXAMPLE
 from app.network.versions import data_version_tag
 
 MVT = "application/vnd.mapbox-vector-tile"
-TILE_SCHEMA = 1
+TILE_SCHEMA = 2
 """Raise it whenever tiles change without their data changing, so that caches notice."""
 FIELDS = {
     "slope_percent": "Number; percent, positive uphill from from_node to to_node; absent: unknown",
@@ -101,6 +102,7 @@ def geojson_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, servi
         document = {
             "type": "FeatureCollection",
             "attribution": attribution(dem_names(service, session)),
+            "height_datum": HEIGHT_DATUM,
             "features": [row.geojson() for row in rows],
         }
         return Response(dumps(document), media_type=GEO_JSON)

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fusion.network.control import ControlBeliefs, ControlHeights
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import EquationSystem
 from fusion.network.pass_factor import PassFactor
@@ -24,18 +25,26 @@ ROUNDS = 4
 
 
 def adjust(
-    network: RoadTable, drives: Mapping[int, Sequence[PassFactor]], terrain: Terrain | None = None
+    network: RoadTable,
+    drives: Mapping[int, Sequence[PassFactor]],
+    terrain: Terrain | None = None,
+    control: ControlHeights | None = None,
 ) -> Adjustment:
-    """Solve a network; ``PassFactor.segment`` are its rows, the keys of ``drives`` any numbers that differ."""
+    """Solve a network; ``PassFactor.segment`` and ``ControlHeights.row`` are its rows, the keys of ``drives`` any
+    numbers that differ.
+    """
     everything = [p for d in sorted(drives) for p in drives[d]]
     road = RoadBeliefs(network, everything)
     said = DriveBeliefs(drives, road.unknowns)
     driven = np.zeros(len(network), bool)
     driven[[p.segment for p in everything]] = True
     model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
+    surveyed = None if control is None else ControlBeliefs(road.unknowns, control, road.usual)
     last = np.array([] if said.lag_mean is None else [said.lag_mean], np.int64)
     system = EquationSystem(
-        said.size, [*road.blocks(), *said.blocks(), *(model.blocks() if model else [])], last
+        said.size,
+        [*road.blocks(), *said.blocks(), *(b for one in (model, surveyed) if one for b in one.blocks())],
+        last,
     )
     for number in range(ROUNDS):
         solution = system.solve()
@@ -44,4 +53,6 @@ def adjust(
             said.learn(solution)
             if model:
                 model.learn(solution, number == 0)
-    return published(road.unknowns, said, model, solution)
+            if surveyed:
+                surveyed.learn(solution)
+    return published(road.unknowns, said, model, solution, road.usual, surveyed)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,22 @@ from fusion.types import Floats
 
 @dataclass(frozen=True)
 class CombinedSlope:
-    """The combination of ``drives`` estimates; sigma is one standard deviation."""
+    """The combination of ``drives`` estimates; sigma is one standard deviation.
+
+    What only the network knows (``NETWORK_ONLY``) is as in ``SlopePart``.
+    """
 
     slope_percent: float
     slope_sigma_percent: float
     drives: int
     observations: int
+    driven_share: float | None = None
+    height_from_m: float | None = None
+    height_to_m: float | None = None
+    height_sigma_m: float | None = None
+    steepest_percent: float | None = None
+    steepest_from_m: float | None = None
+    steepest_to_m: float | None = None
 
 
 def combine(
@@ -52,7 +62,8 @@ def combine(
 class SlopePart:
     """One slope of a segment: the network's, in which any number of drives is accepted, or a slope-only drive's.
 
-    A gap, undriven between driven segments, has a slope in the network and no drive.
+    A gap, undriven between driven segments, has a slope in the network and no drive. What follows ``network`` is known
+    to the network alone (``fusion.network.published.Adjustment``): None where it is not known.
     """
 
     slope_percent: float
@@ -60,21 +71,40 @@ class SlopePart:
     drives: int
     observations: int
     network: bool = False
+    driven_share: float | None = None
+    height_from_m: float | None = None
+    height_to_m: float | None = None
+    height_sigma_m: float | None = None
+    steepest_percent: float | None = None
+    steepest_from_m: float | None = None
+    steepest_to_m: float | None = None
+
+
+HEIGHTS = ("height_from_m", "height_to_m", "height_sigma_m")
+STEEPEST = ("steepest_percent", "steepest_from_m", "steepest_to_m")
+NETWORK_ONLY = ("driven_share", *HEIGHTS, *STEEPEST)
+"""What the network says of a segment beside its slope: fields of parts and combinations, columns wherever these are
+stored."""
 
 
 def published_slope(parts: Sequence[SlopePart]) -> CombinedSlope:
     """What is published of a segment: its parts (at least one) made into one slope.
 
-    A gap's slope is a guess that gives way to anything measured; the network's own, alone, stays as it is.
+    A gap's slope is a guess that gives way to anything measured, and so does what it says of its inside: its nodes'
+    heights stay, which others measured. The network's own slope, alone, stays as it is.
     """
+    network = next((part for part in parts if part.network), None)
     measured = [part for part in parts if part.drives] or parts
+    kept = NETWORK_ONLY if network in measured else HEIGHTS
+    known = {} if network is None else {name: getattr(network, name) for name in kept}
     if len(measured) == 1 and measured[0].network:
         only = measured[0]
-        return CombinedSlope(only.slope_percent, only.slope_sigma_percent, only.drives, only.observations)
+        return CombinedSlope(
+            only.slope_percent, only.slope_sigma_percent, only.drives, only.observations, **known
+        )
     whole = combine(
         np.array([part.slope_percent for part in measured]),
         np.array([part.slope_sigma_percent for part in measured]),
         np.array([part.observations for part in measured]),
     )
-    drives = sum(part.drives for part in measured)
-    return CombinedSlope(whole.slope_percent, whole.slope_sigma_percent, drives, whole.observations)
+    return replace(whole, drives=sum(part.drives for part in measured), **known)

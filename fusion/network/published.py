@@ -4,18 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from fusion.network.curve import place_rows, slope_rows
+from fusion.network.combine import NETWORK_ONLY, SlopePart
+from fusion.network.control import ControlBeliefs
+from fusion.network.curve import (
+    grade_rows,
+    grade_variance,
+    height_rows,
+    height_variance,
+    place_rows,
+    slope_rows,
+)
 from fusion.network.drive_beliefs import REJECT_SIGMAS, DriveBeliefs
 from fusion.network.equations import Solution
+from fusion.network.steepest import steepest
 from fusion.network.terrain import TerrainBlocks
 from fusion.network.unknowns import RoadUnknowns
 from fusion.types import Floats, Ints
 
 PLACE_SIGMA_M = 2.0
 """Where the map's nodes lie along the road, against where they are."""
+KNOWN_SIGMA_M = 500.0
+"""Heights less sure than this are unknown: no sensor of heights, elevation model or control point speaks of them. The
+pressure of an unknown day still tells them to 300 m (``drive_beliefs.START_SIGMA_M``)."""
+PROFILE_STEP_M = 5.0
+"""Places of a profile are at most so far apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +42,16 @@ class Adjustment:
     slope_sigma_percent: Floats
     driven_share: Floats
     """Share of the segment's length over which passes are heard, 0 to 1"""
+    height_from_m: Floats
+    """Heights of the network's nodes: segments that meet share them, so that loops close"""
+    height_to_m: Floats
+    height_sigma_m: Floats
+    """The larger of the two ends' sigmas, so that it is true of either"""
+    steepest_percent: Floats
+    """Over the steepest ``steepest.STRETCH_M`` inside, signed; the whole segment where it is shorter"""
+    steepest_from_m: Floats
+    steepest_to_m: Floats
+    """Where that is, metres from from_node on the length that the knots assume"""
     observations: Ints
     passes: Ints
     """Passes that are heard"""
@@ -39,10 +65,59 @@ class Adjustment:
     solution: Solution
     unknowns: RoadUnknowns
     model: TerrainBlocks | None
+    roughness: float
+    """The usual variance of the grade's change per metre, 1/m"""
+    remarks: list[str]
+    """Sentences on control points that the drives contradict"""
+
+    def parts(self, drives: Sequence[int]) -> list[SlopePart | None]:
+        """The network's part in each segment's slope, None without one; ``drives`` (n,) are those heard there."""
+        columns: dict[str, list[Any]] = {
+            name: [value if np.isfinite(value) else None for value in getattr(self, name).tolist()]
+            for name in ("slope_percent", "slope_sigma_percent", *NETWORK_ONLY)
+        }
+        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return [
+            None
+            if row["slope_percent"] is None or row["slope_sigma_percent"] is None
+            else SlopePart(drives=count, observations=seen, network=True, **row)
+            for row, count, seen in zip(rows, drives, self.observations.tolist(), strict=True)
+        ]
+
+    def profile(self, row: int, step_m: float = PROFILE_STEP_M) -> Profile:
+        """The road between the ends of a segment, at places at most ``step_m`` apart.
+
+        Its ends are the segment's own, not its nodes', which agree with them to the camber (``NODE_SIGMA_M``).
+        """
+        u = self.unknowns
+        length = float(u.length_m[row])
+        at = np.linspace(0.0, length, int(np.ceil(length / step_m - 1e-9)) + 1)
+        mine = u.variables(np.array([row]))
+        x, covariance = self.solution.x[mine[0]], self.solution.equations.covariance(mine)[0]
+        up, along = height_rows(at, length), grade_rows(at, length)
+        height_m2 = np.sum(up @ covariance * up, axis=1) + height_variance(at, length, self.roughness)
+        grade2 = np.sum(along @ covariance * along, axis=1) + grade_variance(at, length, self.roughness)
+        return Profile(at, up @ x, np.sqrt(height_m2), along @ x, np.sqrt(grade2))
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Heights and grades (from_node to to_node, 1 = 100 %) of a segment at m places, with their sigmas, each (m,)."""
+
+    distance_m: Floats
+    height_m: Floats
+    height_sigma_m: Floats
+    grade: Floats
+    grade_sigma: Floats
 
 
 def published(
-    u: RoadUnknowns, said: DriveBeliefs, model: TerrainBlocks | None, solution: Solution
+    u: RoadUnknowns,
+    said: DriveBeliefs,
+    model: TerrainBlocks | None,
+    solution: Solution,
+    roughness: float,
+    control: ControlBeliefs | None = None,
 ) -> Adjustment:
     """Slopes with their sigmas, and which passes are heard."""
     n = len(u.length_m)
@@ -72,10 +147,21 @@ def published(
     lags = {d: float(solution.x[q.lag]) for d, q in said.unknowns.items() if q.lag is not None}
     mean = np.nan if said.lag_mean is None else float(solution.x[said.lag_mean])
     observations, passes, rejected = counts
+    unknown = ~np.isfinite(slope + sigma)
+    heights = _node_heights(u, solution)
+    heights[:, unknown | ~(heights[2] < KNOWN_SIGMA_M)] = np.nan
+    stretch = np.array(steepest(solution.x, u.first, u.intervals, u.length_m))
+    stretch[:, unknown] = np.nan
     return Adjustment(
         slope_percent=slope,
         slope_sigma_percent=sigma,
         driven_share=np.minimum(share, 1.0),
+        height_from_m=heights[0],
+        height_to_m=heights[1],
+        height_sigma_m=heights[2],
+        steepest_percent=100 * stretch[0],
+        steepest_from_m=stretch[1],
+        steepest_to_m=stretch[2],
         observations=observations,
         passes=passes,
         rejected=rejected,
@@ -85,7 +171,16 @@ def published(
         solution=solution,
         unknowns=u,
         model=model,
+        roughness=roughness,
+        remarks=control.remarks(solution) if control else [],
     )
+
+
+def _node_heights(u: RoadUnknowns, solution: Solution) -> Floats:
+    """Heights at from_node and to_node of every segment, and the larger of their sigmas, shape (3, n)."""
+    variance = solution.equations.covariance(np.arange(u.nodes)[:, None])[:, 0, 0]
+    worse = np.maximum(variance[u.start_node], variance[u.end_node])
+    return np.array([solution.x[u.start_node], solution.x[u.end_node], np.sqrt(worse)])
 
 
 def _covered(parts: Sequence[tuple[float, float]]) -> float:

@@ -6,7 +6,7 @@ Modules import what they write with where they write: to list the outputs must c
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -15,9 +15,17 @@ from app.map.outputs.csv_table import CsvOutput
 from app.map.outputs.geojson import GeoJsonOutput
 from app.map.outputs.geoparquet import GeoParquetOutput
 from app.map.outputs.gpkg import GeoPackageOutput
-from app.map.segment import Segment
+from app.map.segment import HEIGHT_DATUM, Segment
 from fusion.errors import UnknownNameError
 from fusion.registry import Registry
+
+Stated = Mapping[str, str]
+"""What a file says of all its segments: ``attribution``, whose data it is, and ``height_datum``, where known."""
+
+
+def stated(source: str, height_datum: str | None) -> dict[str, str]:
+    """The statements that every output makes, by name."""
+    return {"attribution": source} | ({} if height_datum is None else {"height_datum": height_datum})
 
 
 class Output(Protocol):
@@ -28,8 +36,8 @@ class Output(Protocol):
     """With its dot, lower case; a file's suffix chooses the output."""
     description: str
 
-    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
-        """Write all segments, replacing ``path``; returns their number. ``source`` says whose data it is.
+    def write(self, segments: Iterable[Segment], path: Path, stated: Stated) -> int:
+        """Write all segments, replacing ``path``; returns their number. ``stated`` goes where the format has a place.
 
         The iterable is consumed once and never held whole.
         """
@@ -50,11 +58,18 @@ def output_for(path: Path) -> Output:
     raise UnknownNameError(f"No output is called {path.suffix!r}. Choose one of: {known}.")
 
 
-def write(segments: Iterable[Segment], path: Path, *, source: str | None = None) -> int:
+def write(
+    segments: Iterable[Segment],
+    path: Path,
+    *,
+    source: str | None = None,
+    height_datum: str | None = HEIGHT_DATUM,
+) -> int:
     """Write segments to ``path`` in the format of its suffix; returns how many were written.
 
     The file appears complete or not at all: it is written beside its place and moved there at the end.
-    ``source`` defaults to the attribution of OpenStreetMap alone. Raises ``UnknownNameError`` for an unknown
+    ``source`` defaults to the attribution of OpenStreetMap alone; ``height_datum`` is None where there are no heights.
+    Raises ``UnknownNameError`` for an unknown
     suffix and ``OSError`` where the folder cannot be written to.
     """
     output = output_for(path)
@@ -62,7 +77,7 @@ def write(segments: Iterable[Segment], path: Path, *, source: str | None = None)
         raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
     partial = path.with_name(f".{path.stem}.partial{output.suffix}")
     try:
-        count = output.write(segments, partial, source or attribution())
+        count = output.write(segments, partial, stated(source or attribution(), height_datum))
         partial.replace(path)
     except OSError as error:
         if error.filename == str(partial):  # a name that nobody gave

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,8 @@ class CsvOutput:
     suffix = ".csv"
     description = "CSV table, geometry as WKT in the last column, WGS 84; an empty cell is unknown"
 
-    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
-        """Write the table. CSV has no place for ``source``: a comment line would break readers."""
+    def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
+        """Write the table. CSV has no place for what is ``stated``: a comment line would break readers."""
         count = 0
         with path.open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file)

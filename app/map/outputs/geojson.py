@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +31,8 @@ class GeoJsonOutput:
     suffix = ".geojson"
     description = "GeoJSON FeatureCollection (RFC 7946), WGS 84"
 
-    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
-        """Write the collection with ``source`` as its ``attribution`` member."""
+    def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
+        """Write the collection with what is ``stated`` as members."""
         count = 0
 
         def counted() -> Iterator[Segment]:
@@ -42,5 +42,5 @@ class GeoJsonOutput:
                 yield segment
 
         with path.open("w", encoding="utf-8") as file:
-            file.writelines(collection_chunks(counted(), {"attribution": source}))
+            file.writelines(collection_chunks(counted(), dict(stated)))
         return count

@@ -6,7 +6,7 @@ The metadata are written here, not by geopandas, which would need all segments i
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +25,8 @@ class GeoParquetOutput:
     suffix = ".parquet"
     description = "GeoParquet 1.1, WKB lines, WGS 84"
 
-    def write(self, segments: Iterable[Segment], path: Path, source: str) -> int:
-        """Write the file with ``source`` under the key ``attribution`` of its metadata."""
+    def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
+        """Write the file with what is ``stated`` among its metadata."""
         # Imported where a file is written: every command that only names the outputs would wait for it.
         import pyarrow.parquet as pq  # noqa: PLC0415
 
@@ -39,7 +39,7 @@ class GeoParquetOutput:
                 count += len(table)
                 bounds = _grown(bounds, bounds_deg(table))
             geo = json.dumps(_metadata(GEOMETRY, bounds))
-            writer.add_key_value_metadata({"geo": geo, "attribution": source})
+            writer.add_key_value_metadata({"geo": geo, **stated})
         return count
 
 

@@ -1,0 +1,95 @@
+"""One drive that came twice, maybe in two formats, is one witness: which drives are the same, by times and places.
+
+A receiver writes the same epochs into all of its logs, and a vehicle enters its segments at the same moments whichever
+log says so. Neither logs nor what drives say of slopes is known here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fusion.types import Floats, Ints
+
+SAME_SHARE = 0.5
+"""Of the shorter drive's segments and epochs, more than this share must be the other's too."""
+ENTRY_S = 0.1
+"""Moments of entering a segment that differ by less are one: formats round positions to a metre, which a vehicle covers
+in a tenth of a second. Two vehicles, or one vehicle twice, are that near to each other now and then, not all along."""
+ENTRY_SHARE = 0.1
+"""The same, as a share of the time between epochs: between positions far apart the entry is interpolated."""
+EPOCH_S = 0.01
+"""Epochs that differ by less are one: NMEA states hundredths of a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """What tells a drive from others: its passes (p,) with the segment of each and when it was entered, the times of
+    its epochs (e,), ascending, and how many measurements it has.
+    """
+
+    segment: Ints
+    enter_s: Floats
+    epoch_s: Floats
+    measurements: int
+
+
+def repeated(witnesses: Mapping[int, Witness]) -> dict[int, int]:
+    """Drives that another one says again, each with the other: the one with more measurements.
+
+    The order and the names of the drives have no part in it, unless two are alike to the last digit.
+    """
+    best_first = sorted(witnesses, key=lambda k: _rank(witnesses[k]))
+    kept: list[int] = []
+    again: dict[int, int] = {}
+    for k in best_first:
+        twin = next((other for other in kept if same_drive(witnesses[k], witnesses[other])), None)
+        if twin is None:
+            kept.append(k)
+        else:
+            again[k] = twin
+    return again
+
+
+def _rank(one: Witness) -> tuple[float, ...]:
+    return -one.measurements, -len(one.segment), -len(one.epoch_s), float(one.enter_s.sum())
+
+
+def same_drive(one: Witness, other: Witness) -> bool:
+    """Whether two logs are of one drive; laps within a log are never compared."""
+    if not (_overlap(one.enter_s, other.enter_s) and _overlap(one.epoch_s, other.epoch_s)):
+        return False
+    few, many = sorted((one, other), key=lambda w: len(np.unique(w.segment)))
+    spacing = max(_spacing(one.epoch_s), _spacing(other.epoch_s))
+    tolerance = max(ENTRY_S, ENTRY_SHARE * spacing)
+    met = [
+        bool(
+            np.any(
+                np.abs(many.enter_s[many.segment == s][:, None] - few.enter_s[few.segment == s]) < tolerance
+            )
+        )
+        for s in np.unique(few.segment).tolist()
+    ]
+    if np.mean(met) <= SAME_SHARE:
+        return False
+    few, many = sorted((one, other), key=lambda w: len(w.epoch_s))
+    return bool(np.mean(_nearest_s(few.epoch_s, many.epoch_s) < EPOCH_S) > SAME_SHARE)
+
+
+def _overlap(one_s: Floats, other_s: Floats) -> bool:
+    if not len(one_s) or not len(other_s):
+        return False
+    return bool(max(one_s.min(), other_s.min()) <= min(one_s.max(), other_s.max()) + ENTRY_S)
+
+
+def _spacing(epoch_s: Floats) -> float:
+    return float(np.median(np.diff(epoch_s))) if len(epoch_s) > 1 else 0.0
+
+
+def _nearest_s(times: Floats, others: Floats) -> Floats:
+    """How far each of ``times`` is from the nearest of ``others`` (ascending), s."""
+    right = np.clip(np.searchsorted(others, times), 0, len(others) - 1)
+    left = np.maximum(right - 1, 0)
+    return np.asarray(np.minimum(np.abs(others[right] - times), np.abs(others[left] - times)))
