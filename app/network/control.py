@@ -1,34 +1,25 @@
-"""Surveyed heights that were imported: stored by place, read by whoever solves roads near them.
+"""Surveyed heights that come in: stored by place, the roads near them solved again.
 
 What a point does to the heights is the library's business (``fusion.network.control``).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import Bounds, Sessions
+from app.core.db import Sessions
 from app.network.extracts import roads_within
 from app.network.solve import refresh_in_regions
+from app.network.surveyed import widened
 from app.network.versions import bump_data_version, own_network
-from fusion.frames import SHORTEST_DEGREE_M
-from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
-from fusion.roads.table import RoadTable
+from fusion.network.control import ControlPoint, place
 from fusion.types import Progress, no_progress
 
 _ALL = text("SELECT lon_deg, lat_deg, height_m, sigma_m, name FROM control_points ORDER BY lon_deg, lat_deg")
-_NEAR = text(
-    """
-    SELECT lon_deg, lat_deg, height_m, sigma_m, name FROM control_points
-    WHERE lon_deg BETWEEN :west AND :east AND lat_deg BETWEEN :south AND :north
-    ORDER BY lon_deg, lat_deg
-    """
-)
 _WRITE = text(
     """
     INSERT INTO control_points (lon_deg, lat_deg, height_m, sigma_m, name)
@@ -57,19 +48,6 @@ class ControlCounts:
     without_road: int
     segments: int
     """Of the network, that were solved again for it"""
-
-
-def control_near(session: Session, bounds_deg: Bounds) -> list[ControlPoint]:
-    """The stored points in a box (degrees), in the same order however they came."""
-    west, south, east, north = bounds_deg
-    box = {"west": west, "south": south, "east": east, "north": north}
-    return [ControlPoint(*row) for row in session.execute(_NEAR, box)]
-
-
-def control_on(session: Session, table: RoadTable) -> ControlHeights:
-    """The stored points on the roads of a table that holds all roads where it has any."""
-    points = control_near(session, _widened(table.bounds_deg())) if len(table) else []
-    return place(points, table)[0]
 
 
 def import_control(
@@ -121,15 +99,6 @@ def _segments(session: Session, points: Sequence[ControlPoint]) -> list[int]:
 
 def _on_road(session: Session, point: ControlPoint) -> int | None:
     lon, lat = point.lon_deg, point.lat_deg
-    table, ids = roads_within(session, _widened((lon, lat, lon, lat)))
+    table, ids = roads_within(session, widened((lon, lat, lon, lat)))
     found, _ = place([point], table)
     return int(ids[found.row[0]]) if len(found) else None
-
-
-def _widened(bounds_deg: Bounds) -> Bounds:
-    """The box and all within a point's reach of it."""
-    west, south, east, north = bounds_deg
-    margin = REACH_M / SHORTEST_DEGREE_M
-    farthest = min(max(abs(south), abs(north)) + margin, 89.9)
-    wider = margin / math.cos(math.radians(farthest))
-    return west - wider, south - margin, east + wider, north + margin

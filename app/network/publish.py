@@ -13,21 +13,10 @@ from typing import Any
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
-from fusion.network.combine import SlopePart, published_slope
-
-OF_NETWORK = (
-    "driven_share",
-    "height_from_m",
-    "height_to_m",
-    "height_sigma_m",
-    "steepest_percent",
-    "steepest_from_m",
-    "steepest_to_m",
-)
-"""What the network knows of a segment besides its slope: columns, and fields of the library's results."""
+from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 
 _SLOPE = ("slope_percent", "slope_sigma_percent", "drives", "observations")
-_NAMES = ("segment_id", *_SLOPE, *OF_NETWORK)
+_NAMES = ("segment_id", *_SLOPE, *NETWORK_ONLY)
 _TYPES = {"segment_id": "bigint", "drives": "integer", "observations": "integer"}
 _COLUMNS = ", ".join(f"CAST(:{name} AS {_TYPES.get(name, 'float8')}[])" for name in _NAMES)
 
@@ -35,13 +24,13 @@ _COLUMNS = ", ".join(f"CAST(:{name} AS {_TYPES.get(name, 'float8')}[])" for name
 # bits. The drives of the network are in its slope already.
 _PARTS = text(
     f"""
-    SELECT segment_id, {", ".join(_SLOPE)}, drive_id IS NULL AS network, {", ".join(OF_NETWORK)}
+    SELECT segment_id, {", ".join(_SLOPE)}, drive_id IS NULL AS network, {", ".join(NETWORK_ONLY)}
     FROM (
         SELECT {", ".join(_NAMES)}, NULL AS drive_id
         FROM network_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[]))
         UNION ALL
         SELECT segment_id, slope_percent, slope_sigma_percent, 1, observations,
-               {", ".join("NULL" for _ in OF_NETWORK)}, drive_id
+               {", ".join("NULL" for _ in NETWORK_ONLY)}, drive_id
         FROM drive_segments WHERE segment_id = ANY(CAST(:ids AS bigint[])) AND NOT in_network
     ) AS part
     ORDER BY segment_id, drive_id NULLS FIRST

@@ -9,11 +9,11 @@ import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.network.publish import OF_NETWORK
+from fusion.network.combine import NETWORK_ONLY
 from fusion.network.published import Adjustment
 from fusion.types import Bools, Floats
 
-_NAMES = ("segment_id", "slope_percent", "slope_sigma_percent", "drives", "observations", *OF_NETWORK)
+_NAMES = ("segment_id", "slope_percent", "slope_sigma_percent", "drives", "observations", *NETWORK_ONLY)
 _TYPES = {"segment_id": "bigint", "drives": "integer", "observations": "integer"}
 _COLUMNS = ", ".join(f"CAST(:{name} AS {_TYPES.get(name, 'float8')}[])" for name in _NAMES)
 
@@ -49,7 +49,7 @@ def write_slopes(
 
     Returns the segments that are new or moved by more than so many of their sigmas.
     """
-    values: dict[str, Any] = {name: _nullable(getattr(result, name)[rows]) for name in OF_NETWORK}
+    values: dict[str, Any] = {name: _nullable(getattr(result, name)[rows]) for name in NETWORK_ONLY}
     values |= {
         "segment_id": segment_ids,
         "drives": drives,

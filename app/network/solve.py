@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,12 +19,12 @@ from app.network.publish import refresh_aggregates
 from app.network.regions import Cell, Region, cells_of, regions
 from app.network.slopes import clear_slopes, write_slopes
 from app.network.surroundings import Surroundings, stored_terrain, surroundings
+from app.network.surveyed import control_on
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.published import Adjustment
 from fusion.network.window import Window, window_around
-from fusion.roads.table import RoadTable
-from fusion.types import Bools, Ints, Progress, no_progress
+from fusion.types import Bools, Progress, no_progress
 
 TOLERANCE_SIGMAS = 1e-3
 """Smaller changes are not written: what is stored stays within it of what was found, however often."""
@@ -147,21 +147,22 @@ def _solve(
     passes = [p for p in passes_over(session, ids.tolist()) if p.drive_id not in own]
     inside = set(ids.tolist())
     drives = by_drive([*passes, *(p for p in instead if p.factor.segment in inside)])
-    result = _adjusted(session, around.table.subset(window.solved), ids, drives) if len(ids) else None
+    result = _adjusted(session, around, window.solved, drives) if len(ids) else None
     return _Solution(around, window, drives, result)
 
 
 def _adjusted(
-    session: Session, table: RoadTable, ids: Ints, drives: Sequence[Sequence[StoredPass]]
+    session: Session, around: Surroundings, solved: Bools, drives: Sequence[Sequence[StoredPass]]
 ) -> Adjustment:
-    """The solution over ``table``. What the drives' passes outside of it say of their constants is to be told here."""
+    """The solution over the ``solved`` rows; what drives say elsewhere of their constants is to be told here."""
+    table, ids = around.table.subset(solved), around.ids[solved]
     row_of = {segment: row for row, segment in enumerate(ids.tolist())}
-    said = {k: [_in_rows(p.factor, row_of) for p in passes] for k, passes in enumerate(drives)}
-    return adjust(table, said, stored_terrain(session, table, ids))
-
-
-def _in_rows(factor: PassFactor, row_of: Mapping[int, int]) -> PassFactor:
-    return replace(factor, segment=row_of[factor.segment])
+    said = {
+        k: [replace(p.factor, segment=row_of[p.factor.segment]) for p in passes]
+        for k, passes in enumerate(drives)
+    }
+    control = control_on(session, around.table).among(solved)
+    return adjust(table, said, stored_terrain(session, table, ids), control)
 
 
 def _store(session: Session, solution: _Solution, shown: Bools, tolerance_sigmas: float) -> list[int]:
