@@ -84,7 +84,6 @@ def test_a_drive_asked_for_anew_leaves_the_batch(web: Any, made: list[str]) -> N
         ("POST", "method=nonsense"),
         ("POST", "from_method=nonsense"),
         ("POST", "methods=raw"),
-        ("GET", ""),
         ("GET", "batch=x"),
         ("GET", "batch=-1"),
         ("GET", f"batch={10**18}"),
