@@ -116,7 +116,7 @@ def import_control(
     again; what lies farther away follows when it is solved next, by `versant rebuild` at the latest.
     """
     from app.cli.database import sessions
-    from app.network.control import import_control as import_points
+    from app.network.control_import import import_control as import_points
     from fusion.network.control import read_control
 
     console: Console = ctx.obj

@@ -19,7 +19,7 @@ from app.network.publish import refresh_aggregates
 from app.network.regions import Cell, Region, cells_of, regions
 from app.network.slopes import clear_slopes, write_slopes
 from app.network.surroundings import Surroundings, stored_terrain, surroundings
-from app.network.surveyed import control_on
+from app.network.control import control_on
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.published import Adjustment

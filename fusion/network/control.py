@@ -199,12 +199,13 @@ class ControlBeliefs:
         return [self.ties] if len(self.control) else []
 
     def learn(self, solution: Solution) -> None:
-        """Weigh the points by how far the solution is from them."""
+        """Weigh the points by how far the solution is from them; heavy tails tell less than Gaussian errors."""
         spread = np.einsum(
             "mi,mij,mj->m", self._weights, solution.equations.covariance(self._variables), self._weights
         )
         squares = (np.square(self.misfit_m(solution)) + np.maximum(spread, 0.0)) / self._variance
-        self.ties.weight = (CONTROL_FREEDOM + 1) / (CONTROL_FREEDOM + squares)
+        weight = (CONTROL_FREEDOM + 1) / (CONTROL_FREEDOM + squares)
+        self.ties.weight = weight * (CONTROL_FREEDOM + 1) / (CONTROL_FREEDOM + 3)
 
     def misfit_m(self, solution: Solution) -> Floats:
         """How far the solution lies above the points, (m,)."""

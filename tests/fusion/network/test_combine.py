@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.network.combine import SlopePart, combine, published_slope
+from fusion.network.combine import HEIGHTS, NETWORK_ONLY, SlopePart, combine, published_slope
 
 estimates = st.lists(
     st.tuples(st.floats(-30, 30), st.floats(0.01, 20), st.integers(1, 1000)), min_size=1, max_size=30
@@ -86,3 +86,27 @@ def test_measurements_are_combined_and_guesses_give_way() -> None:
     assert (whole.drives, whole.observations) == (8, 95)
     assert (published_slope([gap, raw]).slope_percent, published_slope([gap, raw]).drives) == (2.0, 1)
     assert (published_slope([gap]).slope_percent, published_slope([gap]).drives) == (9.0, 0)
+
+
+KNOWN = dict(zip(NETWORK_ONLY, (0.5, 101.0, 102.0, 2.5, 7.0, 3.0, 23.0), strict=True))
+
+
+def test_what_only_the_network_knows_is_taken_over() -> None:
+    network, raw = SlopePart(1.0, 0.5, 7, 90, network=True, **KNOWN), SlopePart(2.0, 1.0, 1, 5)
+    for parts in ([network], [network, raw], [raw, network]):
+        whole = published_slope(parts)
+        assert {name: getattr(whole, name) for name in NETWORK_ONLY} == KNOWN
+
+
+def test_slope_only_drives_know_no_heights() -> None:
+    whole = published_slope([SlopePart(2.0, 1.0, 1, 5), SlopePart(2.1, 1.0, 1, 5)])
+    assert [getattr(whole, name) for name in NETWORK_ONLY] == [None] * len(NETWORK_ONLY)
+
+
+def test_of_a_gap_that_gives_way_the_nodes_heights_stay() -> None:
+    gap, raw = SlopePart(9.0, 3.0, 0, 0, network=True, **KNOWN), SlopePart(2.0, 1.0, 1, 5)
+    alone, measured = published_slope([gap]), published_slope([gap, raw])
+    assert {name: getattr(alone, name) for name in NETWORK_ONLY} == KNOWN
+    assert measured.slope_percent == 2.0
+    for name in NETWORK_ONLY:
+        assert getattr(measured, name) == (KNOWN[name] if name in HEIGHTS else None)
