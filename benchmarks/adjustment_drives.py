@@ -1,99 +1,66 @@
-"""Drives for ``adjustment.py``: factors of simulated drives, perturbed copies of them, routes through a real map."""
+"""Drives for ``adjustment.py``: made-up drives on random routes through a real map, as pass factors."""
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from fusion.formats import read_log
-from fusion.network.curve import grade_rows, knot_length, slope_row, smoothness
-from fusion.network.pass_factor import PassFactor
-from fusion.pipeline import run_drive
+from fusion.frames import LocalProjection
+from fusion.methods.profile.likelihood import WANDER_SIGMA, sum_passes
+from fusion.network.curve import grade_weights, height_weights, knot_length, variable_count
+from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
-from fusion.simulate.drive import simulate_drive
-from fusion.simulate.scene.town import Town
-from fusion.simulate.write.csv_file import write_csv
-from fusion.simulate.write.dem_file import write_dem
-from fusion.terrain.dem import Dem
+from fusion.types import Floats, Ints
 
-RECEIVERS = ("m8", "f9p", "phone", "m8")
-SIMULATED_S = 600.0
-GRADE_SIGMA, MOUNT_SIGMA = 0.02, 0.005
-"""A synthetic pass measures grades with this noise every ``EVERY_M``, and a mount's tilt with them."""
-EVERY_M = 8.0
-_HIDDEN = 1e-7
-
-
-@dataclass(frozen=True)
-class Copies:
-    """Drives over the same roads as a few real ones: each factor with another draw of its own noise."""
-
-    originals: tuple[tuple[PassFactor, ...], ...]
-    roots: tuple[tuple[np.ndarray, ...], ...]
-    """Square roots of the factors' information."""
-
-    @classmethod
-    def of(cls, originals: Sequence[Sequence[PassFactor]]) -> Copies:
-        """Prepare copying."""
-        return cls(
-            tuple(map(tuple, originals)),
-            tuple(tuple(_root(f.information) for f in drive) for drive in originals),
-        )
-
-    def drive(self, number: int) -> list[PassFactor]:
-        """The factors of copy ``number``; the originals by turns."""
-        rng = np.random.default_rng(number)
-        which = number % len(self.originals)
-        return [
-            replace(
-                factor,
-                vector=factor.vector + root @ rng.normal(size=len(factor.vector)),
-                slope_percent=factor.slope_percent + factor.slope_sigma_percent * float(rng.normal()),
-            )
-            for factor, root in zip(self.originals[which], self.roots[which], strict=True)
-        ]
+SPEED_MPS = 10.0
+ALTITUDE_M, DRIFT_M2_PER_S = 0.5, 0.05
+BARO_M, BARO_DRIFT_M2_PER_S = 0.2, 0.01
+DOPPLER, PITCH, FORCE = 0.01, 0.012, 0.02
+"""White noise of grades from vertical speeds, an attitude sensor and an accelerometer, at 1 Hz."""
+MOUNT_SIGMA, BIAS_SIGMA, SQUAT_SIGMA, LAG_S = 0.05, 0.01, 0.002, (1.5, 1.0)
+ACCELERATION_MPS2 = 0.5
+BAROMETERS = 3
+"""Every so many drives one has a barometer as well."""
+HILLS = ((3000.0, 40.0), (700.0, 8.0), (150.0, 1.0))
+"""Wave lengths and heights of the land, m."""
 
 
-def _root(information: np.ndarray) -> np.ndarray:
-    values, vectors = np.linalg.eigh(information)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+class Land:
+    """Heights of a made-up land, as a sum of waves: roads that meet agree, and loops close."""
 
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.waves = []
+        for length, height in HILLS:
+            for _ in range(3):
+                angle = rng.uniform(0, 2 * np.pi)
+                self.waves.append(
+                    (2 * np.pi / length * np.array([np.cos(angle), np.sin(angle)]), height, rng.uniform(0, 7))
+                )
 
-def town_drives(town: Town) -> list[list[PassFactor]]:
-    """The factors of simulated drives that ``profile`` estimated, by row of the town's roads."""
-    row_of = {key: row for row, key in enumerate(_keys(town.roads))}
-    drives, visits = [], np.zeros(len(town.roads), np.int64)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write_dem(town, folder / "dem.tif")
-        dem = Dem.open([folder / "dem.tif"])
-        for seed, receiver in enumerate(RECEIVERS):
-            write_csv(
-                simulate_drive(town, seed, SIMULATED_S, receiver=receiver, visits=visits), folder / "log.csv"
-            )
-            network, result = run_drive(read_log(folder / "log.csv"), town.roads, dem, method="profile")
-            rows = [row_of[key] for key in _keys(network.table)]
-            drives.append([replace(f, segments=tuple(rows[s] for s in f.segments)) for f in result.factors])
-    return drives
-
-
-def _keys(roads: RoadTable) -> Iterator[tuple[int, int, int]]:
-    return zip(roads.osm_way_id.tolist(), roads.from_node.tolist(), roads.to_node.tolist(), strict=True)
+    def height(self, x: Floats, y: Floats) -> Floats:
+        """Heights (n,) at places (n,), m."""
+        total = np.zeros(len(x))
+        for (kx, ky), height, phase in self.waves:
+            total += height * np.sin(kx * x + ky * y + phase)
+        return total
 
 
 class Synthetic:
-    """Made-up drives over a real map: random routes, and passes that measured grades on them."""
+    """Made-up drives over a real map: random routes, and what receivers of every kind measured on them."""
 
     def __init__(self, roads: RoadTable, seed: int = 1) -> None:
         self.roads = roads
         self.length = knot_length(roads.length_m)
         self.rng = np.random.default_rng(seed)
+        self.land = Land(self.rng)
+        plane = LocalProjection.around(roads.lon0_deg, roads.lat0_deg)
+        self.ends = np.column_stack(
+            [*plane.to_xy(roads.lon0_deg, roads.lat0_deg), *plane.to_xy(roads.lon1_deg, roads.lat1_deg)]
+        )
+        self.drives = 0
         _, node = np.unique(np.concatenate([roads.from_node, roads.to_node]), return_inverse=True)
         self.start, self.end = node[: len(roads)], node[len(roads) :]
         size = int(node.max()) + 1
@@ -107,7 +74,6 @@ class Synthetic:
         self.row_between = {(int(low[r]), int(high[r])): int(r) for r in keep}
         _, part = connected_components(self.graph, directed=False)
         self.nodes = np.flatnonzero(part == np.bincount(part).argmax())
-        self.grade = self.rng.normal(0.0, 0.03, len(roads))
 
     def route(self, length_m: float) -> list[int]:
         """Rows one after another, from random place to random place by the shortest way, at least ``length_m``."""
@@ -128,28 +94,98 @@ class Synthetic:
             here = there
         return rows
 
-    def drive(self, rows: Sequence[int]) -> list[PassFactor]:
-        """One pass over each of the rows, as a receiver with an attitude sensor makes it."""
-        return [self.factor(row) for row in rows]
+    def _directions(self, rows: Ints) -> Ints:
+        """1 where a row of a route is driven as it is drawn, else -1."""
+        start, end = self.start[rows], self.end[rows]
+        out = np.ones(len(rows), np.int64)
+        if len(rows) > 1:
+            joined = (end[:-1] == start[1:]) | (end[:-1] == end[1:])
+            out[:-1] = np.where(joined, 1, -1)
+            out[-1] = 1 if start[-1] in (start[-2], end[-2]) else -1
+        return out
 
-    def everywhere(self) -> Iterator[PassFactor]:
-        """One pass over every segment of the map."""
-        return (self.factor(row) for row in range(len(self.roads)))
+    def height(self, row: Ints, share: Floats) -> Floats:
+        """Height of the road at shares of rows, m."""
+        x0, y0, x1, y1 = self.ends[row].T
+        return self.land.height(x0 + share * (x1 - x0), y0 + share * (y1 - y0))
 
-    def factor(self, row: int) -> PassFactor:
-        """A pass over one segment."""
-        length = float(self.length[row])
-        count = max(1, round(length / EVERY_M))
-        rows = grade_rows(length * (np.arange(count) + 0.5) / count, length)
-        value = self.grade[row] + self.rng.normal(0, MOUNT_SIGMA) + GRADE_SIGMA * self.rng.normal(size=count)
-        # The mount's tilt is the same all along: the mean of the rows is known less well than their differences.
-        share = MOUNT_SIGMA**2 / (GRADE_SIGMA**2 + count * MOUNT_SIGMA**2)
-        weighed = (rows - share * rows.sum(axis=0)) / GRADE_SIGMA**2
-        information, vector = weighed.T @ rows, weighed.T @ value
-        total = information + smoothness(length, 1e-3) + _HIDDEN * np.eye(len(vector))
-        design = slope_row(0.0, length, length)
-        solved = np.linalg.solve(total, np.column_stack([design, vector]))
-        return PassFactor(
-            (row,), 0.5 * (information + information.T), vector, 100 * float(design @ solved[:, 1]),
-            100 * float(np.sqrt(design @ solved[:, 0])), 0.0, length, 1e-5, count, 1.7e9, 1.7e9 + 1,
+    def drive(self, route: Sequence[int]) -> list[PassFactor]:
+        """One pass over each of the rows, at 1 Hz and ``SPEED_MPS``."""
+        rng, rows = self.rng, np.asarray(route, np.int64)
+        self.drives += 1
+        barometer = self.drives % BAROMETERS == 0
+        forward, length = self._directions(rows), self.length[rows]
+        leave_s = np.cumsum(length) / SPEED_MPS
+        enter_s = leave_s - length / SPEED_MPS
+        time_s = np.arange(0.5, leave_s[-1])
+        k = np.minimum(np.searchsorted(leave_s, time_s), len(rows) - 1)
+        driven = np.clip((time_s - enter_s[k]) / (leave_s[k] - enter_s[k]), 0, 1)
+        share = np.where(forward[k] > 0, driven, 1 - driven)
+        height = self.height(rows[k], share)
+        step = 0.5 / length[k]
+        grade = forward[k] * (self.height(rows[k], share + step) - self.height(rows[k], share - step))
+        n = len(time_s)
+        mount, bias, squat = rng.normal(size=3) * (MOUNT_SIGMA, BIAS_SIGMA, SQUAT_SIGMA)
+        acceleration, wander = (
+            ACCELERATION_MPS2 * rng.normal(size=n),
+            WANDER_SIGMA * rng.normal(size=len(rows)),
+        )
+        zero, one = np.zeros(n), np.ones(n)
+        late_s = rng.normal(*LAG_S)
+        variable, high = height_weights(share * length[k], length[k])
+        _, steep = grade_weights(share * length[k], length[k])
+        steep = forward[k][:, None] * steep
+        # (knots, constants, wander, sensor of height, value, sigma) of each sensor
+        sensors = [
+            (high, (zero, zero, zero, zero), zero, 0, height + self._walk(n, DRIFT_M2_PER_S), ALTITUDE_M),
+            (steep, (zero, zero, zero, zero), zero, -1, grade, DOPPLER),
+            (steep, (one, zero, acceleration, zero), one, -1, grade + mount + squat * acceleration + wander[k], PITCH),
+            (steep, (one, one, zero, zero), zero, -1, grade + mount + bias, FORCE),
+        ]  # fmt: skip
+        if barometer:
+            climb = -grade * SPEED_MPS
+            late = height + climb * late_s + self._walk(n, BARO_DRIFT_M2_PER_S)
+            sensors.append((high, (zero, zero, zero, climb), zero, 1, late, BARO_M))
+        m = len(sensors)
+        order = np.argsort(np.tile(k, m) * (n * m + 1.0) + np.tile(np.arange(n), m), kind="stable")
+        sigma = np.repeat([s[5] for s in sensors], n)
+        value = np.concatenate([s[4] for s in sensors]) + sigma * rng.normal(size=n * m)
+        return self._factors(
+            rows, enter_s, leave_s,
+            np.tile(variable, m)[order],
+            np.concatenate([s[0] for s in sensors])[order],
+            np.concatenate([np.column_stack(s[1]) for s in sensors])[order],
+            np.concatenate([s[2] for s in sensors])[order],
+            np.repeat([s[3] for s in sensors], n)[order],
+            value[order],
+            sigma[order] ** 2,
+            np.tile(time_s, m)[order],
+            np.searchsorted(np.tile(k, m)[order], np.arange(len(rows) + 1)),
         )  # fmt: skip
+
+    def _walk(self, n: int, rate: float) -> Floats:
+        start = 3.0 * self.rng.normal()
+        return np.asarray(start + np.cumsum(np.sqrt(rate) * self.rng.normal(size=n)))
+
+    def _factors(self, rows: Ints, enter_s: Floats, leave_s: Floats, *data: Floats) -> list[PassFactor]:
+        *columns, first = data
+        size = variable_count(self.length[rows]) + NUISANCES
+        information, vector, square = (np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows)))
+        walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives
+        sum_passes(
+            first, size, *columns, enter_s, leave_s, np.array(walk), np.empty(0), 0.0, WANDER_SIGMA**-2.0,
+            information, vector, square,
+        )  # fmt: skip
+        ends, squares = np.cumsum(size), np.cumsum(size**2)
+        out = []
+        for j, (row, n) in enumerate(zip(rows.tolist(), size.tolist(), strict=True)):
+            count = int(first[j + 1] - first[j])
+            out.append(
+                PassFactor(
+                    row, j, 0, information[squares[j] - n * n : squares[j]].reshape(n, n),
+                    vector[ends[j] - n : ends[j]], float(square[j]), count, walk, 0.0,
+                    float(self.length[row]), 3e-5, max(1, count // 4),
+                    begin + float(enter_s[j]), begin + float(leave_s[j]),
+                )
+            )  # fmt: skip
+        return out

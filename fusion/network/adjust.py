@@ -11,8 +11,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fusion.network.blocks import BlockedSystem, Partition, homes
 from fusion.network.control import ControlBeliefs, ControlHeights
 from fusion.network.drive_beliefs import DriveBeliefs
+from fusion.network.elsewhere import ConstantsSaid, blocks_elsewhere
 from fusion.network.equations import EquationSystem
 from fusion.network.pass_factor import PassFactor
 from fusion.network.published import Adjustment, published
@@ -29,9 +31,15 @@ def adjust(
     drives: Mapping[int, Sequence[PassFactor]],
     terrain: Terrain | None = None,
     control: ControlHeights | None = None,
+    *,
+    elsewhere: Mapping[int, ConstantsSaid] | None = None,
+    partition: Partition | None = None,
 ) -> Adjustment:
     """Solve a network; ``PassFactor.segment`` and ``ControlHeights.row`` are its rows, the keys of ``drives`` any
     numbers that differ.
+
+    ``elsewhere`` is what the passes of drives outside the network say about their constants. With
+    a ``partition`` the network is solved in blocks: the same solution, for networks of any size.
     """
     everything = [p for d in sorted(drives) for p in drives[d]]
     road = RoadBeliefs(network, everything)
@@ -41,11 +49,15 @@ def adjust(
     model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
     surveyed = None if control is None else ControlBeliefs(road.unknowns, control, road.usual)
     last = np.array([] if said.lag_mean is None else [said.lag_mean], np.int64)
-    system = EquationSystem(
-        said.size,
-        [*road.blocks(), *said.blocks(), *(b for one in (model, surveyed) if one for b in one.blocks())],
-        last,
-    )
+    outside = blocks_elsewhere(elsewhere or {}, said.unknowns)
+    beside = [block for one in (model, surveyed) if one for block in one.blocks()]
+    equations = [*road.blocks(), *said.blocks(), *outside, *beside]
+    if partition is None:
+        system: EquationSystem | BlockedSystem = EquationSystem(said.size, equations, last)
+    else:
+        rows = {d: np.array([p.segment for p in said.passes[d]], np.int64) for d in said.names}
+        home = homes(partition.block, road.unknowns, said.unknowns, rows, said.size)
+        system = BlockedSystem(said.size, equations, home, partition.executor)
     for number in range(ROUNDS):
         solution = system.solve()
         if number < ROUNDS - 1:

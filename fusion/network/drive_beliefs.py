@@ -76,17 +76,17 @@ class DriveBeliefs:
         pairs, variance, series = [np.empty((0, 2), np.int64)], [np.empty(0)], [np.empty(0, np.int64)]
         for d in self.names:
             u, passes = self.unknowns[d], self.passes[d]
+            first_s, last_s = (
+                np.array([getattr(p, f"{n}_time_s") for p in passes]) for n in ("first", "last")
+            )
+            rate = np.array([p.walk_m2_per_s for p in passes])
             for s in range(len(HEIGHT_SENSORS)):
                 before, after = u.joints(s)
                 pairs.append(
                     np.column_stack([u.of_pass[before, EXIT.start + s], u.of_pass[after, ENTRY.start + s]])
                 )
-                apart = [
-                    max(passes[b].first_time_s - passes[a].last_time_s, 0.0) + 1.0
-                    for a, b in zip(before, after, strict=True)
-                ]
-                rate = [passes[b].walk_m2_per_s[s] for b in after]
-                variance.append(np.array(apart) * np.array(rate))
+                apart = np.maximum(first_s[after] - last_s[before], 0.0) + 1.0
+                variance.append(apart * rate[after, s])
                 series.append(np.full(len(before), len(series)))
         self.walk_series = np.concatenate(series)
         self.walk_scale = np.ones(len(series) + 1)
@@ -96,31 +96,24 @@ class DriveBeliefs:
         """Passes with equal numbers of unknowns: which, their blocks, squares and numbers of measurements."""
         by_size: dict[tuple[int, bytes], list[tuple[int, int]]] = {}
         for d in self.names:
+            used = self.unknowns[d].of_pass >= 0
             for k, one in enumerate(self.passes[d]):
-                by_size.setdefault((len(one.vector), one.used.tobytes()), []).append((d, k))
+                by_size.setdefault((len(one.vector), used[k].tobytes()), []).append((d, k))
         out = []
-        for members in by_size.values():
+        for (size, used_bytes), members in by_size.items():
             factors = [self.passes[d][k] for d, k in members]
-            knots = len(factors[0].vector) - factors[0].used.size
-            kept = np.concatenate([np.ones(knots, bool), factors[0].used])
-            own = np.array([self.unknowns[d].of_pass[k][factors[0].used] for d, k in members]).reshape(
-                len(members), -1
-            )
+            used = np.frombuffer(used_bytes, bool)
+            kept = np.flatnonzero(np.concatenate([np.ones(size - used.size, bool), used]))
+            own = np.array([self.unknowns[d].of_pass[k] for d, k in members])[:, used]
             rows = np.array([f.segment for f in factors])
             blocks = Blocks(
                 np.concatenate([road.variables(rows), own], axis=1),
-                np.array([f.information[np.ix_(kept, kept)] for f in factors]),
-                np.array([f.vector[kept] for f in factors]),
+                np.array([f.information for f in factors])[:, kept[:, None], kept],
+                np.array([f.vector for f in factors])[:, kept],
                 np.ones(len(members)),
             )
-            out.append(
-                (
-                    members,
-                    blocks,
-                    np.array([f.square for f in factors]),
-                    np.array([max(f.rows, 1) for f in factors], float),
-                )
-            )
+            squares = np.array([f.square for f in factors])
+            out.append((members, blocks, squares, np.array([max(f.rows, 1) for f in factors], float)))
         return out
 
     def blocks(self) -> list[Blocks]:

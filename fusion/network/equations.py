@@ -6,11 +6,13 @@ Knows where things stand, not what is believed or measured of them (``adjust``).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy
 
-from fusion.filters.sparse_inverse import NormalEquations, fill_reducing_order
+from fusion.filters.front_tree import add_blocks
+from fusion.filters.sparse_inverse import Elimination, NormalEquations, fill_reducing_order
 from fusion.types import Floats, Ints
 
 RIDGE = 1e-10
@@ -53,12 +55,18 @@ class Blocks:
         return np.asarray(self.squares(solution.x) + np.maximum(spread, 0.0))
 
 
+class Covariances(Protocol):
+    """Whoever knows covariances (m, k, k) among unknowns (m, k) that share an equation."""
+
+    def covariance(self, rows: Ints) -> Floats: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The solution (size,) and the factorised equations, which know its covariances."""
 
     x: Floats
-    equations: NormalEquations
+    equations: Covariances
 
 
 class EquationSystem:
@@ -67,43 +75,48 @@ class EquationSystem:
     def __init__(self, size: int, blocks: list[Blocks], last: Ints) -> None:
         self.size = size
         self.blocks = [b for b in blocks if len(b.variables)]
-        rows, columns = [], []
-        for one in self.blocks:
-            k = one.variables.shape[1]
-            rows.append(np.repeat(one.variables, k, axis=1).ravel())
-            columns.append(np.tile(one.variables, (1, k)).ravel())
-        key = np.concatenate(columns) * size + np.concatenate(rows)
-        found, self._slot = np.unique(key, return_inverse=True)
-        self._indices, column = found % size, found // size
-        self._starts = np.searchsorted(column, np.arange(size + 1))
-        self._order = self._elimination_order(last)
-
-    def _elimination_order(self, last: Ints) -> Ints:
-        matrix = self._matrix(
-            np.where(self._indices == np.repeat(np.arange(self.size), np.diff(self._starts)), 1e3, 1.0)
-        )
-        early = np.setdiff1d(np.arange(self.size), last)
-        order = fill_reducing_order(matrix[early][:, early])
-        return np.concatenate([early[order], last]).astype(np.int64)
-
-    def _matrix(self, values: Floats) -> scipy.sparse.csc_matrix:
-        return scipy.sparse.csc_matrix((values, self._indices, self._starts), shape=(self.size, self.size))
+        pattern = pattern_of(size, [b.variables for b in self.blocks])
+        early = np.setdiff1d(np.arange(size), last)
+        order = fill_reducing_order(pattern[early][:, early])
+        self.how = Elimination(pattern, np.concatenate([early[order], last]).astype(np.int64))
+        self._slots = [self.how.slots(b.variables) for b in self.blocks]
 
     def solve(self) -> Solution:
         """The solution at the present weights. Raises ``ValueError`` where some unknown is not determined."""
-        parts = [(b.weight[:, None, None] * b.information).ravel() for b in self.blocks]
-        values = np.asarray(
-            np.bincount(self._slot, weights=np.concatenate(parts), minlength=len(self._indices)), np.float64
-        )
-        vector = np.zeros(self.size)
-        for one in self.blocks:
-            vector += np.bincount(
-                one.variables.ravel(), weights=(one.weight[:, None] * one.vector).ravel(), minlength=self.size
-            )
-        matrix = self._matrix(values)
-        try:
-            equations = NormalEquations(matrix, self._order)
-        except ValueError:
-            matrix.setdiag((1 + RIDGE) * matrix.diagonal())
-            equations = NormalEquations(matrix, self._order)
+        vector = right_hand_side(self.size, self.blocks)
+        equations = factorised(self.how, self.blocks, self._slots)
         return Solution(equations.solve(vector), equations)
+
+
+def pattern_of(size: int, variables: list[Ints]) -> scipy.sparse.csc_matrix:
+    """Which of ``size`` unknowns occur in blocks together, from the variables (m, k) of blocks of every kind."""
+    length = np.concatenate([np.full(len(v), v.shape[1]) for v in variables])
+    start = np.concatenate([[0], np.cumsum(length)])
+    index = np.concatenate([v.ravel() for v in variables])
+    said = scipy.sparse.csr_matrix((np.ones(len(index), np.float32), index, start), (len(length), size))
+    return (said.T @ said).tocsc()
+
+
+def right_hand_side(size: int, blocks: list[Blocks]) -> Floats:
+    """The sum (size,) of the blocks' vectors."""
+    vector = np.zeros(size)
+    for one in blocks:
+        weighed = (one.weight[:, None] * one.vector).ravel()
+        vector += np.bincount(one.variables.ravel(), weights=weighed, minlength=size)
+    return vector
+
+
+def factorised(how: Elimination, blocks: list[Blocks], slots: list[Ints]) -> NormalEquations:
+    """The sum of the blocks, factorised; with a ridge where rounding asks for one."""
+    for ridge in (0.0, RIDGE):
+        panels = how.zeros()
+        for one, where in zip(blocks, slots, strict=True):
+            add_blocks(panels, where, np.ascontiguousarray(one.information), one.weight)
+        if ridge:
+            panels[how.diagonal()] *= 1 + ridge
+        try:
+            return NormalEquations(how, panels)
+        except ValueError:
+            if ridge:
+                raise
+    raise AssertionError

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fusion.network.curve import interval_count, knot_length
-from fusion.network.pass_factor import CONSTANTS, ENTRY, EXIT, LAG, MOUNT, NUISANCES, PassFactor
+from fusion.network.pass_factor import CONSTANTS, ENTRY, LAG, MOUNT, NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
@@ -48,31 +48,32 @@ class RoadUnknowns:
 class DriveUnknowns:
     """The unknowns of one drive behind ``begin``: constants that its passes speak of, and height errors pass by pass.
 
-    ``of_pass`` has shape (passes, ``NUISANCES``), -1 where a pass does not speak of the unknown. ``constants`` maps
-    unknowns to the number of the constant in ``CONSTANTS``.
+    ``of_pass`` has shape (passes, ``NUISANCES``), -1 where a pass does not speak of the unknown. ``keys`` are the
+    unknowns of constants by (number in ``CONSTANTS``, setting of the mount), ``constants`` maps them to that number.
     """
 
     def __init__(self, passes: Sequence[PassFactor], begin: int) -> None:
         self.begin = begin
-        self.of_pass = np.full((len(passes), NUISANCES), -1, np.int64)
-        self.constants: dict[int, int] = {}
-        known: dict[tuple[int, int], int] = {}
-        size = begin
-        for k, one in enumerate(passes):
-            used = one.used
-            for kind in range(len(CONSTANTS)):
-                if used[kind]:
-                    key = (kind, one.mount if kind == MOUNT else 0)
-                    if key not in known:
-                        known[key] = size
-                        self.constants[size] = kind
-                        size += 1
-                    self.of_pass[k, kind] = known[key]
-            for side in (ENTRY, EXIT):
-                mine = np.flatnonzero(used[side])
-                self.of_pass[k, side.start + mine] = size + np.arange(len(mine))
-                size += len(mine)
-        self.end = size
+        used = np.array([p.used for p in passes], bool).reshape(-1, NUISANCES)
+        mount = np.array([p.mount for p in passes], np.int64)
+        new, first_of = used.copy(), {}
+        for kind in range(len(CONSTANTS)):
+            speak = np.flatnonzero(used[:, kind])
+            setting = mount[speak] if kind == MOUNT else np.zeros(len(speak), np.int64)
+            _, first, which = np.unique(setting, return_index=True, return_inverse=True)
+            new[:, kind] = False
+            new[speak[first], kind] = True
+            first_of[kind] = (speak, speak[first][which])
+        number = begin + np.cumsum(new).reshape(new.shape) - 1
+        self.of_pass = np.where(new, number, -1)
+        for kind, (speak, first) in first_of.items():
+            self.of_pass[speak, kind] = number[first, kind]
+        self.keys = {
+            (kind, int(mount[k]) if kind == MOUNT else 0): int(number[k, kind])
+            for k, kind in np.argwhere(new[:, : len(CONSTANTS)]).tolist()
+        }
+        self.constants = {unknown: kind for (kind, _), unknown in self.keys.items()}
+        self.end = begin + int(np.count_nonzero(new))
 
     @property
     def lag(self) -> int | None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import sparse
 
-from fusion.filters.sparse_inverse import NormalEquations
+from fusion.filters.sparse_inverse import Elimination, NormalEquations
 
 
 def from_pairs(
@@ -34,7 +34,7 @@ def check(matrix: sparse.csc_matrix, rng: np.random.Generator) -> None:
     """Solution, variances and the covariances of all pairs that share an equation."""
     size = matrix.shape[0]
     inverse = np.linalg.inv(matrix.toarray())
-    equations = NormalEquations(matrix)
+    equations = NormalEquations.of(matrix)
     vector = rng.normal(size=size)
     assert equations.solve(vector) == pytest.approx(inverse @ vector, rel=1e-8, abs=1e-10)
     scale = np.abs(inverse).max()
@@ -80,21 +80,21 @@ def test_a_block_over_all_unknowns_of_an_equation_comes_out_whole() -> None:
         row[group] = rng.normal(size=5)
         matrix += np.outer(row, row)
     inverse = np.linalg.inv(matrix)
-    blocks = NormalEquations(sparse.csc_matrix(matrix)).covariance(groups)
+    blocks = NormalEquations.of(sparse.csc_matrix(matrix)).covariance(groups)
     assert blocks == pytest.approx(inverse[groups[:, :, None], groups[:, None, :]], rel=1e-8, abs=1e-9)
 
 
 def test_separate_parts_know_nothing_of_each_other() -> None:
     rng = np.random.default_rng(4)
     parts = [from_pairs(4, grid_pairs(2, 2), rng) for _ in range(2)]
-    together = NormalEquations(sparse.block_diag(parts, format="csc"))
-    alone = NormalEquations(parts[1]).covariance(np.arange(4)[None])
+    together = NormalEquations.of(sparse.block_diag(parts, format="csc"))
+    alone = NormalEquations.of(parts[1]).covariance(np.arange(4)[None])
     assert together.covariance(np.arange(4, 8)[None]) == pytest.approx(alone, nan_ok=True)
     assert np.isnan(together.covariance(np.array([[0, 5]]))[0, 0, 1]), "not in the pattern, so not known"
 
 
 def test_no_rows_give_no_blocks() -> None:
-    equations = NormalEquations(sparse.csc_matrix(np.eye(3)))
+    equations = NormalEquations.of(sparse.csc_matrix(np.eye(3)))
     assert equations.covariance(np.empty((0, 4), np.int64)).shape == (0, 4, 4)
 
 
@@ -112,7 +112,7 @@ def test_no_rows_give_no_blocks() -> None:
 )
 def test_what_is_not_positive_definite_is_refused(matrix: list[list[float]]) -> None:
     with pytest.raises(ValueError, match="normal equations are"):
-        NormalEquations(sparse.csc_matrix(np.array(matrix)))
+        NormalEquations.of(sparse.csc_matrix(np.array(matrix)))
 
 
 def test_an_unknown_in_no_equation_is_found_in_a_large_network() -> None:
@@ -122,7 +122,7 @@ def test_an_unknown_in_no_equation_is_found_in_a_large_network() -> None:
     held = sparse.csc_matrix(matrix)
     held.eliminate_zeros()
     with pytest.raises(ValueError, match="normal equations are"):
-        NormalEquations(held)
+        NormalEquations.of(held)
 
 
 def test_a_covariance_is_there_even_where_the_matrix_holds_a_zero() -> None:
@@ -136,16 +136,45 @@ def test_a_covariance_is_there_even_where_the_matrix_holds_a_zero() -> None:
     cancelled = sparse.csc_matrix((np.append(stored.data, [0.0, 0.0]), (rows, columns)), shape=matrix.shape)
     assert cancelled.nnz == stored.nnz + 2
     expected = np.linalg.inv(matrix)[np.ix_([0, 1, 2], [0, 1, 2])]
-    assert NormalEquations(cancelled).covariance(np.array([[0, 1, 2]]))[0] == pytest.approx(expected)
+    assert NormalEquations.of(cancelled).covariance(np.array([[0, 1, 2]]))[0] == pytest.approx(expected)
 
 
 def test_an_order_serves_another_matrix_of_the_same_pattern() -> None:
     rng = np.random.default_rng(6)
     first, second = (from_pairs(20, grid_pairs(5, 4), rng) for _ in range(2))
-    order = NormalEquations(first).order
-    again = NormalEquations(second, order)
+    again = NormalEquations.of(second, NormalEquations.of(first).how)
     vector = rng.normal(size=20)
     assert again.solve(vector) == pytest.approx(np.linalg.solve(second.toarray(), vector))
     assert again.covariance(np.arange(20)[:, None]).ravel() == pytest.approx(
         np.diag(np.linalg.inv(second.toarray()))
+    )
+
+
+@given(seed=st.integers(0, 2**31), size=st.integers(2, 40), share=st.floats(0.0, 0.9))
+def test_what_is_eliminated_onto_a_border_and_follows_from_it(seed: int, size: int, share: float) -> None:
+    """The border's matrix is Schur's complement; given its solution and covariance, all inside comes out as ever."""
+    rng = np.random.default_rng(seed)
+    pairs = rng.integers(0, size, (2 * size, 2))
+    matrix = from_pairs(size, pairs[pairs[:, 0] != pairs[:, 1]], rng)
+    border = max(1, int(share * size))
+    order = rng.permutation(size)
+    inside, outside = order[:-border], order[-border:]
+    equations = NormalEquations.of(matrix, Elimination(matrix, order, border))
+    dense, vector = matrix.toarray(), rng.normal(size=size)
+    left = np.linalg.solve(
+        dense[np.ix_(inside, inside)], np.column_stack([dense[np.ix_(inside, outside)], vector[inside]])
+    )
+    schur = dense[np.ix_(outside, outside)] - dense[np.ix_(outside, inside)] @ left[:, :-1]
+    assert equations.border_matrix() == pytest.approx(schur, rel=1e-8, abs=1e-8)
+    reduced = equations.reduced(vector)
+    assert reduced[-border:] == pytest.approx(
+        vector[outside] - dense[np.ix_(outside, inside)] @ left[:, -1], rel=1e-8, abs=1e-8
+    )
+    inverse = np.linalg.inv(dense)
+    found = equations.solve_inside(reduced, (inverse @ vector)[outside])
+    assert found == pytest.approx(inverse @ vector, rel=1e-7, abs=1e-8)
+    equations.set_border_covariance(inverse[np.ix_(outside, outside)])
+    entries = np.argwhere(dense != 0)
+    assert equations.covariance(entries)[:, 0, 1] == pytest.approx(
+        inverse[entries[:, 0], entries[:, 1]], rel=1e-7, abs=1e-8
     )

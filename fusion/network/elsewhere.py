@@ -1,0 +1,149 @@
+"""What a drive's passes elsewhere say about its constants, for the solution of a part of a network.
+
+In a window the constants of a drive stay unknowns. Its passes outside speak of them too: each of them alone, over a
+road of which nothing is known but that grades are small, never the drive's own posterior. What other drives know of
+the roads outside is left unsaid, so this is never too much. Sums of passes are added and subtracted: a window's part
+is what the whole drive says less what it says inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from fusion.network.equations import Blocks
+from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, MOUNT, NUISANCES, PassFactor
+from fusion.network.road_beliefs import GRADE_SIGMA
+from fusion.network.unknowns import DriveUnknowns
+from fusion.types import Floats, Ints
+
+FREE_INFORMATION = 1e-6
+"""Heights, and errors of height sensors, are free: a sigma of a kilometre (1/m^2)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantsSaid:
+    """Information (n, n) and vector (n,) over constants of a drive: ``keys`` (n, 2), ascending, are (kind, mount).
+
+    ``kind`` is the number in ``CONSTANTS``; ``mount`` is the setting, 0 for constants that do not depend on it.
+    """
+
+    keys: Ints
+    information: Floats
+    vector: Floats
+
+    @classmethod
+    def nothing(cls) -> Self:
+        """Of no pass."""
+        return cls(np.empty((0, 2), np.int64), np.zeros((0, 0)), np.zeros(0))
+
+    @classmethod
+    def of_passes(cls, passes: Sequence[PassFactor], weight: Floats | None = None) -> Self:
+        """What passes of one drive say, each on its own; ``weight`` (m,) is how much each is believed."""
+        if not passes:
+            return cls.nothing()
+        weight = np.ones(len(passes)) if weight is None else weight
+        mount = np.array([p.mount for p in passes], np.int64)
+        mounts, number = np.unique(mount, return_inverse=True)
+        others = [kind for kind in range(len(CONSTANTS)) if kind != MOUNT]
+        keys = np.array([(MOUNT, m) for m in mounts] + [(kind, 0) for kind in others], np.int64)
+        information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
+        size = np.array([len(p.vector) for p in passes])
+        for n in np.unique(size):
+            mine = np.flatnonzero(size == n)
+            said, right = _marginals([passes[k] for k in mine.tolist()], weight[mine])
+            at = np.empty((len(mine), len(CONSTANTS)), np.int64)
+            at[:, MOUNT] = number[mine]
+            at[:, others] = len(mounts) + np.arange(len(others))
+            np.add.at(information, (at[:, :, None], at[:, None, :]), said)
+            np.add.at(vector, at, right)
+        kept = np.diagonal(information) > 0
+        order = np.flatnonzero(kept)[np.lexsort(keys[kept].T[::-1])]
+        return cls(keys[order], information[np.ix_(order, order)], vector[order])
+
+    def __add__(self, other: ConstantsSaid) -> ConstantsSaid:
+        return self._with(other, 1.0)
+
+    def __sub__(self, other: ConstantsSaid) -> ConstantsSaid:
+        return self._with(other, -1.0)
+
+    def _with(self, other: ConstantsSaid, sign: float) -> ConstantsSaid:
+        keys, where = np.unique(np.concatenate([self.keys, other.keys]), axis=0, return_inverse=True)
+        where = where.ravel()
+        information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
+        for at, one, share in (
+            (where[: len(self.keys)], self, 1.0),
+            (where[len(self.keys) :], other, sign),
+        ):
+            information[np.ix_(at, at)] += share * one.information
+            vector[at] += share * one.vector
+        return ConstantsSaid(keys, information, vector)
+
+    def onto(self, keys: Sequence[tuple[int, int]]) -> tuple[Floats, Floats]:
+        """Information and vector over these constants; the others are integrated out, with what is believed of each."""
+        at = {(int(kind), int(mount)): k for k, (kind, mount) in enumerate(self.keys)}
+        known = np.array([key in at for key in keys], bool)
+        kept = np.array([at[key] for key in keys if key in at], np.int64)
+        gone = np.setdiff1d(np.arange(len(self.keys)), kept)
+        prior = np.array(CONSTANT_SIGMA)[self.keys[gone, 0]] ** -2.0
+        across = self.information[np.ix_(gone, kept)]
+        solved = np.linalg.solve(
+            self.information[np.ix_(gone, gone)] + np.diag(prior),
+            np.column_stack([across, self.vector[gone]]),
+        )
+        information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
+        information[np.ix_(known, known)] = self.information[np.ix_(kept, kept)] - across.T @ solved[:, :-1]
+        vector[known] = self.vector[kept] - across.T @ solved[:, -1]
+        return information, vector
+
+    def encode(self) -> bytes:
+        """As little-endian doubles: how many, keys, vector, upper triangle."""
+        upper = self.information[np.triu_indices(len(self.keys))]
+        numbers = [np.array([len(self.keys)]), self.keys.ravel(), self.vector, upper]
+        return np.concatenate(numbers).astype("<f8").tobytes()
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """The inverse of ``encode``, bit for bit."""
+        values = np.frombuffer(data, "<f8").astype(np.float64)
+        n = int(values[0])
+        keys, vector, upper = np.split(values[1:], [2 * n, 3 * n])
+        information = np.zeros((n, n))
+        information[np.triu_indices(n)] = upper
+        return cls(
+            keys.astype(np.int64).reshape(n, 2), information + np.triu(information, 1).T, vector.copy()
+        )
+
+
+def _marginals(passes: Sequence[PassFactor], weight: Floats) -> tuple[Floats, Floats]:
+    """Information (m, 4, 4) and vector (m, 4) of each pass over ``CONSTANTS``; all over equally many knots."""
+    whole = weight[:, None, None] * np.array([p.information for p in passes])
+    right = weight[:, None] * np.array([p.vector for p in passes])
+    n = whole.shape[1]
+    knots, count = n - NUISANCES, len(CONSTANTS)
+    kept = np.arange(knots, knots + count)
+    gone = np.concatenate([np.arange(knots), np.arange(knots + count, n)])
+    prior = np.full(len(gone), FREE_INFORMATION)
+    prior[1:knots:2] = GRADE_SIGMA**-2
+    inside = whole[:, gone[:, None], gone] + np.diag(prior)
+    across = whole[:, gone[:, None], kept]
+    solved = np.linalg.solve(inside, np.concatenate([across, right[:, gone, None]], axis=2))
+    back = across.transpose(0, 2, 1) @ solved
+    information = whole[:, kept[:, None], kept] - back[:, :, :-1]
+    return 0.5 * (information + information.transpose(0, 2, 1)), right[:, kept] - back[:, :, -1]
+
+
+def blocks_elsewhere(
+    said: Mapping[int, ConstantsSaid], unknowns: Mapping[int, DriveUnknowns]
+) -> list[Blocks]:
+    """The equations of all drives that have passes elsewhere."""
+    out = []
+    for name in sorted(set(said) & set(unknowns)):
+        keys = list(unknowns[name].keys)
+        information, vector = said[name].onto(keys)
+        variables = np.array([[unknowns[name].keys[key] for key in keys]], np.int64)
+        out.append(Blocks(variables, information[None], vector[None], np.ones(1)))
+    return [b for b in out if b.variables.size]
