@@ -227,6 +227,16 @@ class DrivePass(Base):
     )
 
 
+class DriveConstants(Base):
+    """What a drive's passes together say of its constants, in the library's encoding, and how many passes it is of."""
+
+    __tablename__ = "drive_constants"
+
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    passes: Mapped[int]
+    said: Mapped[bytes]
+
+
 class _OfNetwork:
     """What the network knows of a segment besides its slope; NULL where it is not in the network."""
 

@@ -42,6 +42,7 @@ from app.drives.tracks import StoredTrack
 from app.map.attribution import attribution
 from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import DriveSegmentRow, drive_segment_rows
+from fusion.network.combine import NETWORK_ONLY
 from fusion.types import DrawnMeasurements
 
 PNG = "image/png"
@@ -177,6 +178,7 @@ def _estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:
         slope_sigma_percent=estimate.slope_sigma_percent,
         drives=1,
         observations=estimate.observations,
+        **dict.fromkeys(NETWORK_ONLY),
     ).geojson()
     own["properties"] |= {
         "passes": estimate.passes,

@@ -14,6 +14,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
+from fusion.network.elsewhere import ConstantsSaid
 from fusion.network.pass_factor import PassFactor
 
 # Statements with %(name)s are executed by psycopg itself, which takes and gives bytes as they are (``app.core.db``).
@@ -33,6 +34,13 @@ _OVER = """
     WHERE p.segment_id = ANY(%(ids)s::bigint[]) AND d.same_as IS NULL
     ORDER BY p.drive_id, p.sequence
 """
+
+# What all passes of a drive together say of its constants, so that a window need not read those outside of it.
+_DELETE_CONSTANTS = text("DELETE FROM drive_constants WHERE drive_id = :drive_id")
+_INSERT_CONSTANTS = """
+    INSERT INTO drive_constants (drive_id, passes, said) VALUES (%(drive_id)s, %(passes)s, %(said)b)
+"""
+_CONSTANTS = "SELECT drive_id, passes, said FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
 _OF_DRIVE = "SELECT factor, segment_id, sequence FROM drive_passes WHERE drive_id = %(drive_id)s"
 
@@ -73,6 +81,7 @@ class Hearing(NamedTuple):
 def replace_passes(session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor]) -> set[int]:
     """Exchange the drive's passes for ``factors``, whose segments are database ids; the segments of both."""
     touched = set(session.execute(_DELETE, {"drive_id": drive_id}).scalars())
+    session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})
     if factors:
         columns = {
             "segment_id": [f.segment for f in factors],
@@ -80,6 +89,8 @@ def replace_passes(session: Session, drive_id: uuid.UUID, factors: Sequence[Pass
             "factor": [f.encode() for f in factors],
         }
         send_binary(session, _INSERT, {"drive_id": drive_id, **columns})
+        said = {"passes": len(factors), "said": ConstantsSaid.of_passes(factors).encode()}
+        send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **said})
     return touched | {f.segment for f in factors}
 
 
@@ -91,6 +102,18 @@ def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPa
             session, _OVER, {"ids": list(segment_ids)}
         )
     ]
+
+
+def said_elsewhere(session: Session, drives: Sequence[Sequence[StoredPass]]) -> dict[int, ConstantsSaid]:
+    """What the drives' other passes say of their constants, by place in ``drives``: the whole less what is here."""
+    ids = [said[0].drive_id for said in drives]
+    whole = {key: (count, said) for key, count, said in fetch_binary(session, _CONSTANTS, {"ids": ids})}
+    found = {}
+    for k, passes in enumerate(drives):
+        count, said = whole.get(passes[0].drive_id, (0, b""))
+        if count > len(passes):
+            found[k] = ConstantsSaid.decode(said) - ConstantsSaid.of_passes([p.factor for p in passes])
+    return found
 
 
 def factors_of(session: Session, drive_id: uuid.UUID) -> list[PassFactor]:

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from sqlalchemy.orm import Session
 
-from app.network.passes import StoredPass, by_drive, passes_over, set_verdicts
+from app.network.control import control_on
+from app.network.passes import StoredPass, by_drive, passes_over, said_elsewhere, set_verdicts
 from app.network.publish import refresh_aggregates
 from app.network.regions import Cell, Region, cells_of, regions
 from app.network.slopes import clear_slopes, write_slopes
 from app.network.surroundings import Surroundings, stored_terrain, surroundings
-from app.network.control import control_on
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.published import Adjustment
@@ -142,27 +142,28 @@ def _solve(
     again = np.isin(around.ids, list(touched))
     driven = around.driven | np.isin(around.ids, [p.factor.segment for p in instead])
     window = window_around(around.table, driven, again, around.drives >= 0, scale)
-    ids = around.ids[window.solved]
+    ids = around.ids[window.solved].tolist()
+    if not ids:
+        return _Solution(around, window, [], None)
+    row_of = {segment: row for row, segment in enumerate(ids)}
     own = {p.drive_id for p in instead}
-    passes = [p for p in passes_over(session, ids.tolist()) if p.drive_id not in own]
-    inside = set(ids.tolist())
-    drives = by_drive([*passes, *(p for p in instead if p.factor.segment in inside)])
-    result = _adjusted(session, around, window.solved, drives) if len(ids) else None
+    passes = [p for p in passes_over(session, ids) if p.drive_id not in own]
+    drives = by_drive([*passes, *(p for p in instead if p.factor.segment in row_of)])
+    elsewhere = {
+        k: said for k, said in said_elsewhere(session, drives).items() if drives[k][0].drive_id not in own
+    }
+    result = adjust(
+        around.table.subset(window.solved),
+        {k: [_in_rows(p.factor, row_of) for p in said] for k, said in enumerate(drives)},
+        stored_terrain(session, around.table.subset(window.solved), around.ids[window.solved]),
+        control_on(session, around.table).among(window.solved),
+        elsewhere=elsewhere,
+    )
     return _Solution(around, window, drives, result)
 
 
-def _adjusted(
-    session: Session, around: Surroundings, solved: Bools, drives: Sequence[Sequence[StoredPass]]
-) -> Adjustment:
-    """The solution over the ``solved`` rows; what drives say elsewhere of their constants is to be told here."""
-    table, ids = around.table.subset(solved), around.ids[solved]
-    row_of = {segment: row for row, segment in enumerate(ids.tolist())}
-    said = {
-        k: [replace(p.factor, segment=row_of[p.factor.segment]) for p in passes]
-        for k, passes in enumerate(drives)
-    }
-    control = control_on(session, around.table).among(solved)
-    return adjust(table, said, stored_terrain(session, table, ids), control)
+def _in_rows(factor: PassFactor, row_of: Mapping[int, int]) -> PassFactor:
+    return replace(factor, segment=row_of[factor.segment])
 
 
 def _store(session: Session, solution: _Solution, shown: Bools, tolerance_sigmas: float) -> list[int]:

@@ -42,6 +42,12 @@ def upgrade() -> None:
     op.drop_table("segment_evidence")
     op.drop_table("drive_passes")
     _create_passes(sa.Column("sequence", sa.Integer(), nullable=False))
+    op.create_table(
+        "drive_constants",
+        sa.Column("drive_id", sa.Uuid(), sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True),
+        sa.Column("passes", sa.Integer(), nullable=False),
+        sa.Column("said", sa.LargeBinary(), nullable=False),
+    )
     for table in ("network_slopes", "segment_slopes"):
         for name in _OF_NETWORK:
             op.add_column(table, sa.Column(name, sa.Double(), nullable=True))
@@ -70,6 +76,7 @@ def downgrade() -> None:
     for table in ("segment_slopes", "network_slopes"):
         for name in reversed(_OF_NETWORK):
             op.drop_column(table, name)
+    op.drop_table("drive_constants")
     op.drop_table("drive_passes")
     _create_passes(
         sa.Column("segments", postgresql.ARRAY(sa.BigInteger()), nullable=False),

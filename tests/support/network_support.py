@@ -43,7 +43,7 @@ def pass_over(
     rows: int = 5,
     roughness: float = 3e-5,
 ) -> Made:
-    """A pass that knows the slope of its segment, a height of 0 m very roughly, and nothing of the drive's own errors."""
+    """A pass that knows the slope of its segment, its height very roughly, and nothing of the drive's own errors."""
     length = float(knot_length(table.length_m[row]))
     slope = np.concatenate([slope_row(0.0, length, length), np.zeros(NUISANCES)])
     height = np.zeros(len(slope))

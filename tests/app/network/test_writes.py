@@ -13,8 +13,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.network import solve as network
-from app.network import surroundings
-from app.network import versions
+from app.network import surroundings, versions
 from app.network.rebuild import rebuild_network
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
