@@ -178,9 +178,9 @@ def _estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:
         slope_sigma_percent=estimate.slope_sigma_percent,
         drives=1,
         observations=estimate.observations,
-        **dict.fromkeys(NETWORK_ONLY),
     ).geojson()
     own["properties"] |= {
+        **dict.fromkeys(NETWORK_ONLY),
         "passes": estimate.passes,
         "first_at": utc_text(estimate.first_at),
         "last_at": utc_text(estimate.last_at),

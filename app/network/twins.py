@@ -36,7 +36,7 @@ _BESIDE = text(
 )
 
 _NAMED_BY = text("SELECT id FROM drives WHERE same_as = :drive_id")
-_SAME_AS = text("SELECT id, same_as FROM drives WHERE id = ANY(CAST(:ids AS uuid[]))")
+_SAME_AS = text("SELECT id, same_as, sha256 FROM drives WHERE id = ANY(CAST(:ids AS uuid[]))")
 _SET_SAME_AS = text("UPDATE drives SET same_as = :same_as WHERE id = :drive_id")
 _SET_HEARD = text(
     "UPDATE drive_passes SET accepted = :heard WHERE drive_id = :drive_id AND accepted <> :heard"
@@ -53,12 +53,13 @@ def choose_witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> set[
     """Decide anew who is heard among these drives and those beside them; the segments of those that now are or no
     longer are."""
     beside = _together(session, drive_ids)
-    if not any(beside.values()):
-        wanted: dict[uuid.UUID, uuid.UUID | None] = dict.fromkeys(beside)
-    else:
-        wanted = _witnesses(beside, {d: _measurements(session, d) for d in beside})
+    drives = session.execute(_SAME_AS, {"ids": list(beside)}).all()
+    wanted: Mapping[uuid.UUID, uuid.UUID | None] = dict.fromkeys(beside)
+    if any(beside.values()):
+        ranks = {row.id: (-_measurements(session, row.id), row.sha256) for row in drives}
+        wanted = _witnesses(beside, ranks)
     changed = []
-    for drive_id, former in session.execute(_SAME_AS, {"ids": list(wanted)}).all():
+    for drive_id, former, _ in drives:
         witness = wanted[drive_id]
         if witness != former:
             session.execute(_SET_SAME_AS, {"drive_id": drive_id, "same_as": witness})
@@ -89,11 +90,14 @@ def _beside(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
 
 
 def _witnesses(
-    beside: Mapping[uuid.UUID, set[uuid.UUID]], measurements: Mapping[uuid.UUID, int]
+    beside: Mapping[uuid.UUID, set[uuid.UUID]], ranks: Mapping[uuid.UUID, tuple[int, str]]
 ) -> dict[uuid.UUID, uuid.UUID | None]:
-    """For each drive the one that is heard in its place, which has more measurements; None: it is heard itself."""
+    """For each drive the one that is heard in its place, which has more measurements; None: it is heard itself.
+
+    Of two that have as many, their bytes decide.
+    """
     chosen: dict[uuid.UUID, uuid.UUID | None] = {}
-    for drive_id in sorted(beside, key=lambda d: (-measurements[d], d)):
+    for drive_id in sorted(beside, key=lambda d: ranks[d]):
         chosen[drive_id] = next((w for w, of in chosen.items() if of is None and w in beside[drive_id]), None)
     return chosen
 

@@ -131,23 +131,27 @@ def verdicts_of(sessions: Sessions) -> dict[tuple[uuid.UUID, int], bool]:
 
 
 def assert_same(left: Rows, right: Rows) -> None:
-    """The contract on what order, deletion and rebuilding may change: a tenth of a sigma, and as much of the sigma."""
-    _assert_within(left, right, 0.1)
+    """The contract on what order, deletion and rebuilding may change: at most a tenth of a sigma of 99 % of segments.
+
+    What is learned of all roads reaches farther than a window, so a single one may move by twice that.
+    """
+    slope, sigma = _differences(left, right)
+    assert np.count_nonzero(slope > 0.1) <= max(1, len(left) // 100), sorted(slope)[-5:]
+    assert max(slope, default=0.0) <= 0.2
+    assert max(sigma, default=0.0) <= 0.1
 
 
 def assert_settled(left: Rows, right: Rows) -> None:
     """The contract on two networks that were rebuilt from the same passes: alike to 1e-9 of a sigma."""
-    _assert_within(left, right, 1e-9)
+    slope, sigma = _differences(left, right)
+    assert max([*slope, *sigma], default=0.0) <= 1e-9
 
 
-def _assert_within(left: Rows, right: Rows, tolerance: float) -> None:
-    assert left.keys() == right.keys()
-    for segment, (slope, sigma, *counts) in left.items():
-        other = right[segment]
-        said = (segment, left[segment], other)
-        assert abs(slope - other[0]) <= tolerance * sigma, said
-        assert abs(sigma / other[1] - 1) <= tolerance, said
-        assert tuple(counts) == other[2:], said
+def _differences(left: Rows, right: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """How far slopes are apart in sigmas, and by what share sigmas; drives and observations are the same."""
+    assert {i: row[2:] for i, row in left.items()} == {i: row[2:] for i, row in right.items()}
+    pairs = np.array([(*row[:2], *right[i][:2]) for i, row in left.items()]).reshape(-1, 4).T
+    return np.abs(pairs[0] - pairs[2]) / pairs[1], np.abs(pairs[1] / pairs[3] - 1)
 
 
 def walks(town: Town, count: int) -> list[Said]:
