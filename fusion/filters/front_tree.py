@@ -123,8 +123,8 @@ def front_columns(parent: Ints, count: Ints) -> Ints:
 
 
 @compiled
-def front_rows(first: Ints, count: Ints, start: Ints, index: Ints) -> tuple[Ints, Ints, Ints, Ints]:
-    """``row_start``, ``rows``, ``parent`` and ``relative`` of ``Tree``; ``start``, ``index``: the lower triangle."""
+def front_rows(first: Ints, count: Ints, start: Ints, index: Ints) -> tuple[Ints, Ints, Ints]:
+    """``row_start``, ``rows`` and ``parent`` of ``Tree``; ``start``, ``index``: the lower triangle by columns."""
     fronts, n = len(first) - 1, len(start) - 1
     front_of = np.empty(n, np.int64)
     row_start = np.zeros(fronts + 1, np.int64)
@@ -133,7 +133,7 @@ def front_rows(first: Ints, count: Ints, start: Ints, index: Ints) -> tuple[Ints
         front_of[first[s] : first[s + 1]] = s
         last = first[s + 1] - 1
         row_start[s + 1] = row_start[s] + (count[last] if last < len(count) else 0)
-    rows, relative = np.empty(row_start[-1], np.int64), np.empty(row_start[-1], np.int64)
+    rows = np.empty(row_start[-1], np.int64)
     child, sibling = np.full(fronts, -1, np.int64), np.full(fronts, -1, np.int64)
     seen = np.full(n, -1, np.int64)
     for s in range(fronts):
@@ -160,15 +160,22 @@ def front_rows(first: Ints, count: Ints, start: Ints, index: Ints) -> tuple[Ints
             above[s] = front_of[rows[row_start[s]]]
             sibling[s] = child[above[s]]
             child[above[s]] = s
-    for s in range(fronts):
-        if above[s] >= 0:
-            p = above[s]
+    return row_start, rows, above
+
+
+@compiled
+def relative_rows(first: Ints, row_start: Ints, rows: Ints, parent: Ints) -> Ints:
+    """Where each of a front's ``rows`` stands in the front of its parent."""
+    out = np.empty(len(rows), np.int64)
+    for s in range(len(parent)):
+        if parent[s] >= 0:
+            p = parent[s]
             k = first[p + 1] - first[p]
-            mine = rows[row_start[p] : row_start[p + 1]]
+            theirs = rows[row_start[p] : row_start[p + 1]]
             for q in range(row_start[s], row_start[s + 1]):
                 i = rows[q]
-                relative[q] = i - first[p] if i < first[p + 1] else k + np.searchsorted(mine, i)
-    return row_start, rows, above, relative
+                out[q] = i - first[p] if i < first[p + 1] else k + np.searchsorted(theirs, i)
+    return out
 
 
 @compiled

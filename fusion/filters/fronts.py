@@ -109,34 +109,39 @@ def _downdate(panel: Floats, update: Floats, k: int) -> None:
 
 
 @compiled
-def solve_in_place(tree: Tree, open_fronts: int, panels: Floats, x: Floats, forward: bool) -> None:
-    """Forward: the right-hand side over L, what is left for the open fronts among it. Else: back from the open's x."""
-    first, row_start = tree.first, tree.row_start
-    fronts = len(first) - 1 - open_fronts
-    for number in range(fronts):
-        s = number if forward else fronts - 1 - number
-        k, r = first[s + 1] - first[s], row_start[s + 1] - row_start[s]
-        panel = panels[tree.panel_start[s] : tree.panel_start[s + 1]].reshape(k + r, k)
-        mine, rows = x[first[s] : first[s + 1]], tree.rows[row_start[s] : row_start[s + 1]]
-        if forward:
+def solve_forward(tree: Tree, open_fronts: int, panels: Floats, x: Floats) -> None:
+    """The right-hand side over L, in place; what is left for the open fronts stands at their places."""
+    for s in range(len(tree.first) - 1 - open_fronts):
+        begin, end = tree.first[s], tree.first[s + 1]
+        rows = tree.rows[tree.row_start[s] : tree.row_start[s + 1]]
+        k = end - begin
+        panel = panels[tree.panel_start[s] : tree.panel_start[s + 1]].reshape(k + len(rows), k)
+        for j in range(k):
+            for p in range(j):
+                x[begin + j] -= panel[j, p] * x[begin + p]
+            x[begin + j] /= panel[j, j]
+        for i in range(len(rows)):
+            total = 0.0
             for j in range(k):
-                for p in range(j):
-                    mine[j] -= panel[j, p] * mine[p]
-                mine[j] /= panel[j, j]
-            for i in range(r):
-                total = 0.0
-                for j in range(k):
-                    total += panel[k + i, j] * mine[j]
-                x[rows[i]] -= total
-        else:
-            for i in range(r):
-                here = x[rows[i]]
-                for j in range(k):
-                    mine[j] -= panel[k + i, j] * here
-            for j in range(k - 1, -1, -1):
-                mine[j] /= panel[j, j]
-                for p in range(j):
-                    mine[p] -= panel[j, p] * mine[j]
+                total += panel[k + i, j] * x[begin + j]
+            x[rows[i]] -= total
+
+
+@compiled
+def solve_backward(tree: Tree, open_fronts: int, panels: Floats, x: Floats) -> None:
+    """From what ``solve_forward`` left to the solution, in place; that of the open fronts is there already."""
+    for s in range(len(tree.first) - 2 - open_fronts, -1, -1):
+        begin, end = tree.first[s], tree.first[s + 1]
+        rows = tree.rows[tree.row_start[s] : tree.row_start[s + 1]]
+        k = end - begin
+        panel = panels[tree.panel_start[s] : tree.panel_start[s + 1]].reshape(k + len(rows), k)
+        for i in range(len(rows)):
+            for j in range(k):
+                x[begin + j] -= panel[k + i, j] * x[rows[i]]
+        for j in range(k - 1, -1, -1):
+            x[begin + j] /= panel[j, j]
+            for p in range(j):
+                x[begin + p] -= panel[j, p] * x[begin + j]
 
 
 @compiled_vector
@@ -186,7 +191,30 @@ def selected_inverse(tree: Tree, open_fronts: int, panels: Floats, inverse: Floa
 def _inverse_panel(panel: Floats, rest: Floats, found: Floats, k: int) -> None:
     """With Y = L21 / L11 and Z the inverse of the ``rest``: -Z Y below, 1 / (L11 L11') + Y' Z Y above."""
     r = len(rest)
-    lower = np.zeros((k, k))  # 1 / L11
+    lower = _inverse_of_lower(panel, k)
+    across = np.zeros((k, r))  # Y'
+    for i in range(r):
+        for p in range(k):
+            here = panel[k + i, p]
+            for j in range(p + 1):
+                across[j, i] += here * lower[p, j]
+    spread = _times(across, rest)  # (Z Y)'
+    found[k:] = -spread.T
+    for i in range(k):
+        for j in range(i + 1):
+            total = 0.0
+            for p in range(i, k):
+                total += lower[p, i] * lower[p, j]
+            for p in range(r):
+                total += across[i, p] * spread[j, p]
+            found[i, j] = total
+            found[j, i] = total
+
+
+@compiled_vector
+def _inverse_of_lower(panel: Floats, k: int) -> Floats:
+    """1 / L11, (k, k)."""
+    lower = np.zeros((k, k))
     for j in range(k):
         lower[j, j] = 1.0 / panel[j, j]
         for i in range(j + 1, k):
@@ -194,27 +222,19 @@ def _inverse_panel(panel: Floats, rest: Floats, found: Floats, k: int) -> None:
             for p in range(j, i):
                 total -= panel[i, p] * lower[p, j]
             lower[i, j] = total / panel[i, i]
-    across = np.zeros((k, r))  # Y'
-    for i in range(r):
-        for p in range(k):
-            here = panel[k + i, p]
-            for j in range(p + 1):
-                across[j, i] += here * lower[p, j]
+    return lower
+
+
+@compiled_vector
+def _times(left: Floats, right: Floats) -> Floats:
+    """The product of matrices."""
+    k, r = left.shape
     if r * r * k > BLAS_FROM:
-        found[k:] = -np.dot(rest, np.ascontiguousarray(across.T))
-    else:
-        for i in range(r):
-            for j in range(k):
-                total = 0.0
-                for p in range(r):
-                    total += rest[i, p] * across[j, p]
-                found[k + i, j] = -total
-    for i in range(k):
-        for j in range(i + 1):
-            total = 0.0
-            for p in range(i, k):
-                total += lower[p, i] * lower[p, j]
-            for p in range(r):
-                total -= across[i, p] * found[k + p, j]
-            found[i, j] = total
-            found[j, i] = total
+        return np.dot(left, right)
+    out = np.zeros((k, r))
+    for j in range(k):
+        for p in range(r):
+            here = left[j, p]
+            for i in range(r):
+                out[j, i] += here * right[p, i]
+    return out

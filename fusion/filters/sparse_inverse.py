@@ -18,11 +18,12 @@ from fusion.filters.front_tree import (
     front_rows,
     gather_blocks,
     postorder,
+    relative_rows,
     slots_of,
     stack_sizes,
     triangle,
 )
-from fusion.filters.fronts import factorise, selected_inverse, solve_in_place
+from fusion.filters.fronts import factorise, selected_inverse, solve_backward, solve_forward
 from fusion.filters.minimum_degree import minimum_degree
 from fusion.types import Floats, Ints
 
@@ -47,7 +48,8 @@ class Elimination:
         if border:
             first = np.append(first, n)
         lower = triangle(start, index, order, self.place, False)
-        row_start, rows, above, relative = front_rows(first, count, *lower)
+        row_start, rows, above = front_rows(first, count, *lower)
+        relative = relative_rows(first, row_start, rows, above)
         k = np.diff(first)
         panel_start = np.concatenate([[0], np.cumsum(k * (k + np.diff(row_start)))]).astype(np.int64)
         sizes = stack_sizes(first, row_start, above)
@@ -102,7 +104,7 @@ class NormalEquations:
     def reduced(self, vector: Floats) -> Floats:
         """The right-hand side after elimination, in its order (n,): the last of it is the border's."""
         x = np.asarray(vector, float)[self.how.order]
-        solve_in_place(self.how.tree, self.how.open_fronts, self._panels, x, True)
+        solve_forward(self.how.tree, self.how.open_fronts, self._panels, x)
         return x
 
     def border_matrix(self) -> Floats:
@@ -115,23 +117,23 @@ class NormalEquations:
         """The solution (n,) from the ``reduced`` right-hand side and the border's solution."""
         x = reduced.copy()
         x[len(x) - self.how.border :] = border
-        solve_in_place(self.how.tree, self.how.open_fronts, self._panels, x, False)
+        solve_backward(self.how.tree, self.how.open_fronts, self._panels, x)
         return np.asarray(x[self.how.place])
 
-    def set_border_covariance(self, covariance: Floats) -> None:
-        """Give the covariance of the border (border, border), from which those inside follow."""
+    def set_border_covariance(self, covariance: Floats) -> Floats:
+        """Give the covariance of the border (border, border); returns panels of the inverse, which follow from it."""
         inverse = np.empty(len(self._panels))
         inverse[len(inverse) - covariance.size :] = covariance.ravel()
         selected_inverse(self.how.tree, self.how.open_fronts, self._panels, inverse)
         self._inverse = inverse
+        return inverse
 
     def covariance(self, rows: Ints) -> Floats:
         """Covariances (m, k, k) among unknowns ``rows`` (m, k); pairs outside the pattern come out as NaN."""
-        if self._inverse is None:
-            self.set_border_covariance(np.empty((0, 0)))
+        inverse = self.set_border_covariance(np.empty((0, 0))) if self._inverse is None else self._inverse
         where = self.how.place[np.asarray(rows, np.int64)]
         out = np.empty((*where.shape, where.shape[1]))
-        gather_blocks(where, self.how.tree, self.how.front_of, self._inverse, out)
+        gather_blocks(where, self.how.tree, self.how.front_of, inverse, out)
         return out
 
 

@@ -33,9 +33,7 @@ class Partition:
 def bisected(network: RoadTable, most: int, executor: Executor | None = None) -> Partition:
     """Blocks of at most ``most`` segments: the network is halved across its longer side as often as it takes."""
     north = 0.5 * (network.lat0_deg + network.lat1_deg)
-    east = 0.5 * (network.lon0_deg + network.lon1_deg) * np.cos(
-        np.radians(north.sum() / max(len(north), 1))
-    )
+    east = 0.5 * (network.lon0_deg + network.lon1_deg) * np.cos(np.radians(north.sum() / max(len(north), 1)))
     block = np.zeros(len(network), np.int64)
     waiting, count = [np.arange(len(network))], 0
     while waiting:
@@ -50,7 +48,9 @@ def bisected(network: RoadTable, most: int, executor: Executor | None = None) ->
     return Partition(block, executor)
 
 
-def homes(block: Ints, road: RoadUnknowns, drives: Mapping[int, DriveUnknowns], rows: Mapping[int, Ints], size: int) -> Ints:
+def homes(
+    block: Ints, road: RoadUnknowns, drives: Mapping[int, DriveUnknowns], rows: Mapping[int, Ints], size: int
+) -> Ints:
     """The block of each of ``size`` unknowns: that of its segment; -1 for nodes and what a drive has but once.
 
     ``rows`` are the segments of each drive's passes.
@@ -78,9 +78,7 @@ class _Block:
     slots: list[Ints]
 
 
-def eliminate(
-    how: Elimination, equations: list[Blocks], slots: list[Ints]
-) -> tuple[NormalEquations, Floats]:
+def eliminate(how: Elimination, equations: list[Blocks], slots: list[Ints]) -> tuple[NormalEquations, Floats]:
     """A block's equations with its interior eliminated, and its right-hand side."""
     normal = factorised(how, equations, slots)
     return normal, normal.reduced(right_hand_side(len(how.order), equations))
@@ -131,9 +129,7 @@ class BlockedSystem:
         for part in self.parts:
             mine = self._number[part.unknowns[len(part.unknowns) - part.border :]][None]
             count = part.border
-            self._messages.append(
-                Blocks(mine, np.zeros((1, count, count)), np.zeros((1, count)), np.ones(1))
-            )
+            self._messages.append(Blocks(mine, np.zeros((1, count, count)), np.zeros((1, count)), np.ones(1)))
         self._loose = [
             Blocks(self._number[b.variables[r]], b.information[r], b.vector[r], b.weight[r])
             for b, r in zip(self.blocks, self._left, strict=True)

@@ -54,7 +54,8 @@ class DriveUnknowns:
 
     def __init__(self, passes: Sequence[PassFactor], begin: int) -> None:
         self.begin = begin
-        used = np.array([p.used for p in passes], bool).reshape(-1, NUISANCES)
+        said = [p.information.diagonal()[-NUISANCES:] for p in passes]
+        used = np.array(said, float).reshape(-1, NUISANCES) > 0
         mount = np.array([p.mount for p in passes], np.int64)
         new, first_of = used.copy(), {}
         for kind in range(len(CONSTANTS)):

@@ -17,9 +17,11 @@ from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
 PUBLISH_RADIUS_M = 300.0
-"""Beyond this distance along driven roads a further drive changes no slope by as much as 0.005 %."""
-WINDOW_RADIUS_M = 800.0
-"""So far the network is solved, so that what lies within ``PUBLISH_RADIUS_M`` comes out as by solving all of it."""
+"""Beyond this distance along driven roads a further drive changes no slope by a tenth of its sigma (at most 0.04 of
+it, ``benchmarks/adjustment.py``)."""
+WINDOW_RADIUS_M = 500.0
+"""So far the network is solved, so that of what lies within ``PUBLISH_RADIUS_M`` 99 % come out within a tenth of their
+sigma of the solution of all (0.08, ``benchmarks/adjustment.py``; 0.17 with 400 m)."""
 LONGEST_GAP_M = 200.0
 """Longer ways between driven nodes get no slope."""
 

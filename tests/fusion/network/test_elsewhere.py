@@ -1,0 +1,140 @@
+"""What passes elsewhere say of a drive's constants: against dense integration, as sums, and in windows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fusion.network.adjust import adjust
+from fusion.network.elsewhere import FREE_INFORMATION, ConstantsSaid
+from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, LAG, MOUNT, NUISANCES, PassFactor
+from fusion.network.road_beliefs import GRADE_SIGMA
+from network_draws import driven_town, within
+
+
+def some_passes(seed: int, count: int, mounts: int = 1) -> list[PassFactor]:
+    """Passes of one drive with a barometer, some of them with another setting of the mount."""
+    rng = np.random.default_rng(seed)
+    drive = driven_town()[1][2]
+    chosen = [drive[k] for k in sorted(rng.choice(len(drive), count, replace=False).tolist())]
+    return [replace(p, mount=int(rng.integers(mounts))) for p in chosen]
+
+
+def integrated(one: PassFactor) -> tuple[np.ndarray, np.ndarray]:
+    """A pass's covariance and mean over the constants, dense, with a weak hold on them that is taken off again."""
+    n = len(one.vector)
+    knots = n - NUISANCES
+    prior = np.full(n, FREE_INFORMATION)
+    prior[1:knots:2] = GRADE_SIGMA**-2
+    constants = slice(knots, knots + len(CONSTANTS))
+    prior[constants] = 1.0
+    covariance = np.linalg.inv(one.information + np.diag(prior))
+    information = np.linalg.inv(covariance[constants, constants])
+    vector = information @ (covariance @ one.vector)[constants]
+    return information - np.eye(len(CONSTANTS)), vector
+
+
+def assert_same(left: ConstantsSaid, right: ConstantsSaid, rel: float = 1e-9) -> None:
+    assert left.keys.tolist() == right.keys.tolist()
+    scale = np.sqrt(np.diagonal(right.information)) + 1e-9
+    assert left.information / scale / scale[:, None] == pytest.approx(
+        right.information / scale / scale[:, None], abs=rel
+    )
+    assert left.vector / scale == pytest.approx(
+        right.vector / scale, abs=rel * (1 + np.abs(right.vector / scale).max(initial=0))
+    )
+
+
+@given(seed=st.integers(0, 2**31))
+def test_a_pass_as_by_dense_integration(seed: int) -> None:
+    one = some_passes(seed, 1)[0]
+    said = ConstantsSaid.of_passes([one])
+    information, vector = integrated(one)
+    kinds = said.keys[:, 0]
+    assert set(range(len(CONSTANTS))) - set(kinds.tolist()) == set(
+        np.flatnonzero(np.diagonal(information) <= 0).tolist()
+    ) or len(kinds) == len(CONSTANTS)
+    scale = np.sqrt(np.maximum(np.diagonal(information), 1e-6))
+    difference = said.information - information[np.ix_(kinds, kinds)]
+    assert np.abs(difference / scale[kinds] / scale[kinds][:, None]).max() < 1e-5
+    assert (said.vector / scale[kinds]) == pytest.approx(vector[kinds] / scale[kinds], rel=1e-5, abs=1e-5)
+
+
+@given(seed=st.integers(0, 2**31), cut=st.integers(0, 12), mounts=st.integers(1, 3))
+def test_parts_add_up_in_any_order_and_can_be_taken_off(seed: int, cut: int, mounts: int) -> None:
+    passes = some_passes(seed, 12, mounts)
+    whole = ConstantsSaid.of_passes(passes)
+    first, second = ConstantsSaid.of_passes(passes[:cut]), ConstantsSaid.of_passes(passes[cut:])
+    assert_same(first + second, whole)
+    assert_same(second + first, whole)
+    rest = whole - first
+    left = [k for k, key in enumerate(rest.keys.tolist()) if key in second.keys.tolist()]
+    same_keys = ConstantsSaid(rest.keys[left], rest.information[np.ix_(left, left)], rest.vector[left])
+    assert_same(same_keys, second, 1e-6)
+
+
+def test_passes_that_are_not_believed_say_nothing() -> None:
+    passes = some_passes(3, 6)
+    weight = np.array([1.0, 0.0, 0.5, 1.0, 0.0, 1.0])
+    believed = [
+        replace(p, information=w * p.information, vector=w * p.vector)
+        for p, w in zip(passes, weight, strict=True)
+    ]
+    assert_same(ConstantsSaid.of_passes(passes, weight), ConstantsSaid.of_passes(believed))
+
+
+@pytest.mark.parametrize("count", [0, 1, 9])
+def test_bytes_bring_back_every_bit(count: int) -> None:
+    said = ConstantsSaid.of_passes(some_passes(1, count, 2))
+    again = ConstantsSaid.decode(said.encode())
+    for name in ("keys", "information", "vector"):
+        assert np.array_equal(getattr(again, name), getattr(said, name))
+
+
+def test_onto_some_of_the_constants_the_others_are_integrated_out() -> None:
+    said = ConstantsSaid.of_passes(some_passes(5, 10, 2))
+    keys = [(MOUNT, 1), (LAG, 0), (MOUNT, 7)]
+    information, vector = said.onto(keys)
+    sigma = np.array(CONSTANT_SIGMA)[said.keys[:, 0]]
+    whole = [tuple(key) for key in said.keys.tolist()]
+    kept = [whole.index(key) for key in keys[:2]]
+    hold = np.where(np.isin(np.arange(len(whole)), kept), 1.0, sigma**-2)
+    covariance = np.linalg.inv(said.information + np.diag(hold))
+    expected = np.linalg.inv(covariance[np.ix_(kept, kept)])
+    assert information[:2, :2] + np.eye(2) == pytest.approx(expected, rel=1e-8)
+    assert vector[:2] == pytest.approx(expected @ (covariance @ said.vector)[kept], rel=1e-8, abs=1e-8)
+    assert not information[2].any()
+    assert vector[2] == 0.0
+
+
+def test_nothing_elsewhere_changes_nothing() -> None:
+    table, drives = driven_town()
+    plain = adjust(table, drives)
+    for elsewhere in ({}, {k: ConstantsSaid.nothing() for k in drives}):
+        found = adjust(table, drives, elsewhere=elsewhere)
+        assert found.slope_percent == pytest.approx(plain.slope_percent, abs=1e-7)
+        assert found.slope_sigma_percent == pytest.approx(plain.slope_sigma_percent, rel=1e-5)
+
+
+def test_a_window_is_nearer_to_the_whole_with_what_is_said_elsewhere() -> None:
+    """Few drives over a few streets: what a mount is, the rest of the drive knows."""
+    table, drives = driven_town(12, 10, 3, 5000.0)
+    rows = (table.lon0_deg < 8.5015) & (table.lat0_deg < 49.001)
+    part, inside, outside = within(table, drives, rows)
+    assert 10 < len(part) < len(table) / 4
+    whole = adjust(table, drives)
+    said = {k: ConstantsSaid.of_passes(p) for k, p in outside.items()}
+    error = [
+        np.sqrt(
+            np.mean(
+                (adjust(part, inside, elsewhere=e).slope_percent - whole.slope_percent[rows]) ** 2
+                / whole.slope_sigma_percent[rows] ** 2
+            )
+        )
+        for e in ({}, said)
+    ]
+    assert error[1] < error[0]
