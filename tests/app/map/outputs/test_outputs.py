@@ -24,7 +24,7 @@ from app.core.text import utc_text
 from app.map.attribution import attribution, attribution_html
 from app.map.outputs import OUTPUTS, output_for, write
 from app.map.outputs.arrow import arrow_tables
-from app.map.segment import PROPERTIES, Segment
+from app.map.segment import HEIGHT_DATUM, PROPERTIES, Segment
 from fusion.errors import UnknownNameError
 
 EXAMPLE = Segment(
@@ -45,6 +45,13 @@ EXAMPLE = Segment(
     dem_slope_percent=float("nan"),
     updated_at=datetime(2026, 11, 20, 10, 13, 2, 4999, timezone(timedelta(hours=1))),
     coordinates=((8.48123456789, 48.99), (8.49, 49.0)),
+    height_from_m=151.20449,
+    height_to_m=-3.0,
+    height_sigma_m=2.41,
+    steepest_percent=-7.90371,
+    steepest_from_m=0.0,
+    steepest_to_m=20.0,
+    driven_share=0.33333,
 )
 UNKNOWN = replace(
     EXAMPLE,
@@ -56,6 +63,22 @@ UNKNOWN = replace(
     observations=0,
     dem_slope_percent=None,
     updated_at=None,
+    height_from_m=None,
+    height_to_m=float("nan"),
+    height_sigma_m=None,
+    steepest_percent=float("nan"),
+    steepest_from_m=None,
+    steepest_to_m=None,
+    driven_share=None,
+)
+OF_NETWORK = (
+    "height_from_m",
+    "height_to_m",
+    "height_sigma_m",
+    "steepest_percent",
+    "steepest_from_m",
+    "steepest_to_m",
+    "driven_share",
 )
 SOME = [EXAMPLE, UNKNOWN, replace(EXAMPLE, id=3, dem_slope_percent=4.5)]
 
@@ -108,6 +131,18 @@ def test_what_goes_in_comes_out(tmp_path: Path, name: str) -> None:
                 continue  # the reader makes floats of a column with a null in it
             assert same(key, row[key], expected), (key, row[key], expected)
         assert row["line"] == [(8.4812346, 48.99), (8.49, 49.0)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_the_network_knows_is_in_every_output(tmp_path: Path, name: str) -> None:
+    """As numbers, 0 as 0; unknown is null, whatever stood for it."""
+    path = tmp_path / f"slopes{OUTPUTS[name].suffix}"
+    write(SOME, path)
+    known, unknown, _ = read(path)
+    values = [None if known[key] is None else float(known[key]) for key in OF_NETWORK]
+    assert values == [151.204, -3.0, 2.41, -7.9037, 0.0, 20.0, 0.3333]
+    assert [unknown[key] for key in OF_NETWORK] == [None] * len(OF_NETWORK)
+    assert PROPERTIES[-len(OF_NETWORK) :] == OF_NETWORK
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -177,6 +212,23 @@ def test_files_with_a_place_for_it_say_whose_data_they_hold(tmp_path: Path) -> N
     assert pq.read_metadata(tmp_path / "a.parquet").metadata[b"attribution"].decode() == source
     write(SOME, tmp_path / "a.gpkg", source=source)
     assert pyogrio.read_info(tmp_path / "a.gpkg")["layer_metadata"]["DESCRIPTION"] == source
+
+
+def test_files_with_a_place_for_it_say_what_heights_refer_to(tmp_path: Path) -> None:
+    def said(**stated: str | None) -> list[str | None]:
+        for _, output in OUTPUTS.items():
+            write(SOME, tmp_path / f"a{output.suffix}", **stated)
+        parquet = pq.read_metadata(tmp_path / "a.parquet").metadata.get(b"height_datum")
+        layer = pyogrio.read_info(tmp_path / "a.gpkg")["layer_metadata"]
+        return [
+            json.loads((tmp_path / "a.geojson").read_text()).get("height_datum"),
+            parquet and parquet.decode(),
+            layer.get("height_datum"),
+        ]
+
+    assert said() == [HEIGHT_DATUM] * 3
+    assert said(height_datum="the WGS 84 ellipsoid") == ["the WGS 84 ellipsoid"] * 3
+    assert said(height_datum=None) == [None] * 3
 
 
 def test_attribution_of_many_rasters_stays_short_and_harmless() -> None:
