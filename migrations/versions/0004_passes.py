@@ -32,6 +32,17 @@ _ASK_ANEW = """
     WHERE id IN (SELECT drive_id FROM drive_passes UNION SELECT drive_id FROM drive_segments WHERE in_network)
 """
 
+# The former code gives no job to a drive that waits for none.
+_STOP_WAITING = """
+    UPDATE drives AS d
+    SET status = 'failed', failure_kind = 'interrupted', finished_at = now(),
+        failure_reason = 'The service went back to a former version before this drive ran again. Ask for it again.'
+    WHERE d.status = 'queued' AND NOT EXISTS (
+        SELECT FROM procrastinate_jobs AS j
+        WHERE j.status IN ('todo', 'doing') AND j.args ->> 'drive_id' = CAST(d.id AS text)
+            AND CAST(j.args ->> 'generation' AS integer) = d.generation)
+"""
+
 _CLEAR_PUBLISHED = "DELETE FROM segment_slopes WHERE segment_id IN (SELECT segment_id FROM network_slopes)"
 
 
@@ -65,6 +76,7 @@ def upgrade() -> None:
 
 def downgrade() -> None:
     """Take back. Slopes in which the network had a part are gone until a drive over them runs again."""
+    op.execute(_STOP_WAITING)
     op.execute("DELETE FROM drive_segments WHERE in_network")
     op.execute(_CLEAR_PUBLISHED)
     op.execute("DELETE FROM network_slopes")

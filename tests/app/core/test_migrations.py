@@ -143,6 +143,7 @@ def test_drives_of_the_former_model_wait_for_another_run_and_stay_published(blan
     migrate.downgrade(blank_database_url, "0003")
     assert rows("SELECT segments FROM drive_passes") == rows("SELECT * FROM segment_evidence") == []
     assert rows("SELECT slope_percent FROM drive_segments") == []
+    assert rows("SELECT status FROM drives ORDER BY id") == [("failed",), ("done",)]
     migrate.upgrade(blank_database_url)
     engine.dispose()
 
