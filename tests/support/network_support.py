@@ -23,7 +23,8 @@ from fusion.simulate.scene.town import Town
 from fusion.types import Ints, SegmentSlope
 
 T0_S = 1_700_000_000.0
-HEIGHT_SIGMA_M = 50.0
+HEIGHT_SIGMA_M = 1000.0
+"""Of what a made pass knows of its height: next to nothing, so that it contradicts no height that is measured."""
 Said = Mapping[int, tuple[float, float]]
 """Slope and sigma by row of the table, percent."""
 Made = tuple[PassFactor, SegmentSlope]
