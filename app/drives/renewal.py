@@ -10,7 +10,7 @@ import logging
 from pathlib import Path
 
 from app.core.db import Sessions
-from app.drives.bulk import batch_progress, drives_without_job
+from app.drives.bulk import drives_without_job
 from app.drives.queue import enqueue_behind
 from app.network.publish import left_over, refresh_aggregates
 from app.network.versions import bump_data_version, own_network
@@ -39,12 +39,9 @@ def give_jobs(sessions: Sessions) -> int:
 
 
 def clear_remains(sessions: Sessions) -> int:
-    """Take away what is published of a former model and was not replaced, once no drive is under way any more.
-
-    Until then it stays visible: the drives behind it are about to say it again. Returns how many segments it was.
-    """
+    """Take away what is published of a former model and no drive is about to say again; of how many segments."""
     with sessions() as session:
-        if batch_progress(session).drives or not left_over(session):
+        if not left_over(session):
             return 0
     with sessions.begin() as session:
         own_network(session)

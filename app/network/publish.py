@@ -50,12 +50,16 @@ _WRITE_AGGREGATES = text(
     """  # noqa: S608 - constants
 )
 
-# What is published without anything that it rests on: of drives of a former model, until they are computed again.
+# What is published without anything that it rests on, of a former model. A drive that is about to be computed again may
+# say it again: until then it stays.
 _LEFT_OVER = text(
     """
     SELECT a.segment_id FROM segment_slopes AS a
     WHERE NOT EXISTS (SELECT FROM network_slopes AS n WHERE n.segment_id = a.segment_id)
         AND NOT EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = a.segment_id AND NOT e.in_network)
+        AND NOT EXISTS (
+            SELECT FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id
+            WHERE e.segment_id = a.segment_id AND d.status IN ('queued', 'running'))
     ORDER BY a.segment_id
     """
 )
@@ -83,7 +87,7 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> None:
 
 
 def left_over(session: Session) -> list[int]:
-    """Segments with a published slope that rests on nothing any more."""
+    """Segments with a published slope that rests on nothing any more, nor will when the drives that wait are done."""
     return list(session.execute(_LEFT_OVER).scalars())
 
 

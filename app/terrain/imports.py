@@ -110,7 +110,8 @@ def terrain_under(session: Session, table: RoadTable, dem_dir: Path) -> tuple[Fl
 def fill_heights(sessions: Sessions, dem_dir: Path) -> int:
     """Give heights to segments that have a slope by the active rasters alone, as they were stored before heights were.
 
-    In short transactions, each of which owns the network. Returns how many segments were looked at.
+    One that reaches over a raster's edge has no slope and waits for the next import. In short transactions, each of
+    which owns the network. Returns how many segments were looked at.
     """
     last, done = 0, 0
     while True:
