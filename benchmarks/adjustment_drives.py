@@ -167,14 +167,17 @@ class Synthetic:
         start = 3.0 * self.rng.normal()
         return np.asarray(start + np.cumsum(np.sqrt(rate) * self.rng.normal(size=n)))
 
-    def _factors(self, rows: Ints, enter_s: Floats, leave_s: Floats, *data: Floats) -> list[PassFactor]:
-        *columns, first = data
+    def _factors(
+        self, rows: Ints, enter_s: Floats, leave_s: Floats, variable: Ints, weights: Floats, constants: Floats,
+        wander: Floats, sensor: Ints, value: Floats, variance: Floats, time_s: Floats, first: Ints,
+    ) -> list[PassFactor]:  # fmt: skip
+        """The sums over each pass; columns as ``fusion.methods.profile.likelihood.OnTraversals`` has them."""
         size = variable_count(self.length[rows]) + NUISANCES
         information, vector, square = (np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows)))
         walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives
         sum_passes(
-            first, size, *columns, enter_s, leave_s, np.array(walk), np.empty(0), 0.0, WANDER_SIGMA**-2.0,
-            information, vector, square,
+            first, size, variable, weights, constants, wander, sensor, value, variance, time_s, enter_s, leave_s,
+            np.array(walk), np.empty(0), 0.0, WANDER_SIGMA**-2.0, information, vector, square,
         )  # fmt: skip
         ends, squares = np.cumsum(size), np.cumsum(size**2)
         out = []

@@ -1,4 +1,4 @@
-"""Part ``service`` of ``adjustment.py``: one more drive published by the database, and taken back."""
+"""Part ``service`` of ``adjustment.py``: one more drive through the town published by the database, and taken back."""
 
 from __future__ import annotations
 
@@ -7,15 +7,12 @@ import statistics
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 from sqlalchemy import text
 
-from adjustment_drives import Copies, town_drives
+from adjustment_drives import Synthetic
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import store as drives
@@ -28,18 +25,9 @@ from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.network.pass_factor import PassFactor
 from fusion.simulate.scene.town import make_town
-from fusion.types import Ints, SegmentSlope
+from fusion.types import Ints
 
-STEPS = {
-    "estimates": (slopes, "_insert_estimates"),
-    "passes and evidence": (slopes, "replace_passes"),
-    "surroundings": (network, "_surroundings"),
-    "evidence around": (network, "_evidence"),
-    "solve": (network, "adjust"),
-    "write slopes": (network, "_store"),
-    "aggregates": (network, "refresh_aggregates"),
-}
-"""What is timed within a publication: where the service calls it by this name."""
+DRIVES, ROUTE_M = 40, 5_000.0
 
 
 def new_drive(sessions: Sessions) -> uuid.UUID:
@@ -59,17 +47,6 @@ def new_drive(sessions: Sessions) -> uuid.UUID:
     return drive.id
 
 
-def estimates_of(factors: Sequence[PassFactor]) -> list[SegmentSlope]:
-    """What a drive shows as its own, one estimate a segment."""
-    last = {factor.segments[-1]: factor for factor in factors}
-    return [
-        SegmentSlope(
-            row, f.slope_percent, f.slope_sigma_percent, f.observations, 1, f.first_time_s, f.last_time_s
-        )
-        for row, f in last.items()
-    ]
-
-
 def publish(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> uuid.UUID:
     """Store what a drive says and renew what is published, as the worker does."""
     drive = new_drive(sessions)
@@ -78,7 +55,7 @@ def publish(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> uui
         version = road_store.current_road_version(session)
         assert version is not None  # noqa: S101 - imported at the start
         provenance = slopes.RunProvenance("profile", {}, "1.0", version.id, None)
-        slopes.save_result(session, drive, ids, estimates_of(factors), provenance, factors)
+        slopes.save_result(session, drive, ids, [], provenance, factors)
     return drive
 
 
@@ -90,70 +67,17 @@ def take_back(sessions: Sessions, drive: uuid.UUID) -> None:
 
 
 def store_silently(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> None:
-    """A drive's passes and evidence without a new solution: the way to a thousand drives in minutes."""
+    """A drive's passes without a new solution."""
     drive = new_drive(sessions)
     with sessions.begin() as session:
         locks.own_network(session)
-        passes.replace_passes(session, drive, [slopes._stored(factor, ids) for factor in factors])
+        passes.replace_passes(session, drive, slopes.in_database(factors, ids))
 
 
-@contextmanager
-def timed(steps: dict[str, float]) -> Iterator[None]:
-    """Note how long each of ``STEPS`` takes."""
-
-    def around(name: str, work: Callable[..., Any]) -> Callable[..., Any]:
-        def timer(*args: Any, **options: Any) -> Any:
-            start = time.perf_counter()
-            try:
-                return work(*args, **options)
-            finally:
-                steps[name] = steps.get(name, 0.0) + time.perf_counter() - start
-
-        return timer
-
-    patches = [
-        mock.patch.object(module, attribute, around(name, getattr(module, attribute)))
-        for name, (module, attribute) in STEPS.items()
-    ]
-    for patch in patches:
-        patch.start()
-    try:
-        yield
-    finally:
-        for patch in patches:
-            patch.stop()
-
-
-def measure(sessions: Sessions, ids: Ints, copies: Copies, repeat: int) -> dict[str, object]:
-    """Publications and removals of further drives: medians, and the steps of the last of each."""
-    added: list[float] = []
-    removed: list[float] = []
-    split: tuple[dict[str, float], dict[str, float]] = ({}, {})
-    take_back(sessions, publish(sessions, ids, copies.drive(10**6)))
-    for number in range(repeat):
-        split = ({}, {})
-        factors = copies.drive(10**6 + number)
-        start = time.perf_counter()
-        with timed(split[0]):
-            drive = publish(sessions, ids, factors)
-        added.append(time.perf_counter() - start)
-        start = time.perf_counter()
-        with timed(split[1]):
-            take_back(sessions, drive)
-        removed.append(time.perf_counter() - start)
-    return {
-        "update_s": statistics.median(added),
-        "update_steps_s": split[0],
-        "removal_s": statistics.median(removed),
-        "removal_steps_s": split[1],
-    }
-
-
-def service_part(sizes: Sequence[int], repeat: int) -> list[dict[str, object]]:
-    """The town in a database of its own, with the settings of ``versant up``."""
+def service_part(repeat: int) -> dict[str, float]:
+    """The town in a database of its own, with the settings of ``versant up``: seconds to publish and to take back."""
     town = make_town()
-    copies = Copies.of(town_drives(town))
-    out: list[dict[str, object]] = []
+    made = Synthetic(town.roads)
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
         EmbeddedPostgres(Path(folder)) as cluster,
@@ -166,31 +90,36 @@ def service_part(sizes: Sequence[int], repeat: int) -> list[dict[str, object]]:
             roads.replace_roads(session, town.roads, "town.osm", "0" * 64)
         with sessions() as session:
             ids = extracts.all_roads(session)[1]
-        stored = 0
-        for count in sizes:
-            start = time.perf_counter()
-            while stored < count * len(copies.originals):
-                store_silently(sessions, ids, copies.drive(stored))
-                stored += 1
-            stored_s = time.perf_counter() - start
-            with sessions.begin() as session:
-                locks.own_network(session)
-                network.refresh_in_regions(session, ids.tolist())
-            with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-                connection.execute(text("VACUUM ANALYZE"))
-            out.append({"drives": count, "stored_s": stored_s, **measure(sessions, ids, copies, repeat)})
-            _show(out[-1])
+        for _ in range(DRIVES):
+            store_silently(sessions, ids, made.drive(made.route(ROUTE_M)))
+        with sessions.begin() as session:
+            locks.own_network(session)
+            network.refresh_in_regions(session, ids.tolist())
+        with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+            connection.execute(text("VACUUM ANALYZE"))
+        found = measure(sessions, ids, lambda: made.drive(made.route(ROUTE_M)), repeat)
         engine.dispose()
-    return out
+    print(
+        f"service: {DRIVES} drives of {ROUTE_M / 1000:.0f} km through the town; one more published in "
+        f"{found['update_s']:.3f} s, taken back in {found['removal_s']:.3f} s",
+        flush=True,
+    )
+    return found
 
 
-def _show(f: dict[str, Any]) -> None:
-    print(f"service: {f['drives']} drives on each road")
-    for name in ("update", "removal"):
-        split = sorted(f[f"{name}_steps_s"].items(), key=lambda item: -item[1])
-        print(
-            f"  {name:8} {f[f'{name}_s']:7.3f} s  ("
-            + ", ".join(f"{step} {seconds:.3f}" for step, seconds in split if seconds >= 0.0005)
-            + ")",
-            flush=True,
-        )
+def measure(
+    sessions: Sessions, ids: Ints, further: Callable[[], list[PassFactor]], repeat: int
+) -> dict[str, float]:
+    """Medians over publications and removals of further drives."""
+    added, removed = [], []
+    for number in range(repeat + 1):
+        factors = further()
+        times = [time.perf_counter()]
+        drive = publish(sessions, ids, factors)
+        times.append(time.perf_counter())
+        take_back(sessions, drive)
+        times.append(time.perf_counter())
+        if number:  # the first is to compile
+            added.append(times[1] - times[0])
+            removed.append(times[2] - times[1])
+    return {"update_s": statistics.median(added), "removal_s": statistics.median(removed)}

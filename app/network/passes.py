@@ -96,11 +96,11 @@ def replace_passes(session: Session, drive_id: uuid.UUID, factors: Sequence[Pass
 
 def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPass]:
     """All passes over these segments but those of drives that are there already; drive by drive as driven."""
+    rows = fetch_binary(session, _OVER, {"ids": list(segment_ids)})
+    factors = PassFactor.decode_all([row[3:] for row in rows])
     return [
-        StoredPass(key, drive_id, accepted, PassFactor.decode(factor, segment, sequence))
-        for key, drive_id, accepted, factor, segment, sequence in fetch_binary(
-            session, _OVER, {"ids": list(segment_ids)}
-        )
+        StoredPass(key, drive_id, accepted, factor)
+        for (key, drive_id, accepted, *_), factor in zip(rows, factors, strict=True)
     ]
 
 
@@ -118,7 +118,7 @@ def said_elsewhere(session: Session, drives: Sequence[Sequence[StoredPass]]) -> 
 
 def factors_of(session: Session, drive_id: uuid.UUID) -> list[PassFactor]:
     """What one drive contributes."""
-    return [PassFactor.decode(*row) for row in fetch_binary(session, _OF_DRIVE, {"drive_id": drive_id})]
+    return PassFactor.decode_all(fetch_binary(session, _OF_DRIVE, {"drive_id": drive_id}))
 
 
 def by_drive(passes: Iterable[StoredPass]) -> list[list[StoredPass]]:

@@ -229,9 +229,10 @@ def _inverse_of_lower(panel: Floats, k: int) -> Floats:
 def _times(left: Floats, right: Floats) -> Floats:
     """The product of matrices."""
     k, r = left.shape
-    if r * r * k > BLAS_FROM:
-        return np.dot(left, right)
     out = np.zeros((k, r))
+    if r * r * k > BLAS_FROM:
+        out[:] = np.dot(left, right)
+        return out
     for j in range(k):
         for p in range(r):
             here = left[j, p]

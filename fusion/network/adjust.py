@@ -33,13 +33,13 @@ def adjust(
     control: ControlHeights | None = None,
     *,
     elsewhere: Mapping[int, ConstantsSaid] | None = None,
-    partition: Partition | None = None,
+    blocks: Partition | None = None,
 ) -> Adjustment:
     """Solve a network; ``PassFactor.segment`` and ``ControlHeights.row`` are its rows, the keys of ``drives`` any
     numbers that differ.
 
-    ``elsewhere`` is what the passes of drives outside the network say about their constants. With
-    a ``partition`` the network is solved in blocks: the same solution, for networks of any size.
+    ``elsewhere`` is what the passes of drives outside the network say about their constants. ``blocks`` are solved
+    one by one, with the same result: for networks of any size.
     """
     everything = [p for d in sorted(drives) for p in drives[d]]
     road = RoadBeliefs(network, everything)
@@ -52,12 +52,12 @@ def adjust(
     outside = blocks_elsewhere(elsewhere or {}, said.unknowns)
     beside = [block for one in (model, surveyed) if one for block in one.blocks()]
     equations = [*road.blocks(), *said.blocks(), *outside, *beside]
-    if partition is None:
+    if blocks is None:
         system: EquationSystem | BlockedSystem = EquationSystem(said.size, equations, last)
     else:
         rows = {d: np.array([p.segment for p in said.passes[d]], np.int64) for d in said.names}
-        home = homes(partition.block, road.unknowns, said.unknowns, rows, said.size)
-        system = BlockedSystem(said.size, equations, home, partition.executor)
+        home = homes(blocks.block, road.unknowns, said.unknowns, rows, said.size)
+        system = BlockedSystem(said.size, equations, home, blocks.executor)
     for number in range(ROUNDS):
         solution = system.solve()
         if number < ROUNDS - 1:

@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from fusion.network.equations import Blocks
-from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, MOUNT, NUISANCES, PassFactor
+from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, MOUNT, NUISANCES, PassFactor, symmetric
 from fusion.network.road_beliefs import GRADE_SIGMA
 from fusion.network.unknowns import DriveUnknowns
 from fusion.types import Floats, Ints
@@ -111,11 +111,7 @@ class ConstantsSaid:
         values = np.frombuffer(data, "<f8").astype(np.float64)
         n = int(values[0])
         keys, vector, upper = np.split(values[1:], [2 * n, 3 * n])
-        information = np.zeros((n, n))
-        information[np.triu_indices(n)] = upper
-        return cls(
-            keys.astype(np.int64).reshape(n, 2), information + np.triu(information, 1).T, vector.copy()
-        )
+        return cls(keys.astype(np.int64).reshape(n, 2), symmetric(upper, n), vector.copy())
 
 
 def _marginals(passes: Sequence[PassFactor], weight: Floats) -> tuple[Floats, Floats]:

@@ -8,6 +8,7 @@ the passes of a drive hang together, ``fusion.network.unknowns``'.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -78,22 +79,41 @@ class PassFactor:
     @classmethod
     def decode(cls, data: bytes, segment: int, sequence: int) -> Self:
         """The inverse of ``encode``, bit for bit."""
-        values = np.frombuffer(data, "<f8").astype(np.float64)
-        mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last, lag = values[
-            :_HEAD
-        ].tolist()
-        used = np.unpackbits(np.array([int(values[_HEAD])], np.uint8)).astype(bool)
-        left = len(values) - _HEAD - 1
-        count = int((np.sqrt(9 + 8 * left) - 3) / 2 + 0.5)  # count + count (count + 1) / 2 numbers are left
-        kept = np.concatenate([np.ones(count - int(used.sum()), bool), used])
-        size = len(kept)
-        vector, information = np.zeros(size), np.zeros((size, size))
-        vector[kept] = values[_HEAD + 1 : _HEAD + 1 + count]
-        information[np.ix_(kept, kept)] = symmetric(values[_HEAD + 1 + count :], count)
-        return cls(
-            segment, sequence, int(mount), information, vector, square, int(rows), (walk_a, walk_b),
-            start, end, roughness, int(observations), first, last, lag,
-        )  # fmt: skip
+        return cls.decode_all([(data, segment, sequence)])[0]
+
+    @classmethod
+    def decode_all(cls, stored: Sequence[tuple[bytes, int, int]]) -> list[Self]:
+        """``decode`` of many (data, segment, sequence): those of one shape at once, for a window has thousands."""
+        alike: dict[tuple[int, bytes], list[int]] = {}
+        for k, (data, _, _) in enumerate(stored):
+            alike.setdefault((len(data), data[8 * _HEAD : 8 * _HEAD + 8]), []).append(k)
+        out: dict[int, Self] = {}
+        for members in alike.values():
+            numbers, vector, information = _unpacked([stored[k][0] for k in members])
+            for at, k in enumerate(members):
+                mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last, lag = (
+                    numbers[at]
+                )
+                out[k] = cls(
+                    stored[k][1], stored[k][2], int(mount), information[at], vector[at], square, int(rows),
+                    (walk_a, walk_b), start, end, roughness, int(observations), first, last, lag,
+                )  # fmt: skip
+        return [out[k] for k in range(len(stored))]
+
+
+def _unpacked(data: Sequence[bytes]) -> tuple[list[list[float]], Floats, Floats]:
+    """The leading numbers, the vectors and the information matrices of m stored factors of one shape."""
+    values = np.frombuffer(b"".join(data), "<f8").astype(np.float64).reshape(len(data), -1)
+    used = np.unpackbits(np.array([int(values[0, _HEAD])], np.uint8)).astype(bool)
+    left = values.shape[1] - _HEAD - 1
+    count = int((np.sqrt(9 + 8 * left) - 3) / 2 + 0.5)  # count + count (count + 1) / 2 numbers are left
+    kept = np.flatnonzero(np.concatenate([np.ones(count - int(used.sum()), bool), used]))
+    size = count - int(used.sum()) + NUISANCES
+    vector, information = np.zeros((len(data), size)), np.zeros((len(data), size, size))
+    vector[:, kept] = values[:, _HEAD + 1 : _HEAD + 1 + count]
+    row, column = (kept[v] for v in np.triu_indices(count))
+    information[:, row, column] = information[:, column, row] = values[:, _HEAD + 1 + count :]
+    return values[:, :_HEAD].tolist(), vector, information
 
 
 def symmetric(upper: Floats, size: int) -> Floats:

@@ -63,28 +63,28 @@ def test_a_town_in_blocks_is_the_town(count: int) -> None:
     whole = adjust(table, drives, terrain)
     partition = bisected(table, -(-len(table) // count))
     assert len(np.unique(partition.block)) >= count
-    found = adjust(table, drives, terrain, partition=partition)
-    assert apart(found, whole) < 1e-6
-    assert found.slope_sigma_percent == pytest.approx(whole.slope_sigma_percent, rel=1e-4)
+    found = adjust(table, drives, terrain, blocks=partition)
+    assert apart(found, whole) < 1e-9
+    assert found.slope_sigma_percent == pytest.approx(whole.slope_sigma_percent, rel=1e-9)
     assert found.heard == whole.heard
 
 
 def test_many_hands_do_the_same_work() -> None:
     table, drives = driven_town()
-    alone = adjust(table, drives, partition=bisected(table, 20))
+    alone = adjust(table, drives, blocks=bisected(table, 20))
     with ThreadPoolExecutor(2) as threads:
-        found = adjust(table, drives, partition=bisected(table, 20, threads))
+        found = adjust(table, drives, blocks=bisected(table, 20, threads))
     assert np.array_equal(found.slope_percent, alone.slope_percent)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
-        found = adjust(table, drives, partition=bisected(table, 20, processes))
-    assert apart(found, alone) < 1e-6
+        found = adjust(table, drives, blocks=bisected(table, 20, processes))
+    assert apart(found, alone) < 1e-9
 
 
 def test_blocks_without_drives_and_drives_in_one_block_only() -> None:
     table, drives = driven_town()
     some = {0: drives[0][:3], 4: drives[4][-2:]}
     whole = adjust(table, some)
-    assert apart(adjust(table, some, partition=bisected(table, 6)), whole) < 1e-6
+    assert apart(adjust(table, some, blocks=bisected(table, 6)), whole) < 1e-9
 
 
 @given(width=st.integers(1, 9), height=st.integers(2, 9), most=st.integers(1, 40))
