@@ -195,12 +195,7 @@ def solve_network(
     )
     if not numbers:
         return SolvedNetwork({}, rejected, again, [])
-    passes = {
-        number: [
-            replace(f, segment=int(drives[number].rows[f.segment])) for f in drives[number].result.factors
-        ]
-        for number in numbers
-    }
+    passes = {k: _in_file(drives[k], drives[k].result.factors) for k in numbers}
     near = surroundings([drives[k] for k in numbers])
     surveyed, far = place(control, roads.subset(near))
     for _ in range(LAG_ROUNDS):
@@ -242,6 +237,11 @@ def _witness(one: FusedDrive) -> Witness:
     )
 
 
+def _in_file(one: FusedDrive, factors: Sequence[PassFactor]) -> list[PassFactor]:
+    """Factors of a log over the rows of the road file."""
+    return [replace(f, segment=int(one.rows[f.segment])) for f in factors]
+
+
 def _begin(one: FusedDrive) -> float:
     return float(one.result.track.time_s[0])
 
@@ -256,8 +256,7 @@ def _relinearised(
         step = float(np.clip(LAG_GAIN * (lag - before), -LAG_STEP_S, LAG_STEP_S))
         if one.result.late_by is None or abs(step) < LAG_SETTLED_S:
             continue
-        again = one.result.late_by(before + step)
-        passes[number] = [replace(f, segment=int(one.rows[f.segment])) for f in again]
+        passes[number] = _in_file(one, one.result.late_by(before + step))
         changed = True
     return changed
 
@@ -283,7 +282,6 @@ def _solved(
     table, rows = table.subset(solved), near[solved]
     row_of = {int(row): k for k, row in enumerate(rows)}
     terrain = heights_at(dem.heights(*knot_positions(table))) if dem else None
-    # In the order of driving, so that the order in which logs are named changes no digit.
     own = {k: [replace(f, segment=row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
     result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)

@@ -29,7 +29,7 @@ EPOCH_S = 0.01
 @dataclass(frozen=True, eq=False)
 class Witness:
     """What tells a drive from others: its passes (p,) with the segment of each and when it was entered, the times of
-    its epochs (e,), ascending, and how many measurements it has.
+    its epochs (e,), ascending (none: unknown, and only entries count), and how many measurements it has.
     """
 
     segment: Ints
@@ -61,7 +61,7 @@ def _rank(one: Witness) -> tuple[float, ...]:
 
 def same_drive(one: Witness, other: Witness) -> bool:
     """Whether two logs are of one drive; laps within a log are never compared."""
-    if not (_overlap(one.enter_s, other.enter_s) and _overlap(one.epoch_s, other.epoch_s)):
+    if not _overlap(one.enter_s, other.enter_s):
         return False
     few, many = sorted((one, other), key=lambda w: len(np.unique(w.segment)))
     spacing = max(_spacing(one.epoch_s), _spacing(other.epoch_s))
@@ -77,7 +77,7 @@ def same_drive(one: Witness, other: Witness) -> bool:
     if np.mean(met) <= SAME_SHARE:
         return False
     few, many = sorted((one, other), key=lambda w: len(w.epoch_s))
-    return bool(np.mean(_nearest_s(few.epoch_s, many.epoch_s) < EPOCH_S) > SAME_SHARE)
+    return not len(few.epoch_s) or bool(np.mean(_nearest_s(few.epoch_s, many.epoch_s) < EPOCH_S) > SAME_SHARE)
 
 
 def _overlap(one_s: Floats, other_s: Floats) -> bool:

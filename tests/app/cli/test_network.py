@@ -45,7 +45,7 @@ def run(*arguments: str | Path) -> Result:
 def test_rebuild_makes_the_network_from_its_passes(sessions: Sessions, tmp_path: Path) -> None:
     before = rows_of(sessions)
     with sessions.begin() as session:
-        for relation in ("segment_evidence", "network_slopes", "segment_slopes"):
+        for relation in ("network_slopes", "segment_slopes"):
             session.execute(text(f"DELETE FROM {relation}"))
     result = run("rebuild", "--json", tmp_path / "figures.json")
     assert_same(before, rows_of(sessions))

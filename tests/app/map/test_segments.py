@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
+from app.map.segment import HEIGHT_DATUM
 from app.network import extracts as roads
-from network_support import drive_over, factor_of, new_drive, publish
+from fusion.network.combine import NETWORK_ONLY
+from network_support import drive_over, new_drive, pass_over, publish
 
 ITEMS = "/collections/segments/items"
 
@@ -23,7 +25,7 @@ def street(filled: Any) -> list[int]:
     for slope in (2.0, 2.1):
         drive_over(filled.sessions, table, ids, dict.fromkeys((FIRST, FIRST + 1, FIRST + 3), (slope, 0.4)))
     odd = new_drive(filled.sessions)
-    publish(filled.sessions, odd, ids, [factor_of(table, FIRST, 9.0, 0.3)])
+    publish(filled.sessions, odd, ids, [pass_over(table, FIRST, 9.0, 0.3)])
     return [int(i) for i in ids[FIRST : FIRST + 7]]
 
 
@@ -44,6 +46,28 @@ def test_gaps_have_a_slope_for_who_asks(filled: Any, street: list[int]) -> None:
     assert gap not in items(filled, gaps="true", driven="true")
     assert asked[gap] == items(filled, gaps="true", driven="false")[gap]
     assert {i for i, p in plain.items() if p["drives"]} == {street[k] for k in (0, 1, 3)}
+
+
+def test_heights_are_wherever_a_segment_is(filled: Any, street: list[int]) -> None:
+    """The same in items, in a GeoJSON tile and by itself; null off the network, and in no vector tile."""
+    shown = items(filled)
+    tile = filled.client.get("/tiles/14/8574/5626.geojson").json()
+    assert tile["height_datum"] == filled.client.get(ITEMS).json()["height_datum"] == HEIGHT_DATUM
+    in_tile = {f["id"]: f["properties"] for f in tile["features"]}
+    for segment, driven in ((street[0], True), (street[1], True), (street[5], False)):
+        alone = filled.client.get(f"/v1/segments/{segment}").json()["properties"]
+        assert alone == shown[segment] == in_tile[segment]
+        for name in NETWORK_ONLY:
+            assert (alone[name] is not None) == driven, name
+    rounding = 0.002 * shown[street[0]]["height_sigma_m"]  # smaller changes are not written
+    assert shown[street[0]]["height_to_m"] == pytest.approx(shown[street[1]]["height_from_m"], abs=rounding)
+    assert shown[street[0]]["driven_share"] == 1.0
+    assert shown[street[0]]["steepest_to_m"] - shown[street[0]]["steepest_from_m"] == pytest.approx(20.0)
+    gap = items(filled, gaps="true")[street[2]]
+    assert gap["driven_share"] == 0.0
+    assert gap["height_from_m"] == pytest.approx(shown[street[1]]["height_to_m"], abs=rounding)
+    fields = filled.client.get("/tiles.json").json()["vector_layers"][0]["fields"]
+    assert not set(fields) & set(NETWORK_ONLY)
 
 
 @pytest.mark.parametrize("route", ["/v1/segments", ITEMS])
@@ -100,6 +124,8 @@ def test_slope_only_drives_are_neither_accepted_nor_rejected(filled: Any, drive_
     first = filled.client.get(f"/v1/drives/{drive}/segments").json()["features"][0]
     found = filled.client.get(f"/v1/segments/{first['id']}/observations").json()["observations"]
     assert [(one["in_network"], one["accepted"], one["weight"]) for one in found] == [(False, None, 1.0)]
+    alone = filled.client.get(f"/v1/segments/{first['id']}").json()["properties"]
+    assert [alone[name] for name in NETWORK_ONLY] == [None] * len(NETWORK_ONLY)
 
 
 def test_deleting_the_drives_takes_the_gaps_along(filled: Any, street: list[int]) -> None:

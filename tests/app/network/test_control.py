@@ -21,7 +21,7 @@ from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import drive_over
 
-POINT = ControlPoint(8.5035, 49.00005, 300.0, 0.05, "line 2 of a.csv")
+POINT = ControlPoint(8.5035, 49.00005, 20.0, 0.05, "line 2 of a.csv")
 """Beside the middle of the fourth segment of ``chain``."""
 FAR = ControlPoint(9.0, 49.0, 100.0, 0.05, "line 3 of a.csv")
 Heights = dict[int, tuple[float, float, float]]
@@ -52,7 +52,7 @@ def test_a_point_brings_its_height_and_leaves_no_trace(sessions: Sessions, road:
     assert version(sessions) == number + 1
     for k, segment in enumerate(road):
         up, sigma, slope = after[segment]
-        assert up == pytest.approx(300 + 0.02 * 73.15 * (k - 3.5), abs=3 * sigma)
+        assert up == pytest.approx(20 + 0.02 * 73.15 * (k - 3.5), abs=3 * sigma)
         assert sigma < 0.2 * before[segment][1]
         assert slope == pytest.approx(before[segment][2], abs=0.03), "a tenth of a sigma"
     assert import_control(sessions, [], replace=True) == ControlCounts(0, 0, 0, 2, without_road=0, segments=1)
@@ -67,7 +67,7 @@ def test_imported_twice_it_is_there_once(sessions: Sessions, road: list[int]) ->
     again = replace(POINT, name="line 9 of b.csv")
     assert import_control(sessions, [again, again]) == ControlCounts(0, 0, 1, 0, without_road=0, segments=0)
     assert (heights(sessions), version(sessions)) == (after, number)
-    moved = replace(POINT, height_m=310.0)
+    moved = replace(POINT, height_m=30.0)
     assert import_control(sessions, [moved]) == ControlCounts(0, 1, 0, 0, without_road=0, segments=1)
     assert heights(sessions)[road[3]][0] == pytest.approx(after[road[3]][0] + 10, abs=0.1)
 
@@ -99,7 +99,7 @@ def test_the_command(
     def run(*arguments: str) -> Result:
         return CliRunner().invoke(app, ["import-control", str(points), "--json", str(report), *arguments])
 
-    points.write_text("lat_deg,lon_deg,height_m\n49.00005,8.5035,300\n49,9,100\n")
+    points.write_text("lat_deg,lon_deg,height_m\n49.00005,8.5035,20\n49,9,100\n")
     done = run()
     assert done.exit_code == 0, done.stderr
     assert done.stdout.splitlines() == [

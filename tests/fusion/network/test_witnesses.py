@@ -48,6 +48,7 @@ LOG = drive()
         pytest.param(drive(digits_m=1.0, measurements=300), id="GPX with five decimals"),
         pytest.param(drive(period_s=5.0, measurements=80), id="every fifth epoch"),
         pytest.param(drive(segments=range(30), measurements=750), id="cut off"),
+        pytest.param(Witness(LOG.segment, LOG.enter_s, np.empty(0), 1000), id="without its epochs"),
     ],
 )
 def test_a_drive_in_two_logs_is_one(other: Witness) -> None:
