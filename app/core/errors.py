@@ -22,6 +22,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from fusion.errors import (
     BadOptionsError,
+    ControlError,
     EmptyLogError,
     FusionError,
     LogError,
@@ -128,6 +129,7 @@ KINDS: Mapping[type[Exception], Kind] = {
     LogError: Kind(422, LogError.kind, "Unusable log", "The log cannot be used."),
     RoadsError: Kind(422, RoadsError.kind, "Unusable road file", "The road file cannot be used."),
     TerrainError: Kind(422, TerrainError.kind, "Unusable elevation file", "The raster cannot be used."),
+    ControlError: Kind(422, ControlError.kind, "Unusable surveyed heights", "The file cannot be used."),
     UnknownNameError: Kind(422, UnknownNameError.kind, "Unknown name", "No method or option has that name."),
     BadOptionsError: Kind(422, BadOptionsError.kind, "Unusable options", "The method does not take them."),
     MissingSensorError: Kind(422, MissingSensorError.kind, "Missing sensor", "The log lacks a sensor."),

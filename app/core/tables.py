@@ -51,7 +51,7 @@ class Base(DeclarativeBase):
         datetime: DateTime(timezone=True),
         dict[str, Any]: JSONB,
         list[dict[str, Any]]: JSONB,
-        list[int]: ARRAY(BigInteger),
+        list[float]: ARRAY(Double),
         float: Double,
     }
 
@@ -112,6 +112,8 @@ class Segment(Base):
     tunnel: Mapped[bool]
     layer: Mapped[int] = mapped_column(SmallInteger)
     dem_slope_percent: Mapped[float | None]
+    dem_heights_m: Mapped[list[float] | None]
+    """Of the elevation model at the segment's knots (``fusion.network.unknowns.knot_positions``), NaN unknown."""
     road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
     """The import that brought the row's present geometry."""
 
@@ -150,19 +152,19 @@ class Drive(Base):
     epochs: Mapped[int | None]
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
+    same_as: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
+    """The drive that is heard in this one's place, for it is the same one (``app.network.twins``)."""
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
     queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
 
     __table_args__ = (
-        CheckConstraint(
-            "status IN ('queued', 'running', 'done', 'failed', 'cancelled')",
-            name="status",
-        ),
+        CheckConstraint("status IN ('queued', 'running', 'done', 'failed', 'cancelled')", name="status"),
         CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
         Index("ix_drives_created_at_id", "created_at", "id"),
         Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
+        Index("ix_drives_same_as", "same_as", postgresql_where=text("same_as IS NOT NULL")),
     )
 
 
@@ -187,9 +189,7 @@ class DriveSegment(Base):
     __tablename__ = "drive_segments"
 
     drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
-    segment_id: Mapped[int] = mapped_column(
-        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, index=True
-    )
+    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True)
     slope_percent: Mapped[float]
     slope_sigma_percent: Mapped[float]
     observations: Mapped[int]
@@ -202,6 +202,8 @@ class DriveSegment(Base):
 
     __table_args__ = (
         CheckConstraint("slope_sigma_percent > 0", name="sigma"),
+        # By time as well: who else was here at that moment is one look, however many drives there are.
+        Index("ix_drive_segments_segment_id", "segment_id", "first_at"),
         Index("ix_drive_segments_slope_only", "segment_id", postgresql_where=text("NOT in_network")),
     )
 
@@ -212,36 +214,44 @@ class DrivePass(Base):
     __tablename__ = "drive_passes"
 
     id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    """Also the pass's key inside the segment's evidence."""
     drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
     segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"))
-    segments: Mapped[list[int]]
-    """The segments that the factor speaks of: those passed before that it is conditional on, then its own."""
+    sequence: Mapped[int]
+    """Its place among the drive's passes, in the order of driving."""
     factor: Mapped[bytes]
-    slope_percent: Mapped[float]
-    slope_sigma_percent: Mapped[float]
     accepted: Mapped[bool]
-    """Whether the pass is heard, or contradicts the others over its segment."""
+    """Whether the pass is heard: it agrees with the network, and its drive is not one that is there already."""
 
     __table_args__ = (
         Index("ix_drive_passes_segment_id", "segment_id", "drive_id", postgresql_include=["accepted"]),
-        # Few passes are conditional on others; a road import looks through those that are.
-        Index("ix_drive_passes_conditional", "id", postgresql_where=text("cardinality(segments) > 1")),
     )
 
 
-class SegmentEvidence(Base):
-    """All passes over a segment condensed into one: a cache that ``versant rebuild`` can make again."""
+class DriveConstants(Base):
+    """What a drive's passes together say of its constants, in the library's encoding, and how many passes it is of."""
 
-    __tablename__ = "segment_evidence"
+    __tablename__ = "drive_constants"
 
-    segment_id: Mapped[int] = mapped_column(
-        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
-    )
-    evidence: Mapped[bytes]
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    passes: Mapped[int]
+    said: Mapped[bytes]
 
 
-class NetworkSlope(Base):
+class _OfNetwork:
+    """What the network knows of a segment besides its slope; NULL where it is not in the network."""
+
+    driven_share: Mapped[float | None]
+    """Share of the length over which passes are heard."""
+    height_from_m: Mapped[float | None]
+    height_to_m: Mapped[float | None]
+    height_sigma_m: Mapped[float | None]
+    steepest_percent: Mapped[float | None]
+    """Of the steepest stretch inside, signed as slopes are; from and to: metres from ``from_node``."""
+    steepest_from_m: Mapped[float | None]
+    steepest_to_m: Mapped[float | None]
+
+
+class NetworkSlope(_OfNetwork, Base):
     """What all factors together say of a segment; a gap between driven ones has 0 drives and observations."""
 
     __tablename__ = "network_slopes"
@@ -266,7 +276,7 @@ class DriveTrack(Base):
     """Drawn behind the profile; NULL where the method offers none."""
 
 
-class SegmentSlope(Base):
+class SegmentSlope(_OfNetwork, Base):
     """What is published of one segment: the network's slope combined with the estimates of slope-only drives.
 
     A gap between driven segments has 0 drives and observations; a segment of which nothing is known has no row.

@@ -11,9 +11,9 @@ from app.core.errors import BadRequestError
 from app.core.http import BaseUrl, ServiceDep, link, problems
 from app.core.query import refuse_unknown
 from app.drives import intake
+from app.drives.bulk import batch_progress
 from app.drives.documents import Batch, BatchAccepted
 from app.drives.method_choice import MethodQuery, default_method
-from app.drives.store import batch_progress
 
 # Of 1970 and in microseconds, the database's resolution: a batch's moment as an integer.
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -54,19 +54,32 @@ def reprocess_drives(
     return BatchAccepted(queued=count, method=wanted, links=[link(address, "monitor", title="Its progress")])
 
 
-@router.get("/reprocess", summary="Progress of such a batch", responses=problems(422, 503))
+@router.get(
+    "/reprocess",
+    summary="Progress of such a batch, or of all that is under way",
+    responses=problems(422, 503),
+)
 def batch(
     service: ServiceDep,
     base: BaseUrl,
-    batch: Annotated[int, Query(ge=0, le=_LAST, description="The batch, as the link to here names it.")],
+    batch: Annotated[
+        int | None,
+        Query(
+            ge=0,
+            le=_LAST,
+            description="The batch, as the link to here names it; without: all drives that wait or run, with what is "
+            "done of their batches. After an update of the service that is what it computes again by itself.",
+        ),
+    ] = None,
 ) -> Batch:
     """How many of the batch's drives wait, run, are done and failed.
 
     A drive that is deleted or asked for anew meanwhile is no longer of it.
     """
     with service.reading() as session:
-        found = batch_progress(session, _EPOCH + batch * _MICROSECOND)
-    return found.model_copy(update={"links": [link(_address(base, batch), "self")]})
+        found = batch_progress(session, None if batch is None else _EPOCH + batch * _MICROSECOND)
+    address = f"{base}/v1/drives/reprocess" if batch is None else _address(base, batch)
+    return found.model_copy(update={"links": [link(address, "self")]})
 
 
 def _address(base: str, number: int) -> str:

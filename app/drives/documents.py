@@ -38,6 +38,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "started_at": "2026-11-20T09:12:44.661Z",
     "finished_at": "2026-11-20T09:13:02.004Z",
     "drive_time": "2026-11-20T07:55:10.000Z",
+    "same_as": None,
     "epochs": 549,
     "distance_m": 6240.3,
     "bbox": [8.4611, 48.9512, 8.4987, 48.9838],
@@ -84,6 +85,10 @@ class Drive(BaseModel):
     started_at: Moment | None
     finished_at: Moment | None
     drive_time: Moment | None = Field(description="When the recording begins.")
+    same_as: uuid.UUID | None = Field(
+        description="The drive that is heard in this one's place, for it was at the same places at the same times and "
+        "holds more measurements; null as a rule."
+    )
     epochs: int | None
     distance_m: float | None
     bbox: Bounds | None = Field(description="West, south, east, north; degrees.")
@@ -108,7 +113,19 @@ class Drive(BaseModel):
                 stage=columns["stage"],
                 where=columns["failure_where"],
             )
-        return cls.model_validate({**columns, "failure": failure})
+        report = _with_twin(columns["report"], columns["same_as"])
+        return cls.model_validate({**columns, "failure": failure, "report": report})
+
+
+def _with_twin(report: dict[str, Any] | None, same_as: uuid.UUID | None) -> dict[str, Any] | None:
+    """The report with a warning that another drive is this one: said here, as it changes when either comes or goes."""
+    if report is None or same_as is None:
+        return report
+    warning = (
+        f"This is the same drive as {same_as}: over the same segments at the same times. That one holds more "
+        "measurements and is heard; this one adds nothing to the map, unless that one is deleted."
+    )
+    return {**report, "warnings": [*report.get("warnings", ()), warning]}
 
 
 class DrivePlace(NamedTuple):

@@ -28,6 +28,7 @@ from app.core.version import code_version
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
+from app.drives.lags import with_settled_lag
 from app.drives.outputs.track import track_length_m
 from app.drives.progress import Discarded, Interrupted, RunProgress, never
 from app.network import extracts, passes
@@ -133,14 +134,7 @@ def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, reason: str)
     with bench.sessions.begin() as session:
         if drives.mark_running(session, drive_id, generation) is None:
             return
-        drives.mark_failed(
-            session,
-            drive_id,
-            generation,
-            kind="interrupted",
-            reason=reason,
-            stage=None,
-        )
+        drives.mark_failed(session, drive_id, generation, kind="interrupted", reason=reason, stage=None)
 
 
 def is_connection_loss(error: BaseException) -> bool:
@@ -156,7 +150,7 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress) -> None:
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         around = _surroundings(bench, log)
-        ids, result = _estimate(log, around, drive, run)
+        ids, result = _estimate(bench, log, around, drive, run)
         run.begin("saving")
         if _publish(bench, drive, log, around, ids, result):
             return
@@ -192,7 +186,7 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
 
 
 def _estimate(
-    log: DriveLog, around: _Surroundings, drive: Drive, run: RunProgress
+    bench: Workbench, log: DriveLog, around: _Surroundings, drive: Drive, run: RunProgress
 ) -> tuple[Ints, DriveResult]:
     """The result, and the database's id of each segment of the network that it refers to."""
     run.begin("estimating")
@@ -205,7 +199,8 @@ def _estimate(
         network, result = run_drive(
             log, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
         )
-    return around.roads.ids[rows_of(around.roads.table, network.table)], result
+        ids = around.roads.ids[rows_of(around.roads.table, network.table)]
+        return ids, with_settled_lag(bench.sessions, drive.id, ids, result)
 
 
 def _publish(

@@ -42,6 +42,7 @@ from app.drives.tracks import StoredTrack
 from app.map.attribution import attribution
 from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import DriveSegmentRow, drive_segment_rows
+from fusion.network.combine import NETWORK_ONLY
 from fusion.types import DrawnMeasurements
 
 PNG = "image/png"
@@ -179,6 +180,7 @@ def _estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:
         observations=estimate.observations,
     ).geojson()
     own["properties"] |= {
+        **dict.fromkeys(NETWORK_ONLY),
         "passes": estimate.passes,
         "first_at": utc_text(estimate.first_at),
         "last_at": utc_text(estimate.last_at),

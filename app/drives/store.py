@@ -1,7 +1,7 @@
 """Drives in the database and their life: queued -> running -> done or failed, perhaps again; deleted at any time.
 
-The one place with SQL on drives; what it returns is detached from any session. Callers own the transaction, enqueue
-the jobs and delete the blobs (``app.drives.intake``).
+The place with SQL on drives, but for many at once (``bulk``); what it returns is detached from any session. Callers own
+the transaction, enqueue the jobs and delete the blobs (``app.drives.intake``).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_json, plain_text
-from app.drives.documents import Batch, Drive, DrivePlace
+from app.drives.documents import Drive, DrivePlace
 from app.network import results as slopes
 from app.network import versions as locks
 
@@ -90,7 +90,7 @@ _FINISH = text(
 )
 
 # By the higher generation a worker that still computes the older request finds that its result is unwanted.
-_ASK_ANEW = text(
+ASK_ANEW = text(
     """
     UPDATE drives
     SET status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL,
@@ -98,29 +98,6 @@ _ASK_ANEW = text(
         queued_at = coalesce(CAST(:queued_at AS timestamptz), clock_timestamp()), started_at = NULL,
         finished_at = NULL
     WHERE id = ANY(CAST(:ids AS uuid[])) RETURNING id, generation
-    """
-)
-
-# In the order of ids, so that two who ask at once do not wait for each other.
-_LOCK_OTHERS = text(
-    """
-    SELECT id FROM drives
-    WHERE status IN ('done', 'failed') AND method <> :method
-        AND (CAST(:from_method AS text) IS NULL OR method = :from_method)
-    ORDER BY id FOR UPDATE
-    """
-)
-
-_MOMENT = text("SELECT now()")  # the transaction's: one for all drives of a batch
-_BATCH = text(
-    """
-    SELECT count(*) AS drives, count(*) FILTER (WHERE status = 'queued') AS queued,
-           count(*) FILTER (WHERE status = 'running') AS running,
-           count(*) FILTER (WHERE status = 'done') AS done,
-           count(*) FILTER (WHERE status IN ('failed', 'cancelled')) AS failed,
-           coalesce(avg(CASE WHEN status = 'queued' THEN 0 WHEN status = 'running' THEN progress ELSE 1 END), 1)
-               AS progress
-    FROM drives WHERE queued_at = :queued_at
     """
 )
 
@@ -243,26 +220,7 @@ def request_reprocess(
     run replaces it. The caller enqueues the job in the same transaction (``app.drives.intake.reprocess``).
     """
     values = {"ids": [drive_id], "method": method, "options": _json(options), "queued_at": None}
-    return get_drive(session, drive_id) if _changed(session, _ASK_ANEW, values) else None
-
-
-def request_batch(
-    session: Session, method: str, from_method: str | None = None
-) -> tuple[datetime, list[tuple[uuid.UUID, int]]]:
-    """Queue all finished drives that are not of ``method`` (and are of ``from_method``) again, with its defaults.
-
-    Returns the batch's moment, and drive and generation of each. The caller enqueues the jobs in the same
-    transaction (``app.drives.intake.reprocess_all``).
-    """
-    moment = session.execute(_MOMENT).scalar_one()
-    ids = list(session.execute(_LOCK_OTHERS, {"method": method, "from_method": from_method}).scalars())
-    values = {"ids": ids, "method": method, "options": _json({}), "queued_at": moment}
-    return moment, [(row.id, row.generation) for row in session.execute(_ASK_ANEW, values)]
-
-
-def batch_progress(session: Session, queued_at: datetime) -> Batch:
-    """How far the batch of that moment is; drives that were deleted or asked for anew since are no longer of it."""
-    return Batch(**session.execute(_BATCH, {"queued_at": queued_at}).one()._mapping)
+    return get_drive(session, drive_id) if _changed(session, ASK_ANEW, values) else None
 
 
 def delete_drive(session: Session, drive_id: uuid.UUID) -> bool:

@@ -27,6 +27,7 @@ from app.drives import intake
 from app.drives.process import Workbench, give_up, is_connection_loss, process_drive
 from app.drives.progress import Interrupted
 from app.drives.queue import BEHIND, QUEUE, TASK
+from app.drives.renewal import renew
 
 logger = logging.getLogger(__name__)
 
@@ -38,6 +39,9 @@ MAX_DEATHS = 3
 
 SWEEP_EVERY_S = 3600.0
 """How often the blob store is cleared of what nobody refers to, seconds."""
+
+RENEW_EVERY_S = 600.0
+"""How often a worker looks for what an update of the service left to be done, seconds."""
 
 GRACE_S = 5.0
 """How long a stopping worker lets its drives run on before it puts them back into the queue, seconds."""
@@ -133,8 +137,12 @@ def run_worker(
         queue = make_queue(settings.database_url, bench, begun)
         serve = functools.partial(_serve, settings, queue, lanes, wait, grace_s)
         retry = functools.partial(_retry_stalled, queue, settings.stalled_after_s, begun)
-        sweep = functools.partial(asyncio.to_thread, _sweep, bench)
-        chores = ((retry, min(settings.stalled_after_s / 4, 10.0)), (sweep, SWEEP_EVERY_S))
+        sweep, renewed = (functools.partial(asyncio.to_thread, chore, bench) for chore in (_sweep, _renew))
+        chores = (
+            (retry, min(settings.stalled_after_s / 4, 10.0)),
+            (renewed, RENEW_EVERY_S),
+            (sweep, SWEEP_EVERY_S),
+        )
         asyncio.run(_work(queue, serve, chores, wait, stop_event))
     finally:
         engine.dispose()
@@ -215,6 +223,14 @@ def _sweep(bench: Workbench) -> None:
             logger.info("removed %d blobs that no drive refers to", removed)
     except Exception:
         logger.warning("the blob store could not be swept; trying again later", exc_info=True)
+
+
+def _renew(bench: Workbench) -> None:
+    """See to what an update left; whatever is away is left for the next time."""
+    try:
+        renew(bench.sessions, bench.dem_dir)
+    except Exception:
+        logger.warning("what an update left could not be seen to; trying again later", exc_info=True)
 
 
 async def _retry_stalled(app: procrastinate.App, stalled_after_s: float, begun: set[int]) -> None:

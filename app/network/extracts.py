@@ -44,6 +44,16 @@ _IN_BOX = text(
     """  # noqa: S608 - constants
 )
 
+_WITHOUT_HEIGHTS = text(
+    f"""
+    SELECT {ROAD_COLUMNS} FROM segments AS s
+    WHERE s.id IN (
+        SELECT id FROM segments
+        WHERE id > :after AND dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL ORDER BY id LIMIT :limit)
+    ORDER BY {ROAD_ORDER}
+    """  # noqa: S608 - constants
+)
+
 
 def roads_near(session: Session, bounds_deg: Bounds, margin_m: float = 250.0) -> tuple[RoadTable, Ints]:
     """The segments that ``RoadTable.near`` would select from the whole network, and their ids, shape (n,).
@@ -75,6 +85,11 @@ def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]
 def all_roads(session: Session) -> tuple[RoadTable, Ints]:
     """The whole network and the segments' ids, shape (n,)."""
     return road_table(list(session.execute(_ALL)))
+
+
+def roads_without_heights(session: Session, after_id: int, limit: int) -> tuple[RoadTable, Ints]:
+    """The next segments after an id that have a slope by the elevation model but no heights, and their ids."""
+    return road_table(list(session.execute(_WITHOUT_HEIGHTS, {"after": after_id, "limit": limit})))
 
 
 def road_table(rows: Sequence[Row[Any]]) -> tuple[RoadTable, Ints]:

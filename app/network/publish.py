@@ -10,40 +10,57 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Any
 
-from sqlalchemy import text
+from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
-from fusion.network.combine import SlopePart, published_slope
+from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
+
+_SLOPE = ("slope_percent", "slope_sigma_percent", "drives", "observations")
+_NAMES = ("segment_id", *_SLOPE, *NETWORK_ONLY)
+_TYPES = {"segment_id": "bigint", "drives": "integer", "observations": "integer"}
+_COLUMNS = ", ".join(f"CAST(:{name} AS {_TYPES.get(name, 'float8')}[])" for name in _NAMES)
 
 # The network's own slope first, then each drive in order, so that the same parts always combine to the same
 # bits. The drives of the network are in its slope already.
 _PARTS = text(
-    """
-    SELECT segment_id, slope_percent, slope_sigma_percent, drives, observations, drive_id IS NULL AS network
+    f"""
+    SELECT segment_id, {", ".join(_SLOPE)}, drive_id IS NULL AS network, {", ".join(NETWORK_ONLY)}
     FROM (
-        SELECT segment_id, slope_percent, slope_sigma_percent, drives, observations, NULL AS drive_id
+        SELECT {", ".join(_NAMES)}, NULL AS drive_id
         FROM network_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[]))
         UNION ALL
-        SELECT segment_id, slope_percent, slope_sigma_percent, 1, observations, drive_id
+        SELECT segment_id, slope_percent, slope_sigma_percent, 1, observations,
+               {", ".join("NULL" for _ in NETWORK_ONLY)}, drive_id
         FROM drive_segments WHERE segment_id = ANY(CAST(:ids AS bigint[])) AND NOT in_network
     ) AS part
     ORDER BY segment_id, drive_id NULLS FIRST
-    """
+    """  # noqa: S608 - constants
 )
 
 _CLEAR_AGGREGATES = text("DELETE FROM segment_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[]))")
 
 # Only rows that differ are written.
 _WRITE_AGGREGATES = text(
-    """
-    INSERT INTO segment_slopes AS a (segment_id, slope_percent, slope_sigma_percent, drives, observations)
-    SELECT * FROM unnest(CAST(:segment_id AS bigint[]), CAST(:slope AS float8[]), CAST(:sigma AS float8[]),
-                         CAST(:drives AS integer[]), CAST(:observations AS integer[]))
+    f"""
+    INSERT INTO segment_slopes AS a ({", ".join(_NAMES)}) SELECT * FROM unnest({_COLUMNS})
     ON CONFLICT (segment_id) DO UPDATE SET
-        slope_percent = excluded.slope_percent, slope_sigma_percent = excluded.slope_sigma_percent,
-        drives = excluded.drives, observations = excluded.observations, updated_at = now()
-    WHERE (a.slope_percent, a.slope_sigma_percent, a.drives, a.observations) IS DISTINCT FROM
-        (excluded.slope_percent, excluded.slope_sigma_percent, excluded.drives, excluded.observations)
+        {", ".join(f"{name} = excluded.{name}" for name in _NAMES[1:])}, updated_at = now()
+    WHERE ({", ".join(f"a.{name}" for name in _NAMES[1:])}) IS DISTINCT FROM
+        ({", ".join(f"excluded.{name}" for name in _NAMES[1:])})
+    """  # noqa: S608 - constants
+)
+
+# What is published without anything that it rests on, of a former model. A drive that is about to be computed again may
+# say it again: until then it stays.
+_LEFT_OVER = text(
+    """
+    SELECT a.segment_id FROM segment_slopes AS a
+    WHERE NOT EXISTS (SELECT FROM network_slopes AS n WHERE n.segment_id = a.segment_id)
+        AND NOT EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = a.segment_id AND NOT e.in_network)
+        AND NOT EXISTS (
+            SELECT FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id
+            WHERE e.segment_id = a.segment_id AND d.status IN ('queued', 'running'))
+    ORDER BY a.segment_id
     """
 )
 
@@ -56,18 +73,25 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> None:
     ids = sorted({int(i) for i in segment_ids})
     if not ids:
         return
-    columns: dict[str, list[Any]] = {
-        "segment_id": [], "slope": [], "sigma": [], "drives": [], "observations": []
-    }  # fmt: skip
+    columns: dict[str, list[Any]] = {name: [] for name in _NAMES}
     for segment_id, group in groupby(session.execute(_PARTS, {"ids": ids}), key=lambda row: row.segment_id):
-        whole = published_slope([SlopePart(*row[1:]) for row in group])
+        whole = published_slope([_part(row) for row in group])
         columns["segment_id"].append(segment_id)
-        columns["slope"].append(float(whole.slope_percent))
-        columns["sigma"].append(float(whole.slope_sigma_percent))
-        columns["drives"].append(int(whole.drives))
-        columns["observations"].append(int(whole.observations))
+        for name in _NAMES[1:]:
+            columns[name].append(getattr(whole, name))
     emptied = sorted(set(ids) - set(columns["segment_id"]))
     if emptied:
         session.execute(_CLEAR_AGGREGATES, {"ids": emptied})
     if columns["segment_id"]:
         session.execute(_WRITE_AGGREGATES, columns)
+
+
+def left_over(session: Session) -> list[int]:
+    """Segments with a published slope that rests on nothing any more, nor will when the drives that wait are done."""
+    return list(session.execute(_LEFT_OVER).scalars())
+
+
+def _part(row: Row[Any]) -> SlopePart:
+    values = dict(row._mapping)
+    del values["segment_id"]
+    return SlopePart(**values)

@@ -24,6 +24,7 @@ from app.core.db import plain_json
 from app.network.passes import Hearing, hearing, replace_passes
 from app.network.publish import refresh_aggregates
 from app.network.solve import refresh_network
+from app.network.twins import choose_witnesses, drives_beside
 from app.network.versions import bump_data_version
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Ints, SegmentSlope
@@ -40,12 +41,11 @@ class RunProvenance:
     dem_version_id: int | None
 
 
-# The segments whose published slope holds the drive's own estimate; what a drive of the network says is heard by
-# its passes.
-_SLOPE_ONLY = text("SELECT segment_id FROM drive_segments WHERE drive_id = :drive_id AND NOT in_network")
-
+# The published slopes of these segments may rest on the drive: on its own estimates or, until it is computed again, on
+# what it said in a former model. What it says to the network is heard by its passes.
+_DELETE_ESTIMATES = text("DELETE FROM drive_segments WHERE drive_id = :drive_id RETURNING segment_id")
 _DELETE_PROVENANCE = text("DELETE FROM provenances WHERE drive_id = :drive_id")
-_DELETE_ESTIMATES = text("DELETE FROM drive_segments WHERE drive_id = :drive_id")
+_IS_HEARD = text("SELECT same_as IS NULL FROM drives WHERE id = :drive_id")
 
 _INSERT_PROVENANCE = text(
     """
@@ -85,38 +85,49 @@ def save_result(
     """
     known = [e for e in estimates if np.isfinite(e.slope_percent) and np.isfinite(e.slope_sigma_percent)]
     ids = [int(segment_ids[e.segment]) for e in known]
+    beside = drives_beside(session, drive_id)
     former = _forget_estimates(session, drive_id)
     provenance_id = _insert_provenance(session, drive_id, provenance)
     if known:
         _insert_estimates(session, drive_id, provenance_id, ids, known, bool(factors))
-    evidence = replace_passes(session, drive_id, [_stored(factor, segment_ids) for factor in factors])
-    refresh_network(session, evidence.keys(), evidence)
+    heard = _exchange(session, drive_id, beside, in_database(factors, segment_ids))
     refresh_aggregates(session, [*former, *(() if factors else ids)])
     bump_data_version(session)
-    return hearing(session, drive_id)
+    return heard
 
 
 def remove_result(session: Session, drive_id: uuid.UUID) -> None:
     """Take back all that the drive says; the caller owns the network and holds the drive's row."""
+    beside = drives_beside(session, drive_id)
     former = _forget_estimates(session, drive_id)
-    evidence = replace_passes(session, drive_id, [])
-    refresh_network(session, evidence.keys(), evidence)
+    _exchange(session, drive_id, beside, [])
     refresh_aggregates(session, former)
-    if former or evidence:
+    if former:
         bump_data_version(session)
 
 
+def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> list[PassFactor]:
+    """Factors of a run with the database's ids of their segments."""
+    return [replace(factor, segment=int(segment_ids[factor.segment])) for factor in factors]
+
+
+def _exchange(
+    session: Session, drive_id: uuid.UUID, beside: set[uuid.UUID], factors: Sequence[PassFactor]
+) -> Hearing:
+    """Exchange the drive's passes and solve anew; ``beside`` are those that were the same drive as it until now."""
+    was_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
+    changed = replace_passes(session, drive_id, factors)
+    others = choose_witnesses(session, {drive_id, *beside})
+    is_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
+    refresh_network(session, {*(changed if was_heard or is_heard else ()), *others})
+    return hearing(session, drive_id) if is_heard else Hearing(len({f.segment for f in factors}), 0)
+
+
 def _forget_estimates(session: Session, drive_id: uuid.UUID) -> list[int]:
-    """Delete the drive's estimates; the segments whose aggregates they were part of."""
-    former = list(session.execute(_SLOPE_ONLY, {"drive_id": drive_id}).scalars())
-    session.execute(_DELETE_ESTIMATES, {"drive_id": drive_id})
+    """Delete the drive's estimates; their segments."""
+    former = list(session.execute(_DELETE_ESTIMATES, {"drive_id": drive_id}).scalars())
     session.execute(_DELETE_PROVENANCE, {"drive_id": drive_id})
     return former
-
-
-def _stored(factor: PassFactor, segment_ids: Ints) -> PassFactor:
-    """The factor with the database's ids."""
-    return replace(factor, segments=tuple(int(segment_ids[s]) for s in factor.segments))
 
 
 def _insert_provenance(session: Session, drive_id: uuid.UUID, provenance: RunProvenance) -> int:

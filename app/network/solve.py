@@ -1,151 +1,110 @@
 """The slopes of the network: solved again around the segments whose passes changed, and nowhere else.
 
-``segment_evidence`` -> ``network_slopes`` (here) -> ``segment_slopes`` (``publish.py``). Callers own the
+``drive_passes`` -> ``network_slopes`` (here) -> ``segment_slopes`` (``publish.py``). Callers own the
 network (``app.network.versions``), so that what is read here stays as it is until the result is written.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+import uuid
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
-from app.network.passes import Evidence, count_drives, read_evidence
+from app.network.control import control_on
+from app.network.passes import StoredPass, by_drive, passes_over, said_elsewhere, set_verdicts
 from app.network.publish import refresh_aggregates
-from fusion.network.adjust import Adjustment, adjust
-from fusion.network.evidence import SegmentEvidence
-from fusion.network.window import WINDOW_RADIUS_M, Window, boxes_around, window_around
-from fusion.roads.table import RoadTable
-from fusion.types import Bools, Floats, Ints, Progress, no_progress
+from app.network.regions import Cell, Region, cells_of, regions
+from app.network.slopes import clear_slopes, write_slopes
+from app.network.surroundings import Surroundings, stored_terrain, surroundings
+from fusion.network.adjust import adjust
+from fusion.network.pass_factor import PassFactor
+from fusion.network.published import Adjustment
+from fusion.network.window import Window, window_around
+from fusion.types import Bools, Progress, no_progress
 
-TOLERANCE_PERCENT = 1e-6
-"""Smaller changes are not written: a solution differs from the last by rounding wherever nothing happened."""
+TOLERANCE_SIGMAS = 1e-3
+"""Smaller changes are not written: what is stored stays within it of what was found, however often."""
 
-SETTLED_PERCENT = 0.002
-"""Slopes just outside of what is published may move by so much; if they move farther, the window was too small."""
+SETTLED_SIGMAS = 0.05
+"""Slopes just outside of what is published may move by so much; if they move farther, the window was too small. What
+settling the whole changes is to stay below 0.1 sigma."""
 
 SCALES = (1.0, 2.0, 4.0)
 """The library's radii are multiplied by these in turn until the slopes are settled."""
 
-REGION_DEG = 0.02
-"""Side of the squares in which a whole network is solved: a town's part of some thousand segments."""
-
-_LINES = text(
-    """
-    SELECT ST_X(ST_StartPoint(geom)), ST_Y(ST_StartPoint(geom)), ST_X(ST_EndPoint(geom)), ST_Y(ST_EndPoint(geom))
-    FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))
-    """
-)
-
-_CELLS = text(
-    """
-    SELECT id, CAST(floor(ST_XMin(geom) / :size) AS integer) AS x, CAST(floor(ST_YMin(geom) / :size) AS integer) AS y
-    FROM segments WHERE id = ANY(CAST(:ids AS bigint[])) ORDER BY id
-    """
-)
-
-# Through the index on the geometry: the cost is that of the roads around the touched ones, however large the
-# map.
-SURROUNDINGS = text(
-    f"""
-    SELECT {ROAD_COLUMNS}, s.dem_slope_percent, e.segment_id IS NOT NULL AS driven, n.drives, n.slope_percent
-    FROM segments AS s
-    LEFT JOIN segment_evidence AS e ON e.segment_id = s.id
-    LEFT JOIN network_slopes AS n ON n.segment_id = s.id
-    WHERE s.id IN (
-        SELECT i.id
-        FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
-                    CAST(:north AS float8[])) AS box (west, south, east, north)
-        JOIN segments AS i ON i.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326))
-    ORDER BY {ROAD_ORDER}
-    """  # noqa: S608 - constants
-)
-
-_WRITE = text(
-    """
-    INSERT INTO network_slopes AS n (segment_id, slope_percent, slope_sigma_percent, drives, observations)
-    SELECT * FROM unnest(CAST(:segment_id AS bigint[]), CAST(:slope AS float8[]), CAST(:sigma AS float8[]),
-                         CAST(:drives AS integer[]), CAST(:observations AS integer[]))
-    ON CONFLICT (segment_id) DO UPDATE SET
-        slope_percent = excluded.slope_percent, slope_sigma_percent = excluded.slope_sigma_percent,
-        drives = excluded.drives, observations = excluded.observations
-    WHERE abs(n.slope_percent - excluded.slope_percent) > :tolerance
-        OR abs(n.slope_sigma_percent - excluded.slope_sigma_percent) > :tolerance
-        OR (n.drives, n.observations) IS DISTINCT FROM (excluded.drives, excluded.observations)
-    RETURNING segment_id
-    """
-)
-_CLEAR = text(
-    "DELETE FROM network_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[])) RETURNING segment_id"
-)
-
-
-@dataclass(frozen=True, eq=False)
-class _Surroundings:
-    """The roads around touched segments and what is known of them; every column has shape (n,)."""
-
-    table: RoadTable
-    ids: Ints
-    dem_slope_percent: Floats
-    driven: Bools
-    drives: Ints
-    """As stored: -1 where the network has no slope."""
-    slope_percent: Floats
-    """As stored: NaN where the network has none."""
+REGION_SCALE = 2.0
+"""Of the one window in which a region is solved."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """The slopes of a window of the surroundings; ``again`` masks the touched rows."""
+    """The slopes of a window of the surroundings, of the passes that are over it, drive by drive."""
 
-    around: _Surroundings
-    again: Bools
+    around: Surroundings
     window: Window
-    result: Adjustment
+    drives: list[list[StoredPass]]
+    result: Adjustment | None
+    """None where nothing was to be solved"""
 
     def settled(self) -> bool:
         """Whether slopes outside of what is published stay as they are."""
+        if self.result is None:
+            return True
         solved = self.window.solved
         moved = np.abs(self.result.slope_percent - self.around.slope_percent[solved])
-        return not np.any(moved[self.window.ring[solved]] > SETTLED_PERCENT)
+        far = moved > SETTLED_SIGMAS * self.around.slope_sigma_percent[solved]
+        return not np.any(far[self.window.ring[solved]])
+
+    def heard(self) -> list[tuple[StoredPass, bool]]:
+        """Every pass with the verdict over it."""
+        if self.result is None:
+            return []
+        verdicts = self.result.heard
+        return [(p, verdicts[k, p.factor.sequence]) for k, said in enumerate(self.drives) for p in said]
 
 
-def refresh_network(session: Session, touched: Collection[int], evidence: Evidence | None = None) -> None:
-    """Solve the network again around ``touched`` segments and renew what is published there.
+Published = Callable[[Surroundings], Bools]
+"""Rows that may be published at all"""
 
-    ``evidence`` is that of (some of) the touched segments, where the caller has it at hand.
-    """
+
+def refresh_network(session: Session, touched: Collection[int]) -> None:
+    """Solve the network again around ``touched`` segments and renew what is published there."""
     if touched:
-        refresh_aggregates(session, adjust_around(session, touched, evidence or {}))
+        refresh_aggregates(session, adjust_around(session, touched))
 
 
 def refresh_in_regions(session: Session, touched: Collection[int], progress: Progress = no_progress) -> None:
-    """``refresh_network`` for any number of segments, region by region."""
+    """``refresh_network`` for any number of segments, region by region, each in one wide window."""
     parts = regions(session, touched)
     for done, part in enumerate(parts):
         progress("slopes", done / len(parts))
-        refresh_region(session, part)
+        refresh_aggregates(session, adjust_around(session, part.ids, (REGION_SCALE,)))
 
 
-def refresh_region(session: Session, touched: Collection[int]) -> None:
-    """``refresh_network`` for a part of many, all of which are to be solved: in one wide window."""
-    refresh_aggregates(session, adjust_around(session, touched, {}, SCALES[1:2]))
+def settle_region(session: Session, region: Region, all_cells: Collection[Cell]) -> None:
+    """Solve a region of a network that is solved whole, of which ``all_cells`` are the others.
 
+    What lies in another region is left to it, so that slopes do not depend on which region came first, and what was
+    stored before has no part in them.
+    """
 
-def regions(session: Session, segment_ids: Collection[int]) -> list[list[int]]:
-    """The segments that exist, grouped by the squares of a grid, so that a group is solved at once."""
-    groups: dict[tuple[int, int], list[int]] = {}
-    for row in session.execute(_CELLS, {"ids": list(segment_ids), "size": REGION_DEG}):
-        groups.setdefault((row.y, row.x), []).append(row.id)
-    return [groups[cell] for cell in sorted(groups)]
+    def own(around: Surroundings) -> Bools:
+        cells = cells_of(around.table)
+        return np.array([cell == region.cell or cell not in all_cells for cell in cells], bool)
+
+    refresh_aggregates(session, adjust_around(session, region.ids, (REGION_SCALE,), own, 0.0))
 
 
 def adjust_around(
-    session: Session, touched: Collection[int], evidence: Evidence, scales: Sequence[float] = SCALES
+    session: Session,
+    touched: Collection[int],
+    scales: Sequence[float] = SCALES,
+    may_publish: Published | None = None,
+    tolerance_sigmas: float = TOLERANCE_SIGMAS,
 ) -> list[int]:
     """Solve again around ``touched`` segments; ids of those whose slope changed, came or went.
 
@@ -153,75 +112,75 @@ def adjust_around(
     reaches farther.
     """
     for scale in scales:
-        solution = _solve(session, touched, evidence, scale)
+        solution = _solve(session, touched, scale)
         if solution.settled():
             break
-    return _store(session, solution)
+    shown = solution.window.published
+    if may_publish is not None:
+        shown = shown & may_publish(solution.around)
+    return _store(session, solution, shown, tolerance_sigmas)
 
 
-def _solve(session: Session, touched: Collection[int], evidence: Evidence, scale: float) -> _Solution:
-    around = _surroundings(session, touched, scale)
+def lag_among_all(session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor]) -> float | None:
+    """How late the drive's altimeter is, s, if it said ``factors``, whose segments are database ids; None: it has none.
+
+    Nothing is written, and what is stored of the drive itself has no part in it, so the network need not be owned.
+    """
+    instead = [StoredPass(None, drive_id, True, factor) for factor in factors]
+    solution = _solve(session, {f.segment for f in factors}, SCALES[0], instead)
+    if solution.result is None:
+        return None
+    lags = solution.result.lag_s
+    return next((lags.get(k) for k, said in enumerate(solution.drives) if said[0].drive_id == drive_id), None)
+
+
+def _solve(
+    session: Session, touched: Collection[int], scale: float, instead: Sequence[StoredPass] = ()
+) -> _Solution:
+    """``instead``: what one drive says in place of what is stored of it."""
+    around = surroundings(session, touched, scale)
     again = np.isin(around.ids, list(touched))
-    window = window_around(around.table, around.driven, again, around.drives >= 0, scale)
-    known = _evidence(session, around.ids[window.solved & around.driven], evidence)
-    ids = around.ids[window.solved]
+    driven = around.driven | np.isin(around.ids, [p.factor.segment for p in instead])
+    window = window_around(around.table, driven, again, around.drives >= 0, scale)
+    ids = around.ids[window.solved].tolist()
+    if not ids:
+        return _Solution(around, window, [], None)
+    row_of = {segment: row for row, segment in enumerate(ids)}
+    own = {p.drive_id for p in instead}
+    passes = [p for p in passes_over(session, ids) if p.drive_id not in own]
+    drives = by_drive([*passes, *(p for p in instead if p.factor.segment in row_of)])
+    elsewhere = {
+        k: said for k, said in said_elsewhere(session, drives).items() if drives[k][0].drive_id not in own
+    }
     result = adjust(
         around.table.subset(window.solved),
-        [known.get(i) for i in ids.tolist()],
-        around.dem_slope_percent[window.solved],
-        ids,
+        {k: [_in_rows(p.factor, row_of) for p in said] for k, said in enumerate(drives)},
+        stored_terrain(session, around.table.subset(window.solved), around.ids[window.solved]),
+        control_on(session, around.table).among(window.solved),
+        elsewhere=elsewhere,
     )
-    return _Solution(around, again, window, result)
+    return _Solution(around, window, drives, result)
 
 
-def _surroundings(session: Session, touched: Collection[int], scale: float) -> _Surroundings:
-    lines = np.array([tuple(row) for row in session.execute(_LINES, {"ids": list(touched)})], float)
-    lon0, lat0, lon1, lat1 = lines.reshape(-1, 4).T
-    west, south, east, north = boxes_around(lon0, lat0, lon1, lat1, scale * WINDOW_RADIUS_M).T.tolist()
-    box = {"west": west, "south": south, "east": east, "north": north}
-    rows = session.execute(SURROUNDINGS, box).all()
-    table, ids = road_table(rows)
-    return _Surroundings(
-        table,
-        ids,
-        np.array([np.nan if row.dem_slope_percent is None else row.dem_slope_percent for row in rows], float),
-        np.array([row.driven for row in rows], bool),
-        np.array([-1 if row.drives is None else row.drives for row in rows], np.int64),
-        np.array([np.nan if row.slope_percent is None else row.slope_percent for row in rows], float),
-    )
+def _in_rows(factor: PassFactor, row_of: Mapping[int, int]) -> PassFactor:
+    return replace(factor, segment=row_of[factor.segment])
 
 
-def _evidence(session: Session, ids: Ints, known: Evidence) -> Mapping[int, SegmentEvidence]:
-    """The evidence of driven segments, read where it is not at hand."""
-    at_hand = {i: one for i, one in known.items() if one is not None}
-    return at_hand | read_evidence(session, set(ids.tolist()) - at_hand.keys())
-
-
-def _store(session: Session, solution: _Solution) -> list[int]:
-    around, window, result = solution.around, solution.window, solution.result
-    solved = np.flatnonzero(window.solved)
-    usable = np.isfinite(result.slope_percent) & np.isfinite(result.slope_sigma_percent)
-    shown = usable & window.published[solved]
-    rows = solved[shown]
-    gone = window.published & (around.drives >= 0)
+def _store(session: Session, solution: _Solution, shown: Bools, tolerance_sigmas: float) -> list[int]:
+    """Write the slopes of the rows that are ``shown`` and the verdicts over their passes; ids whose slope changed."""
+    around, result = solution.around, solution.result
+    gone = shown & (around.drives >= 0)
+    if result is None:
+        return clear_slopes(session, around.ids[gone].tolist())
+    solved = np.flatnonzero(solution.window.solved)
+    usable = np.isfinite(result.slope_percent) & np.isfinite(result.slope_sigma_percent) & shown[solved]
+    rows = solved[usable]
     gone[rows] = False
-    values = {
-        "segment_id": around.ids[rows].tolist(),
-        "slope": result.slope_percent[shown].tolist(),
-        "sigma": result.slope_sigma_percent[shown].tolist(),
-        "drives": _drives(session, around, solution.again)[rows].tolist(),
-        "observations": result.observations[shown].tolist(),
-        "tolerance": TOLERANCE_PERCENT,
-    }
-    cleared = session.execute(_CLEAR, {"ids": around.ids[gone].tolist()}).scalars().all()
-    return [*cleared, *session.execute(_WRITE, values).scalars()]
-
-
-def _drives(session: Session, around: _Surroundings, again: Bools) -> Ints:
-    """How many drives are heard on each row; counted only where that can have changed, 0 for a gap."""
-    count = again | (around.drives < 1)
-    drives = np.where(around.driven & ~count, around.drives, 0)
-    counted = count_drives(session, around.ids[around.driven & count].tolist())
-    for row in np.flatnonzero(around.driven & count).tolist():
-        drives[row] = counted.get(int(around.ids[row]), 0)
-    return drives
+    mine = set(around.ids[shown].tolist())
+    heard = [(p, good) for p, good in solution.heard() if p.factor.segment in mine]
+    set_verdicts(session, {p.id: good for p, good in heard if p.id is not None and p.accepted != good})
+    drives = Counter(segment for segment, _ in {(p.factor.segment, p.drive_id) for p, good in heard if good})
+    ids = around.ids[rows].tolist()
+    counts = [drives[segment] for segment in ids]
+    changed = write_slopes(session, ids, counts, result, usable, tolerance_sigmas)
+    return [*clear_slopes(session, around.ids[gone].tolist()), *changed]

@@ -1,7 +1,8 @@
-"""A ``RoadTable`` as PostgreSQL's binary COPY, made by numpy: rows of one fixed width, no Python per row.
+"""A ``RoadTable`` as PostgreSQL's binary COPY, made by numpy: no Python per row.
 
-Text would vary in width, so the few distinct (highway, name) pairs travel in a table of their own and the
-rows carry their number. Geometries are EWKB (a line of two points, little-endian, with SRID).
+Rows with equally many knots are equally wide. Text would vary, so the few distinct (highway, name) pairs travel in a
+table of their own and the rows carry their number. Geometries are EWKB (a line of two points,
+little-endian, with SRID).
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.tables import SRID_DEGREES, SRID_TILES
+from fusion.network.curve import interval_count, knot_length
 from fusion.roads.table import RoadTable
-from fusion.types import Floats, Progress
+from fusion.types import Floats, Ints, Progress
 
 _CHUNK = 32_768
 _EARTH_RADIUS_M = 6_378_137.0  # of the sphere that EPSG:3857 projects
@@ -28,6 +30,9 @@ _TRAILER = b"\xff\xff"
 
 _LINE = np.dtype([("order", "u1"), ("type", "<u4"), ("srid", "<u4"), ("points", "<u4"), ("xy", "<f8", 4)])
 _EWKB_LINE_WITH_SRID = 0x20000002
+
+_HEIGHT = np.dtype([("size", ">i4"), ("value", ">f8")])
+_FLOAT8 = 701  # PostgreSQL's number of the type
 
 _FIELDS: dict[str, Any] = {
     "osm_way_id": ">i8",
@@ -46,13 +51,13 @@ _FIELDS: dict[str, Any] = {
 
 _DROP = text("DROP TABLE IF EXISTS pg_temp.road_import, pg_temp.road_import_tags")
 
-# NaN stands for "unknown" here, because a NULL would change the width of its row.
+# NaN stands for "unknown" here, because a NULL would change the width of its row; an empty array for no height at all.
 _CREATE = text(
     """
     CREATE TEMPORARY TABLE road_import (
         osm_way_id bigint, from_node bigint, to_node bigint, geom geometry, geom_3857 geometry,
         length_m float8, tag integer, oneway smallint, bridge boolean, tunnel boolean, layer smallint,
-        dem_slope_percent float8
+        dem_slope_percent float8, dem_heights_m float8[]
     ) ON COMMIT DROP
     """
 )
@@ -73,10 +78,12 @@ _COPY = "COPY road_import FROM STDIN (FORMAT BINARY)"
 _ANALYZE = text("ANALYZE road_import")
 
 
-def copy_roads(session: Session, table: RoadTable, dem_slope_percent: Floats, progress: Progress) -> None:
+def copy_roads(
+    session: Session, table: RoadTable, dem_slope_percent: Floats, dem_heights_m: Floats, progress: Progress
+) -> None:
     """Fill the temporary tables ``road_import`` and ``road_import_tags`` (gone when the transaction ends).
 
-    ``dem_slope_percent`` has shape (n,), NaN unknown.
+    ``dem_slope_percent`` has shape (n,); ``dem_heights_m`` is one segment's knots after another's; NaN unknown.
     """
     session.execute(_DROP)
     session.execute(_CREATE)
@@ -85,8 +92,8 @@ def copy_roads(session: Session, table: RoadTable, dem_slope_percent: Floats, pr
     cursor: Cursor[Any] = session.connection().connection.cursor()  # type: ignore[assignment]
     with cursor, cursor.copy(_COPY) as copy:
         copy.write(_HEADER)
-        for done, rows in _rows(table, codes, dem_slope_percent):
-            copy.write(rows.tobytes())
+        for done, rows in _rows(table, codes, dem_slope_percent, dem_heights_m):
+            copy.write(rows)
             progress("copying", done / max(len(table), 1))
         copy.write(_TRAILER)
     session.execute(_ANALYZE)
@@ -109,8 +116,8 @@ def _copy_tags(session: Session, table: RoadTable) -> NDArray[np.int32]:
 
 
 def _rows(
-    table: RoadTable, codes: NDArray[np.int32], dem_slope_percent: Floats
-) -> Iterator[tuple[int, NDArray[Any]]]:
+    table: RoadTable, codes: NDArray[np.int32], dem_slope_percent: Floats, dem_heights_m: Floats
+) -> Iterator[tuple[int, bytes]]:
     """Yield (rows so far, the next chunk in COPY's binary layout)."""
     columns: dict[str, Any] = {name: getattr(table, name, None) for name in _FIELDS}
     columns |= {"tag": codes, "dem_slope_percent": dem_slope_percent}
@@ -119,24 +126,49 @@ def _rows(
         "geom": _lines(degrees, SRID_DEGREES),
         "geom_3857": _lines(web_mercator(degrees), SRID_TILES),
     }
+    knots = interval_count(knot_length(table.length_m)) + 1
+    first = np.cumsum(knots) - knots
+    known = np.concatenate([[0], np.cumsum(np.isfinite(dem_heights_m))])
+    knots = np.where(known[first + knots] > known[first], knots, 0)
     for start in range(0, len(table), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        rows = np.empty(len(codes[part]), _ROW)
-        rows["fields"] = len(_FIELDS)
-        for name, kind in _FIELDS.items():
-            rows[f"{name}_size"] = np.dtype(kind).itemsize
-            rows[name] = columns[name][part]
-        yield start + len(rows), rows
+        part = np.arange(start, min(start + _CHUNK, len(table)))
+        yield start + len(part), _packed(columns, part, knots[part], first[part], dem_heights_m)
 
 
-def _row_type() -> np.dtype[Any]:
-    layout: list[tuple[str, Any]] = [("fields", ">i2")]
-    for name, kind in _FIELDS.items():
+def _packed(columns: dict[str, Any], part: Ints, knots: Ints, first: Ints, heights_m: Floats) -> bytes:
+    """The rows ``part`` in their order, each with so many heights, which begin at ``first``."""
+    kinds = {n: _row_type(n) for n in np.unique(knots).tolist()}
+    width = np.zeros(max(kinds) + 1, np.int64)
+    width[list(kinds)] = [kind.itemsize for kind in kinds.values()]
+    offset = np.cumsum(width[knots]) - width[knots]
+    out = np.empty(int(width[knots].sum()), np.uint8)
+    for n, kind in kinds.items():
+        mine = np.flatnonzero(knots == n)
+        rows = np.empty(len(mine), kind)
+        rows["fields"] = len(_FIELDS) + 1
+        for name in _FIELDS:
+            rows[f"{name}_size"] = kind[name].itemsize
+            rows[name] = columns[name][part[mine]]
+        rows["heights_size"] = kind["heights"].itemsize
+        rows["heights"]["oid"], rows["heights"]["flags"] = _FLOAT8, 0
+        rows["heights"]["dimensions"] = min(n, 1)
+        if n:
+            rows["heights"]["length"], rows["heights"]["lower"] = n, 1
+            rows["heights"]["items"]["size"] = 8
+            rows["heights"]["items"]["value"] = heights_m[first[mine][:, None] + np.arange(n)]
+        out[offset[mine][:, None] + np.arange(kind.itemsize)] = rows.view(np.uint8).reshape(len(mine), -1)
+    return out.tobytes()
+
+
+def _row_type(knots: int) -> np.dtype[Any]:
+    """A row with an array of so many heights; one of none has no dimension."""
+    array: list[Any] = [("dimensions", ">i4"), ("flags", ">i4"), ("oid", ">i4")]
+    if knots:
+        array += [("length", ">i4"), ("lower", ">i4"), ("items", _HEIGHT, knots)]
+    layout: list[Any] = [("fields", ">i2")]
+    for name, kind in {**_FIELDS, "heights": np.dtype(array)}.items():
         layout += [(f"{name}_size", ">i4"), (name, kind)]
     return np.dtype(layout)
-
-
-_ROW = _row_type()
 
 
 def _lines(xy: Floats, srid: int) -> NDArray[Any]:

@@ -20,8 +20,9 @@ from app.core.db import Sessions
 from app.network.versions import bump_data_version, own_network
 from app.roads.copy import copy_roads
 from app.roads.losses import note_losses, repair_network
-from app.terrain.imports import slopes_of
+from app.terrain.imports import terrain_under
 from fusion.errors import RoadsError
+from fusion.network.unknowns import knot_positions
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Progress, no_progress
@@ -31,8 +32,7 @@ from fusion.types import Floats, Progress, no_progress
 class ImportCounts:
     """What a road import did: ``kept + moved + added`` is the size of the new network.
 
-    ``measured_lost`` segments lose what ``drives_affected`` drives had measured on them: moved and dropped ones,
-    and such as were measured in dependence on one of those.
+    ``measured_lost`` segments, moved and dropped ones, lose what ``drives_affected`` drives had measured on them.
     ``skipped`` counts, by reason, the node pairs of the file that are no segment (``RoadTable.skipped``).
     """
 
@@ -64,8 +64,10 @@ def import_roads(
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     with sessions.begin() as session:
         own_network(session)  # before the elevation set is read, so that it is the one that stays
-        slope = slopes_of(session, table, dem_dir)
-        return replace_roads(session, table, path.name, sha256, progress, dem_slope_percent=slope)
+        slope, heights = terrain_under(session, table, dem_dir)
+        return replace_roads(
+            session, table, path.name, sha256, progress, dem_slope_percent=slope, dem_heights_m=heights
+        )
 
 
 _NEW_VERSION = text(
@@ -105,8 +107,6 @@ _MOVE = text(
         DELETE FROM drive_segments USING moved WHERE segment_id = moved.id
     ), passes AS (
         DELETE FROM drive_passes USING moved WHERE segment_id = moved.id
-    ), evidence AS (
-        DELETE FROM segment_evidence USING moved WHERE segment_id = moved.id
     ), network AS (
         DELETE FROM network_slopes USING moved WHERE segment_id = moved.id
     ), aggregates AS (
@@ -121,20 +121,22 @@ _UPDATE_TAGS = text(
     """
     UPDATE segments AS s
     SET highway = t.highway, name = t.name, oneway = i.oneway, bridge = i.bridge, tunnel = i.tunnel,
-        layer = i.layer, dem_slope_percent = nullif(i.dem_slope_percent, 'NaN')
+        layer = i.layer, dem_slope_percent = nullif(i.dem_slope_percent, 'NaN'),
+        dem_heights_m = nullif(i.dem_heights_m, '{}')
     FROM road_import AS i JOIN road_import_tags AS t USING (tag)
     WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node
-        AND (s.highway, s.name, s.oneway, s.bridge, s.tunnel, s.layer, s.dem_slope_percent) IS DISTINCT FROM
-            (t.highway, t.name, i.oneway, i.bridge, i.tunnel, i.layer, nullif(i.dem_slope_percent, 'NaN'))
+        AND (s.highway, s.name, s.oneway, s.bridge, s.tunnel, s.layer, s.dem_slope_percent, s.dem_heights_m)
+            IS DISTINCT FROM (t.highway, t.name, i.oneway, i.bridge, i.tunnel, i.layer,
+                              nullif(i.dem_slope_percent, 'NaN'), nullif(i.dem_heights_m, '{}'))
     """
 )
 
 _ADD = text(
     """
     INSERT INTO segments (osm_way_id, from_node, to_node, geom, geom_3857, length_m, highway, name, oneway,
-                          bridge, tunnel, layer, dem_slope_percent, road_version_id)
+                          bridge, tunnel, layer, dem_slope_percent, dem_heights_m, road_version_id)
     SELECT i.osm_way_id, i.from_node, i.to_node, i.geom, i.geom_3857, i.length_m, t.highway, t.name, i.oneway,
-           i.bridge, i.tunnel, i.layer, nullif(i.dem_slope_percent, 'NaN'), :version
+           i.bridge, i.tunnel, i.layer, nullif(i.dem_slope_percent, 'NaN'), nullif(i.dem_heights_m, '{}'), :version
     FROM road_import AS i JOIN road_import_tags AS t USING (tag)
     WHERE NOT EXISTS (
         SELECT FROM segments AS s
@@ -154,18 +156,21 @@ def replace_roads(
     progress: Progress = no_progress,
     *,
     dem_slope_percent: Floats | None = None,
+    dem_heights_m: Floats | None = None,
 ) -> ImportCounts:
     """Make ``table`` the whole network: a segment that is not in it is dropped, wherever it lies.
 
     A segment whose (way, from, to) and geometry are unchanged is kept with its id and its estimates, and its
     tags are brought up to date; one whose geometry changed ("moved") keeps its id and loses its estimates. The
     network is solved anew around what changed.
-    ``dem_slope_percent`` has shape (n,), NaN unknown; None: unknown everywhere. Waits for running writers of
+    ``dem_slope_percent`` has shape (n,), ``dem_heights_m`` one height a knot (``knot_positions``), NaN unknown; None:
+    unknown everywhere. Waits for running writers of
     estimates and keeps new ones out until the caller commits.
     """
     own_network(session)
-    unknown = np.full(len(table), np.nan)
-    copy_roads(session, table, unknown if dem_slope_percent is None else dem_slope_percent, progress)
+    slope = np.full(len(table), np.nan) if dem_slope_percent is None else dem_slope_percent
+    heights = np.full(len(knot_positions(table)[0]), np.nan) if dem_heights_m is None else dem_heights_m
+    copy_roads(session, table, slope, heights, progress)
     values: dict[str, Any] = {"source_name": source_name, "sha256": sha256, "segments": len(table)}
     version = int(session.execute(_NEW_VERSION, values).scalar_one())
     progress("merging", 0.0)

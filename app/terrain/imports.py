@@ -1,4 +1,4 @@
-"""Elevation rasters come in: their files into the folder, the set into the database, their slopes to the segments.
+"""Elevation rasters come in: files into the folder, the set into the database, slopes and heights to segments.
 
 What the database holds of them is in ``app.terrain.store``. How heights are read is the library's business.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import logging
 import shutil
 import uuid
 import zlib
@@ -21,19 +22,25 @@ from rasterio.warp import transform_bounds
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
-from app.network.extracts import roads_within
+from app.network.extracts import roads_within, roads_without_heights
 from app.network.versions import bump_data_version, own_network
-from app.terrain.store import DemSet, DemSource, current_dem, replace_dem, set_dem_slopes
+from app.terrain.store import DemSet, DemSource, current_dem, replace_dem, set_terrain
 from fusion.errors import TerrainError
+from fusion.network.curve import interval_count, knot_length
+from fusion.network.unknowns import knot_positions
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 from fusion.terrain.quality import pair, quality_name
 from fusion.terrain.raster import open_raster, refuse_void
 from fusion.terrain.windows import dem_slopes
-from fusion.types import Floats, Progress, no_progress
+from fusion.types import Floats, Ints, Progress, no_progress
+
+logger = logging.getLogger(__name__)
 
 CHUNK_BYTES = 1 << 20
 SEGMENTS_PER_UPDATE = 50_000
+SEGMENTS_PER_FILL = 10_000
+"""So long do drives that come and go wait: a second or so."""
 
 
 def import_dem(
@@ -65,11 +72,11 @@ def store_files(paths: Sequence[Path], dem_dir: Path, progress: Progress = no_pr
 def add_dem(
     session: Session, sources: Sequence[DemSource], dem_dir: Path, progress: Progress = no_progress
 ) -> DemSet:
-    """Add stored rasters to the active set and renew ``dem_slope_percent`` of the segments that they cover.
+    """Add stored rasters to the active set and renew slopes and heights of the segments that they cover.
 
     A raster that is in the set already changes nothing; one with the name of an active raster but other bytes
     takes its place. Names are compared without regard to case: N50E007.hgt and n50e007.HGT are one tile.
-    Drives processed before keep their estimates; the network takes the new slopes into account where later
+    Drives processed before keep their estimates; the network takes the new heights into account where later
     drives pass, or by ``rebuild_network``. Waits for running writers of estimates.
     """
     own_network(session)
@@ -83,30 +90,58 @@ def add_dem(
     whole = [source for source in former if source not in gone] + list(dict.fromkeys(new))
     with Dem.open([dem_dir / source.uri for source in whole]) as dem:
         found = replace_dem(session, whole, dem.datum, dem_dir)
-        _renew_slopes(session, dem, [dem_dir / source.uri for source in [*new, *gone]], progress)
+        _renew_terrain(session, dem, [dem_dir / source.uri for source in [*new, *gone]], progress)
     bump_data_version(session)
     return found
 
 
-def slopes_of(session: Session, table: RoadTable, dem_dir: Path) -> Floats:
-    """Each segment's slope by the active rasters, percent, NaN unknown, shape (n,)."""
+def terrain_under(session: Session, table: RoadTable, dem_dir: Path) -> tuple[Floats, Floats]:
+    """Each segment's slope by the active rasters, percent, shape (n,), and the heights at the knots of all, m.
+
+    NaN unknown; ``fusion.network.unknowns.knot_positions`` has the order of the knots.
+    """
     active = current_dem(session, dem_dir)
     if active is None or not len(table):
-        return np.full(len(table), np.nan)
+        return np.full(len(table), np.nan), np.full(len(knot_positions(table)[0]), np.nan)
     with Dem.open(active.paths) as dem:
-        return dem_slopes(dem, table)
+        return dem_slopes(dem, table), dem.heights(*knot_positions(table))
 
 
-def _renew_slopes(session: Session, dem: Dem, changed: Sequence[Path], progress: Progress) -> None:
-    """Write the slopes of all segments that the changed rasters cover."""
+def fill_heights(sessions: Sessions, dem_dir: Path) -> int:
+    """Give heights to segments that have a slope by the active rasters alone, as they were stored before heights were.
+
+    One that reaches over a raster's edge has no slope and waits for the next import. In short transactions, each of
+    which owns the network. Returns how many segments were looked at.
+    """
+    last, done = 0, 0
+    while True:
+        with sessions.begin() as session:
+            own_network(session)
+            active = current_dem(session, dem_dir)
+            table, ids = roads_without_heights(session, last, SEGMENTS_PER_FILL)
+            if active is None or not len(ids):
+                return done
+            with Dem.open(active.paths) as dem:
+                _write_terrain(session, dem, table, ids)
+        last, done = int(ids.max()), done + len(ids)
+        logger.info("heights of the elevation model: %d segments so far", done)
+
+
+def _renew_terrain(session: Session, dem: Dem, changed: Sequence[Path], progress: Progress) -> None:
+    """Write slopes and heights of all segments that the changed rasters cover."""
     for done, path in enumerate(changed):
         table, ids = roads_within(session, _bounds_deg(path))
         for start in range(0, len(ids), SEGMENTS_PER_UPDATE):
             progress("slopes", (done + start / len(ids)) / len(changed))
             part = np.arange(start, min(start + SEGMENTS_PER_UPDATE, len(ids)))
-            slope = dem_slopes(dem, table.subset(part))
-            set_dem_slopes(session, ids[part], slope)
+            _write_terrain(session, dem, table.subset(part), ids[part])
     progress("slopes", 1.0)
+
+
+def _write_terrain(session: Session, dem: Dem, table: RoadTable, ids: Ints) -> None:
+    heights = dem.heights(*knot_positions(table))
+    last = np.cumsum(interval_count(knot_length(table.length_m)) + 1)[:-1]
+    set_terrain(session, ids, dem_slopes(dem, table), np.split(heights, last))
 
 
 def _bounds_deg(path: Path) -> Bounds:

@@ -1,4 +1,4 @@
-"""The active set of elevation rasters in the database, and the slopes of segments by them.
+"""The active set of elevation rasters in the database, and the slopes and heights of segments by them.
 
 The files themselves lie in a folder and are ``app.terrain.imports``' business: no raster is opened here.
 """
@@ -12,6 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
@@ -63,13 +64,14 @@ _ADD = text(
     """
 )
 
-# Only rows whose value changes are written; NaN stands for unknown in the arrays.
-_SET_SLOPES = text(
+# Only rows whose values change are written; NaN stands for an unknown slope in the array.
+_SET_TERRAIN = text(
     """
-    UPDATE segments AS s SET dem_slope_percent = t.slope
-    FROM (SELECT id, nullif(slope, 'NaN') AS slope
-          FROM unnest(CAST(:ids AS bigint[]), CAST(:slopes AS float8[])) AS u (id, slope)) AS t
-    WHERE s.id = t.id AND s.dem_slope_percent IS DISTINCT FROM t.slope
+    UPDATE segments AS s SET dem_slope_percent = t.slope, dem_heights_m = t.heights
+    FROM (SELECT id, nullif(slope, 'NaN') AS slope, CAST(heights AS float8[]) AS heights
+          FROM unnest(CAST(:ids AS bigint[]), CAST(:slopes AS float8[]), CAST(:heights AS text[]))
+               AS u (id, slope, heights)) AS t
+    WHERE s.id = t.id AND (s.dem_slope_percent, s.dem_heights_m) IS DISTINCT FROM (t.slope, t.heights)
     """
 )
 
@@ -87,9 +89,21 @@ def replace_dem(session: Session, sources: Sequence[DemSource], datum: str, dem_
     return _set(session.execute(_ADD, {"sources": listed, "datum": datum}).one(), dem_dir)
 
 
-def set_dem_slopes(session: Session, segment_ids: Ints, slope_percent: Floats) -> None:
-    """Write the slopes of segments by the elevation model, both of shape (n,), NaN unknown."""
-    session.execute(_SET_SLOPES, {"ids": segment_ids.tolist(), "slopes": slope_percent.tolist()})
+def set_terrain(
+    session: Session, segment_ids: Ints, slope_percent: Floats, height_m: Sequence[Floats]
+) -> None:
+    """Write what the elevation model says of segments: slopes (n,), and heights at the knots of each; NaN unknown."""
+    values = {
+        "ids": segment_ids.tolist(),
+        "slopes": slope_percent.tolist(),
+        "heights": [_array(heights) for heights in height_m],
+    }
+    session.execute(_SET_TERRAIN, values)
+
+
+def _array(heights_m: Floats) -> str | None:
+    """PostgreSQL's text of an array; None where no height is known."""
+    return "{" + ",".join(map(repr, heights_m.tolist())) + "}" if np.isfinite(heights_m).any() else None
 
 
 def _set(row: Row[Any], dem_dir: Path) -> DemSet:

@@ -30,8 +30,10 @@ def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("town")
     write_osm(town, folder / "town.osm")
     write_dem(town, folder / "town.tif")
-    for number, (seed, receiver) in enumerate([(0, "m8"), (1, "m8"), (0, "f9p")]):
-        write_csv(simulate_drive(town, seed, duration_s=150, receiver=receiver), folder / f"{number}.csv")
+    for day, (seed, receiver) in enumerate([(0, "m8"), (1, "m8"), (0, "f9p")]):
+        begin_s = 1_700_000_000.0 + 86_400 * day
+        drive = simulate_drive(town, seed, duration_s=150, receiver=receiver, start_time_s=begin_s)
+        write_csv(drive, folder / f"{day}.csv")
     return folder
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import uuid
+import zlib
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,49 +16,67 @@ from app.network import passes
 from app.network import results as slopes
 from app.network import versions as locks
 from app.roads import store as roads
-from fusion.network.curve import slope_row, variable_count
-from fusion.network.pass_factor import PassFactor
+from fusion.network.curve import knot_length, slope_row
+from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints, SegmentSlope
 
 T0_S = 1_700_000_000.0
+HEIGHT_SIGMA_M = 1000.0
+"""Of what a made pass knows of its height: next to nothing, so that it contradicts no height that is measured."""
 Said = Mapping[int, tuple[float, float]]
 """Slope and sigma by row of the table, percent."""
+Made = tuple[PassFactor, SegmentSlope]
+"""A pass, and what the drive shows as its own estimate of the segment."""
 Rows = dict[int, tuple[float, float, int, int]]
 """Slope, sigma, drives, observations by segment."""
 
 
-def factor_of(
-    table: RoadTable, row: int, slope_percent: float, sigma_percent: float, before: Sequence[int] = ()
-) -> PassFactor:
-    """The factor of a pass that knows nothing but the slope of its segment; ``before``: its history."""
-    length = float(table.length_m[row])
-    design = slope_row(0.0, length, length)
-    history = sum(int(variable_count(table.length_m[k])) for k in before)
-    design = np.concatenate([np.zeros(history), design])
-    weight = (sigma_percent / 100) ** -2
-    return PassFactor(
-        segments=(*before, row),
-        information=weight * np.outer(design, design),
-        vector=weight * slope_percent / 100 * design,
-        slope_percent=slope_percent,
-        slope_sigma_percent=sigma_percent,
+def pass_over(
+    table: RoadTable,
+    row: int,
+    slope_percent: float,
+    sigma_percent: float,
+    *,
+    begin_s: float = T0_S,
+    sequence: int = 0,
+    rows: int = 5,
+    roughness: float = 3e-5,
+) -> Made:
+    """A pass that knows the slope of its segment, its height very roughly, and nothing of the drive's own errors."""
+    length = float(knot_length(table.length_m[row]))
+    slope = np.concatenate([slope_row(0.0, length, length), np.zeros(NUISANCES)])
+    height = np.zeros(len(slope))
+    height[0] = 1.0
+    weight, value = (sigma_percent / 100) ** -2, slope_percent / 100
+    first = begin_s + 10.0 * sequence
+    factor = PassFactor(
+        segment=row,
+        sequence=sequence,
+        mount=0,
+        information=weight * np.outer(slope, slope) + HEIGHT_SIGMA_M**-2 * np.outer(height, height),
+        vector=weight * value * slope,
+        square=weight * value**2,
+        rows=rows,
+        walk_m2_per_s=(0.1, 0.001),
         start_m=0.0,
         end_m=length,
-        roughness=3e-5,
+        roughness=roughness,
         observations=5,
-        first_time_s=T0_S + row,
-        last_time_s=T0_S + row + 0.5,
+        first_time_s=first,
+        last_time_s=first + 5.0,
     )
+    return factor, SegmentSlope(row, slope_percent, sigma_percent, 5, 1, first, first + 5.0)
 
 
-def estimates_of(factors: Sequence[PassFactor]) -> list[SegmentSlope]:
-    """What a drive shows as its own, one estimate a segment."""
-    last = {factor.segments[-1]: factor for factor in factors}
+def passes_of(table: RoadTable, said: Said, begin_s: float | None = None, **more: float) -> list[Made]:
+    """One pass over each row. What is said decides when it was, unless ``begin_s`` does: no two drives are alike."""
+    if begin_s is None:
+        begin_s = T0_S + 10_000.0 * (zlib.crc32(repr(sorted(said.items())).encode()) % 10_000)
     return [
-        SegmentSlope(row, f.slope_percent, f.slope_sigma_percent, 5, 1, f.first_time_s, f.last_time_s)
-        for row, f in last.items()
+        pass_over(table, row, *values, begin_s=begin_s, sequence=k, **more)  # type: ignore[arg-type]
+        for k, (row, values) in enumerate(said.items())
     ]
 
 
@@ -78,21 +97,23 @@ def new_drive(sessions: Sessions, name: str | None = None, method: str = "profil
     return drive.id
 
 
-def publish(sessions: Sessions, drive: uuid.UUID, ids: Ints, factors: Sequence[PassFactor]) -> passes.Hearing:
-    """Store what the drive says, as the worker does; segments of factors are rows of the table behind ``ids``."""
+def publish(sessions: Sessions, drive: uuid.UUID, ids: Ints, made: Sequence[Made]) -> passes.Hearing:
+    """Store what the drive says, as the worker does; segments are rows of the table behind ``ids``."""
     with sessions.begin() as session:
         locks.own_network(session)
         version = roads.current_road_version(session)
         assert version is not None
         provenance = slopes.RunProvenance("profile", {}, "1.0", version.id, None)
-        estimates = estimates_of(factors)
-        return slopes.save_result(session, drive, ids, estimates, provenance, factors)
+        own = list({estimate.segment: estimate for _, estimate in made}.values())
+        return slopes.save_result(session, drive, ids, own, provenance, [factor for factor, _ in made])
 
 
-def drive_over(sessions: Sessions, table: RoadTable, ids: Ints, said: Said) -> uuid.UUID:
+def drive_over(
+    sessions: Sessions, table: RoadTable, ids: Ints, said: Said, begin_s: float | None = None, **more: float
+) -> uuid.UUID:
     """A drive that passes once over each of these rows."""
     drive = new_drive(sessions)
-    publish(sessions, drive, ids, [factor_of(table, row, *values) for row, values in said.items()])
+    publish(sessions, drive, ids, passes_of(table, said, begin_s, **more))
     return drive
 
 
@@ -103,13 +124,6 @@ def rows_of(sessions: Sessions, relation: str = "segment_slopes") -> Rows:
         return {row[0]: (row[1], row[2], row[3], row[4]) for row in session.execute(text(query))}
 
 
-def evidence_of(sessions: Sessions) -> dict[int, bytes]:
-    """The cached evidence, byte by byte."""
-    with sessions() as session:
-        rows = session.execute(text("SELECT segment_id, evidence FROM segment_evidence"))
-        return {row[0]: bytes(row[1]) for row in rows}
-
-
 def verdicts_of(sessions: Sessions) -> dict[tuple[uuid.UUID, int], bool]:
     """Whether each pass is heard, by drive and segment (of drives that pass once)."""
     with sessions() as session:
@@ -118,18 +132,27 @@ def verdicts_of(sessions: Sessions) -> dict[tuple[uuid.UUID, int], bool]:
 
 
 def assert_same(left: Rows, right: Rows) -> None:
-    """The contract on what order, deletion and rebuilding may change: 0.005 % of slope, 2 % of sigma.
+    """The contract on what order, deletion and rebuilding may change: at most a tenth of a sigma of 99 % of segments.
 
-    Only the slope of a gap, whose sigma is several percent, depends on how far around it is solved: the roads
-    that join its ends elsewhere may be long.
+    What is learned of all roads reaches farther than a window, so a single one may move by twice that.
     """
-    assert left.keys() == right.keys()
-    for segment, (slope, sigma, *counts) in left.items():
-        other, gap = right[segment], not counts[0]
-        said = (segment, left[segment], other)
-        assert abs(slope - other[0]) <= (0.05 * sigma if gap else 0.005), said
-        assert abs(sigma / other[1] - 1) <= (0.1 if gap else 0.02), said
-        assert tuple(counts) == other[2:], said
+    slope, sigma = _differences(left, right)
+    assert np.count_nonzero(slope > 0.1) <= max(1, len(left) // 100), sorted(slope)[-5:]
+    assert max(slope, default=0.0) <= 0.2
+    assert max(sigma, default=0.0) <= 0.1
+
+
+def assert_settled(left: Rows, right: Rows) -> None:
+    """The contract on two networks that were rebuilt from the same passes: alike to 1e-9 of a sigma."""
+    slope, sigma = _differences(left, right)
+    assert max([*slope, *sigma], default=0.0) <= 1e-9
+
+
+def _differences(left: Rows, right: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """How far slopes are apart in sigmas, and by what share sigmas; drives and observations are the same."""
+    assert {i: row[2:] for i, row in left.items()} == {i: row[2:] for i, row in right.items()}
+    pairs = np.array([(*row[:2], *right[i][:2]) for i, row in left.items()]).reshape(-1, 4).T
+    return np.abs(pairs[0] - pairs[2]) / pairs[1], np.abs(pairs[1] / pairs[3] - 1)
 
 
 def walks(town: Town, count: int) -> list[Said]:

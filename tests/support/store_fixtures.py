@@ -16,6 +16,7 @@ from app.network import results as slopes
 from app.network import versions as locks
 from app.roads import imports as roads
 from app.roads import store as road_store
+from fusion.network.unknowns import knot_positions
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints, SegmentSlope
@@ -72,8 +73,14 @@ def segment_ids(sessions: Sessions, chain: Callable[..., RoadTable]) -> Ints:
 def streets(sessions: Sessions, town: Town) -> tuple[RoadTable, Ints]:
     """The town's roads, imported, and their ids."""
     with sessions.begin() as session:
+        lon, lat = knot_positions(town.roads)
         roads.replace_roads(
-            session, town.roads, "town.osm", "0" * 64, dem_slope_percent=town.true_slope_percent + 1.0
+            session,
+            town.roads,
+            "town.osm",
+            "0" * 64,
+            dem_slope_percent=town.true_slope_percent + 1.0,
+            dem_heights_m=town.height(*town.projection.to_xy(lon, lat)),
         )
         return extracts.all_roads(session)
 

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 from app.core import migrate
 from app.core.tables import DRIVE_STATUSES, Base
 from app.network.publish import refresh_aggregates
+from fusion.network.combine import NETWORK_ONLY
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 _OURS = text(
@@ -79,10 +80,10 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     engine = create_engine(blank_database_url)
     tables = ("segments", "drives", "provenances", "drive_segments", "segment_slopes")
 
-    def rows(columns: str = "*") -> list[list[tuple[object, ...]]]:
+    def rows() -> list[list[dict[str, object]]]:
         with engine.connect() as connection:
             return [
-                [tuple(row) for row in connection.execute(text(f"SELECT {columns} FROM {table}"))]
+                [dict(row._mapping) for row in connection.execute(text(f"SELECT * FROM {table}"))]
                 for table in tables
             ]
 
@@ -91,17 +92,59 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     before = rows()
     migrate.upgrade(blank_database_url)
     after = rows()
-    estimates = tables.index("drive_segments")
-    assert after[estimates] == [(*before[estimates][0], False)]
-    assert [part for k, part in enumerate(after) if k != estimates] == [
-        part for k, part in enumerate(before) if k != estimates
-    ]
+    for then, now in zip(before, after, strict=True):
+        assert [dict(list(row.items())[: len(old)]) for row, old in zip(now, then, strict=True)] == then
+    added = [set(now[0]) - set(then[0]) for then, now in zip(before, after, strict=True)]
+    assert added[:4] == [{"dem_heights_m"}, {"same_as"}, set(), {"in_network"}]
+    assert added[4] == set(NETWORK_ONLY)
+    new = [row[name] for found, names in zip(after, added, strict=True) for row in found for name in names]
+    assert {value for value in new if value is not False} == {None}
     with Session(engine) as session:
         refresh_aggregates(session, [1])
         session.commit()
     assert rows() == after
     migrate.downgrade(blank_database_url, "0001")
     assert rows() == before
+    engine.dispose()
+
+
+_DATA_OF_0003 = (
+    _DATA_OF_0001
+    + """
+    UPDATE drive_segments SET in_network = true;
+    INSERT INTO drive_passes (drive_id, segment_id, segments, factor, slope_percent, slope_sigma_percent, accepted)
+        SELECT id, 1, '{1}', decode('00ff', 'hex'), 2.5, 0.5, true FROM drives;
+    INSERT INTO segment_evidence (segment_id, evidence) VALUES (1, decode('00ff', 'hex'));
+    INSERT INTO network_slopes (segment_id, slope_percent, slope_sigma_percent, drives, observations)
+        VALUES (1, 2.5, 0.5, 1, 7);
+    INSERT INTO drives (id, sha256, filename, size_bytes, blob_key, status, method, options)
+        VALUES ('00000000-0000-0000-0000-000000000002', 'y', 'g', 1, 'l', 'done', 'raw', '{}');
+"""
+)
+
+
+def test_drives_of_the_former_model_wait_for_another_run_and_stay_published(blank_database_url: str) -> None:
+    migrate.upgrade(blank_database_url, "0003")
+    engine = create_engine(blank_database_url)
+
+    def rows(query: str) -> list[tuple[object, ...]]:
+        with engine.connect() as connection:
+            return [tuple(row) for row in connection.execute(text(query))]
+
+    with engine.begin() as connection:
+        connection.execute(text(_DATA_OF_0003))
+    migrate.upgrade(blank_database_url)
+    assert rows("SELECT method, status, generation FROM drives ORDER BY id") == [
+        ("particle", "queued", 2),
+        ("raw", "done", 1),
+    ]
+    assert rows("SELECT slope_percent, drives FROM segment_slopes") == [(2.5, 1)]
+    assert rows("SELECT * FROM network_slopes") == rows("SELECT * FROM drive_passes") == []
+    migrate.downgrade(blank_database_url, "0003")
+    assert rows("SELECT segments FROM drive_passes") == rows("SELECT * FROM segment_evidence") == []
+    assert rows("SELECT slope_percent FROM drive_segments") == []
+    assert rows("SELECT status FROM drives ORDER BY id") == [("failed",), ("done",)]
+    migrate.upgrade(blank_database_url)
     engine.dispose()
 
 
@@ -130,11 +173,10 @@ def test_tracks_from_before_measurements_were_kept_stay(blank_database_url: str)
 def test_bytes_that_do_not_compress_are_not_compressed(database_url: str) -> None:
     engine = create_engine(database_url)
     query = text(
-        "SELECT attname FROM pg_attribute WHERE attstorage = 'e' AND attrelid = ANY(ARRAY['drive_passes'::regclass, "
-        "'segment_evidence'::regclass])"
+        "SELECT attname FROM pg_attribute WHERE attstorage = 'e' AND attrelid = 'drive_passes'::regclass"
     )
     with engine.connect() as connection:
-        assert sorted(connection.execute(query).scalars()) == ["evidence", "factor"]
+        assert connection.execute(query).scalars().all() == ["factor"]
     engine.dispose()
 
 

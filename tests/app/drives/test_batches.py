@@ -50,6 +50,17 @@ def test_drives_of_other_methods_are_queued_and_followed(web: Any, made: list[st
     assert web.client.post("/v1/drives/reprocess?method=dem").json()["queued"] == 0
 
 
+def test_without_a_batch_all_that_is_under_way_is_shown(web: Any, made: list[str]) -> None:
+    address = f"{web.base}/v1/drives/reprocess"
+    seen = web.client.get(address).json()
+    assert (seen["drives"], seen["queued"], seen["links"][0]["href"]) == (1, 1, address)
+    web.client.post("/v1/drives/reprocess?method=dem")
+    assert web.client.get(address).json()["queued"] == 3
+    run_worker(web.settings, wait=False)
+    seen = web.client.get(address).json()
+    assert (seen["drives"], seen["progress"]) == (0, 1.0)
+
+
 def test_only_drives_of_one_method(web: Any, made: list[str]) -> None:
     answer = web.client.post("/v1/drives/reprocess?method=particle&from_method=dem")
     assert answer.json()["queued"] == 1
@@ -84,7 +95,6 @@ def test_a_drive_asked_for_anew_leaves_the_batch(web: Any, made: list[str]) -> N
         ("POST", "method=nonsense"),
         ("POST", "from_method=nonsense"),
         ("POST", "methods=raw"),
-        ("GET", ""),
         ("GET", "batch=x"),
         ("GET", "batch=-1"),
         ("GET", f"batch={10**18}"),

@@ -197,7 +197,7 @@ def test_a_drive_s_estimates_are_its_own(filled: Any, done: str, drive_maker: Ma
     assert [f["id"] for f in features] == [1, 2, 3]
     for feature in features:
         properties = feature["properties"]
-        assert tuple(properties)[:16] == PROPERTIES
+        assert tuple(properties)[: len(PROPERTIES)] == PROPERTIES
         assert properties["slope_percent"] == 3.0
         assert properties["drives"] == 1
         assert properties["passes"] == 1

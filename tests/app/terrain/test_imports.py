@@ -114,7 +114,7 @@ def test_a_raster_made_of_several_files_becomes_one(
     tile.unlink()
     mosaic.unlink()
     with sessions() as session:
-        again = dem.slopes_of(session, chain_in_db, tmp_path / "dem")
+        again, _ = dem.terrain_under(session, chain_in_db, tmp_path / "dem")
     assert found.names == ("mosaic.tif",)
     assert np.isfinite(again).all()
     assert stored_slopes(sessions) == pytest.approx(again.tolist())
@@ -138,7 +138,9 @@ def test_a_moved_folder_still_serves(sessions: Sessions, chain_in_db: RoadTable,
     add(sessions, [write_raster(tmp_path / "a.tif", 8.4995, 49.01, 1.0)], tmp_path / "dem")
     (tmp_path / "dem").rename(tmp_path / "elsewhere")
     with sessions() as session:
-        assert np.isfinite(dem.slopes_of(session, chain_in_db, tmp_path / "elsewhere")).all()
+        slope, heights = dem.terrain_under(session, chain_in_db, tmp_path / "elsewhere")
+    assert np.isfinite(slope).all()
+    assert np.isfinite(heights).all()
 
 
 def hgt(height_m: int) -> bytes:

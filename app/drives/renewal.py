@@ -1,0 +1,51 @@
+"""What an update of the service leaves to be done: drives computed again, heights filled in, remains cleared away.
+
+A migration marks what its model cannot use any more and the workers see to the rest, at their start and again and
+again. All of it may be cut off at any moment and done twice.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from app.core.db import Sessions
+from app.drives.bulk import drives_without_job
+from app.drives.queue import enqueue_behind
+from app.network.publish import left_over, refresh_aggregates
+from app.network.versions import bump_data_version, own_network
+from app.terrain.imports import fill_heights
+
+logger = logging.getLogger(__name__)
+
+
+def renew(sessions: Sessions, dem_dir: Path) -> None:
+    """Do all that is to be done; heights first, as the drives want them."""
+    fill_heights(sessions, dem_dir)
+    if count := give_jobs(sessions):
+        logger.info(
+            "%d drives are computed again, behind uploads; GET /v1/drives/reprocess tells how far", count
+        )
+    if count := clear_remains(sessions):
+        logger.info("%d segments lost a slope that no drive stands behind any more", count)
+
+
+def give_jobs(sessions: Sessions) -> int:
+    """Put drives that wait without a job into the queue, behind uploads; returns how many."""
+    with sessions.begin() as session:
+        requests = drives_without_job(session)
+        enqueue_behind(session, requests)
+    return len(requests)
+
+
+def clear_remains(sessions: Sessions) -> int:
+    """Take away what is published of a former model and no drive is about to say again; of how many segments."""
+    with sessions() as session:
+        if not left_over(session):
+            return 0
+    with sessions.begin() as session:
+        own_network(session)
+        remains = left_over(session)
+        refresh_aggregates(session, remains)
+        bump_data_version(session)
+    return len(remains)

@@ -1,0 +1,137 @@
+"""One drive that is there twice is one witness, whichever came first."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+
+import pytest
+
+from app.core.db import Sessions
+from app.drives import store as drives
+from app.network.rebuild import rebuild_network
+from fusion.roads.table import RoadTable
+from fusion.types import Ints
+from network_support import (
+    Rows,
+    assert_settled,
+    delete,
+    drive_over,
+    new_drive,
+    passes_of,
+    publish,
+    rows_of,
+    verdicts_of,
+)
+
+Chain = Callable[..., RoadTable]
+ROWS = range(6)
+BEGIN_S = 1_700_000_000.0
+
+
+def same_as(sessions: Sessions, drive: uuid.UUID) -> uuid.UUID | None:
+    with sessions() as session:
+        found = drives.get_drive(session, drive)
+    assert found is not None
+    return found.same_as
+
+
+def drive(
+    sessions: Sessions, table: RoadTable, ids: Ints, rows: int, apart_s: float = 0.0, first: int = 0
+) -> uuid.UUID:
+    """A drive over all rows from ``first`` on, of so many measurements a pass, so much later than others."""
+    said = dict.fromkeys(ROWS, (2.0, 0.5))
+    made = passes_of(table, said, begin_s=BEGIN_S + apart_s, rows=rows)
+    one = new_drive(sessions)
+    publish(sessions, one, ids, made[first:])
+    return one
+
+
+@pytest.fixture
+def alone(sessions: Sessions, chain: Chain, segment_ids: Ints) -> Rows:
+    """What the better of two logs of a drive publishes, alone."""
+    one = drive(sessions, chain(), segment_ids, 9)
+    rebuild_network(sessions)
+    found = rows_of(sessions)
+    delete(sessions, one)
+    return found
+
+
+@pytest.mark.parametrize("better_first", [True, False])
+def test_the_log_with_more_measurements_is_heard(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, better_first: bool
+) -> None:
+    made = {n: drive(sessions, chain(), segment_ids, n, n / 10) for n in ((9, 5) if better_first else (5, 9))}
+    assert same_as(sessions, made[5]) == made[9]
+    assert same_as(sessions, made[9]) is None
+    assert {heard for (one, _), heard in verdicts_of(sessions).items() if one == made[5]} == {False}
+    assert {row[2] for row in rows_of(sessions).values()} == {1}
+    delete(sessions, made[9])
+    assert same_as(sessions, made[5]) is None
+    assert set(verdicts_of(sessions).values()) == {True}
+    assert {row[2] for row in rows_of(sessions).values()} == {1}
+    delete(sessions, made[5])
+    assert rows_of(sessions) == {}
+
+
+def test_who_is_heard_does_not_depend_on_the_order(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, alone: Rows
+) -> None:
+    for n in (5, 9, 7):
+        drive(sessions, chain(), segment_ids, n)
+    rebuild_network(sessions)
+    assert_settled(alone, rows_of(sessions))
+
+
+def test_the_report_of_the_one_that_is_not_heard_says_so(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
+    weak, strong = (drive(sessions, chain(), segment_ids, n) for n in (5, 9))
+    for one in (weak, strong):
+        with sessions.begin() as session:
+            drives.mark_done(
+                session,
+                one,
+                report={"warnings": ["first"]},
+                bounds=(8.5, 49.0, 8.51, 49.0),
+                epochs=5,
+                distance_m=100.0,
+                drive_time=None,
+            )
+    with sessions() as session:
+        told = {one: drives.get_drive(session, one) for one in (weak, strong)}
+    first, second = told[weak].report["warnings"]  # type: ignore[union-attr, index]
+    assert first == "first"
+    assert f"the same drive as {strong}" in second
+    assert told[strong].report["warnings"] == ["first"]  # type: ignore[union-attr, index]
+
+
+@pytest.mark.parametrize(("apart_s", "first", "same"), [(1.9, 0, True), (2.1, 0, False), (0.0, 4, True)])
+def test_what_counts_as_the_same(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, apart_s: float, first: int, same: bool
+) -> None:
+    one = drive(sessions, chain(), segment_ids, 9)
+    other = drive(sessions, chain(), segment_ids, 5, apart_s, first)
+    assert same_as(sessions, other) == (one if same else None)
+
+
+def test_half_a_drive_in_common_is_two_drives(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
+    table = chain()
+    one = drive_over(sessions, table, segment_ids, dict.fromkeys((0, 1, 2, 3), (2.0, 0.5)), begin_s=BEGIN_S)
+    other = new_drive(sessions)
+    made = passes_of(table, dict.fromkeys((0, 1, 8, 9), (2.0, 0.5)), begin_s=BEGIN_S)
+    publish(sessions, other, segment_ids, made)
+    assert same_as(sessions, one) is same_as(sessions, other) is None
+
+
+def test_another_run_decides_anew(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
+    table = chain()
+    weak, strong = (drive(sessions, table, segment_ids, n) for n in (5, 9))
+    said = dict.fromkeys(ROWS, (2.0, 0.5))
+    publish(sessions, weak, segment_ids, passes_of(table, said, begin_s=BEGIN_S, rows=20))
+    assert (same_as(sessions, weak), same_as(sessions, strong)) == (None, weak)
+    publish(sessions, weak, segment_ids, passes_of(table, said, begin_s=BEGIN_S + 900, rows=20))
+    assert (same_as(sessions, weak), same_as(sessions, strong)) == (None, None)
+    assert {row[2] for row in rows_of(sessions).values()} == {2}
+    publish(sessions, weak, segment_ids, [])
+    assert {row[2] for row in rows_of(sessions).values()} == {1}
