@@ -16,7 +16,9 @@ ALL = (
     "heading_deg,acc_x_mps2,acc_y_mps2,acc_z_mps2,gyr_x_dps,gyr_y_dps,gyr_z_dps,roll_deg,pitch_deg,yaw_deg,"
     "pitch_acc_deg,wheel_left_rad,wheel_right_rad,odo_speed_mps,pressure_hpa,temperature_c"
 )
-VALUES = "1525448060.5,49,8,100,148,1,2,3,4,-0.5,0.1,5,90,0.1,0.2,9.8,10,20,30,1,2,270,0.3,11,12,5.1,1013.25,12.5"
+VALUES = (
+    "1525448060.5,49,8,100,148,1,2,3,4,-0.5,0.1,5,90,0.1,0.2,9.8,10,20,30,1,2,270,0.3,11,12,5.1,1013.25,12.5"
+)
 
 
 def test_every_column_of_the_design_reaches_its_table_in_si_units() -> None:
