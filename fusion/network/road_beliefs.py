@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import sparse
 
 from fusion.network.curve import smoothness_block
 from fusion.network.equations import Blocks, Solution
@@ -23,8 +24,6 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 """Flat towns and serpentines (spec 7)."""
 ROUGHNESS_FREEDOM = 3.0
 """Degrees of freedom of the Student's t that an interval's change of grade follows."""
-ROUGHNESS_START = 3.0
-"""The first round takes roads for so much rougher: drives learn it of knots that are smoother than the road."""
 STRUCTURE_FACTOR = 0.1
 """Bridges and tunnels are built to a design: their roughness over that of other roads."""
 NODE_SIGMA_M = 0.2
@@ -33,6 +32,9 @@ NODE_FREEDOM = 2.0
 """Degrees of freedom of that agreement: maps join what does not meet."""
 GRADE_SIGMA = 0.2
 """Grades of roads, before anything is measured (1 = 100 %)."""
+LEVEL_SIGMA_M = 1000.0
+"""The mean height of all roads that hang together, before anything is measured: it keeps the equations solvable where
+nothing speaks of heights, and weighs nothing where anything does."""
 
 
 class RoadBeliefs:
@@ -51,20 +53,17 @@ class RoadBeliefs:
         sign = np.column_stack([np.ones(len(pair)), np.where(c.end_a == c.end_b, 1.0, -1.0)])
         self.fixed = [Blocks.of_rows(pair, sign, 0.0, c.sigma**2)]
         self.roughness: list[Blocks] = []
+        self.levels: list[Blocks] = []
         self.factor: list[Floats] = []
+        level = _level_information(u)
         for mine in u.by_intervals():
             variables, n = u.variables(mine), int(u.intervals[mine[0]])
-            weak = (
-                np.diag(np.tile([1e-10, GRADE_SIGMA**-2], n + 1)) + 1e-12
-            )  # every pair of a segment shares an equation
-            self.fixed.append(
-                Blocks(
-                    variables,
-                    np.broadcast_to(weak, (len(mine), *weak.shape)),
-                    np.zeros(variables.shape),
-                    np.ones(len(mine)),
-                )
-            )
+            weak = np.diag(np.tile([0.0, GRADE_SIGMA**-2], n + 1)) + 1e-12  # every pair shares an equation
+            every = np.broadcast_to(weak, (len(mine), *weak.shape))
+            self.fixed.append(Blocks(variables, every, np.zeros(variables.shape), np.ones(len(mine))))
+            heights = variables[:, ::2].reshape(-1, 1)
+            self.levels.append(Blocks.of_rows(heights, np.ones((len(heights), 1)), 0.0, 1.0))
+            self.levels[-1].weight = np.repeat(level[mine], n + 1)
             unit = np.array([smoothness_block(d) for d in u.length_m[mine] / n])
             for j in range(n):
                 self.roughness.append(
@@ -77,14 +76,16 @@ class RoadBeliefs:
         self.usual = float(np.clip(np.exp(np.mean(np.log(learned[1:] or learned))), *ROUGHNESS_BOUNDS))
         self._begin = self.usual
         for one, factor in zip(self.roughness, self.factor, strict=True):
-            one.weight = 1 / (2 * ROUGHNESS_START * self.usual * factor)
+            one.weight = 1 / (self.usual * factor)
 
     def blocks(self) -> list[Blocks]:
         """All equations."""
-        return [*self.fixed, self.ties, *self.roughness]
+        return [*self.fixed, *self.levels, self.ties, *self.roughness]
 
     def learn(self, solution: Solution) -> None:
         """Weigh ties and intervals by what the solution says that they do; and the usual roughness itself."""
+        for one in self.levels:  # about where heights were found to be, so that they are not drawn to 0
+            one.vector = solution.x[one.variables]
         squares = self.ties.expected_squares(solution)
         self.ties.weight = (NODE_FREEDOM + 1) / (NODE_FREEDOM + squares)
         change = [
@@ -97,3 +98,13 @@ class RoadBeliefs:
             self.usual = float((np.sum(weight * whole) + 20 * self._begin) / (2 * len(whole) + 20))
         for one, c, f in zip(self.roughness, change, self.factor, strict=True):
             one.weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * self.usual + c) / f
+
+
+def _level_information(u: RoadUnknowns) -> Floats:
+    """What is known of the height of each knot of a segment, (n,): its share of ``LEVEL_SIGMA_M``."""
+    joined = sparse.coo_matrix(
+        (np.ones(len(u.start_node)), (u.start_node, u.end_node)), shape=(u.nodes, u.nodes)
+    )
+    _, part = sparse.csgraph.connected_components(joined, directed=False)
+    knots = np.bincount(part[u.start_node], u.intervals + 1.0)
+    return np.asarray(LEVEL_SIGMA_M**-2.0 / knots[part[u.start_node]])

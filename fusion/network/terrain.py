@@ -82,32 +82,43 @@ class TerrainBlocks:
             return
         if first:
             self._measure(solution)
+        error, own = self._step_errors(solution)
+        if first:  # which is without the model: both are uncertain of each other
+            misfit = error**2 / (self._step_variance() + own)
         else:
-            misfit = self._step_squares(solution) / self._step_variance()
-            self.tail = (STEP_FREEDOM + 1) / (STEP_FREEDOM + misfit)
+            misfit = (error**2 + own) / self._step_variance()
+        self.tail = (STEP_FREEDOM + 1) / (STEP_FREEDOM + misfit)
         spacing = self.spacing_m / self.length_m
         self.steps.weight = self.tail / (self._step_variance() * (STEP_FREEDOM + 3) / (STEP_FREEDOM + 1))
         ends = np.repeat((1 / np.tanh(spacing) - 1 / np.sinh(spacing)) / (2 * self.sigma_m**2), 2)
-        self.level.weight = ends
+        self.level.weight = ends * self._level_tail(solution)
+
+    def _level_tail(self, solution: Solution) -> Floats:
+        """Where the model is far from the drives, its height counts less than its differences may."""
+        driven = np.repeat(self._driven[self._row], 2)
+        error = self.level.vector[:, 0] - solution.x[self.level.variables[:, 0]]
+        if not driven.any():
+            return np.ones(len(error))
+        error -= np.median(error[driven])
+        misfit = np.where(driven, np.square(error / self.sigma_m), 0.0)
+        return np.asarray((STEP_FREEDOM + 1) / (STEP_FREEDOM + np.maximum(misfit, 1.0)))
 
     def _step_variance(self) -> Floats:
         return np.asarray(2 * self.sigma_m**2 * np.sinh(self.spacing_m / self.length_m))
 
-    def _step_squares(self, solution: Solution) -> Floats:
-        """Squares of the differences' errors, expected under the solution, m^2."""
+    def _step_errors(self, solution: Solution) -> tuple[Floats, Floats]:
+        """The differences' errors, m, and their variances under the solution, m^2."""
         pair = self.steps.variables
         height = self.terrain.height_m
         error = np.diff(solution.x[pair], axis=1)[:, 0] - (height[self._knot + 1] - height[self._knot])
         c = solution.equations.covariance(pair)
-        return np.asarray(error**2 + np.maximum(c[:, 0, 0] + c[:, 1, 1] - 2 * c[:, 0, 1], 0.0))
+        return error, np.maximum(c[:, 0, 0] + c[:, 1, 1] - 2 * c[:, 0, 1], 0.0)
 
     def _measure(self, solution: Solution) -> None:
         driven = self._driven[self._row]
         pair = self.steps.variables
         height = self.terrain.height_m
-        error = np.diff(solution.x[pair], axis=1)[:, 0] - (height[self._knot + 1] - height[self._knot])
-        c = solution.equations.covariance(pair)
-        own = np.maximum(c[:, 0, 0] + c[:, 1, 1] - 2 * c[:, 0, 1], 0.0)
+        error, own = self._step_errors(solution)
         sound = driven & (own < np.square(SOUND_GRADE * self.spacing_m))
         if sound.sum() < PRIOR_PAIRS:
             return
