@@ -16,7 +16,7 @@ from fusion.network.joints import couplings
 from fusion.network.pass_factor import PassFactor
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
-from fusion.types import Floats
+from fusion.types import Bools, Floats
 
 DEFAULT_ROUGHNESS = 3e-5
 """Variance of the grade's change per metre (1/m) of roads that no drive has learned it of (spec 7)."""
@@ -24,6 +24,8 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 """Flat towns and serpentines (spec 7)."""
 ROUGHNESS_FREEDOM = 3.0
 """Degrees of freedom of the Student's t that an interval's change of grade follows."""
+UNSEEN_VARIANCE = ROUGHNESS_FREEDOM / (ROUGHNESS_FREEDOM - 2)
+"""Variance of that Student's t over its scale squared: where nobody drove, nothing says which interval is an even one."""
 STRUCTURE_FACTOR = 0.1
 """Bridges and tunnels are built to a design: their roughness over that of other roads."""
 NODE_SIGMA_M = 0.2
@@ -75,6 +77,7 @@ class RoadBeliefs:
         learned = [DEFAULT_ROUGHNESS, *(p.roughness for p in passes)]
         self.usual = float(np.clip(np.exp(np.mean(np.log(learned[1:] or learned))), *ROUGHNESS_BOUNDS))
         self._begin = self.usual
+        self._open = _open_intervals(u, passes)
         for one, factor in zip(self.roughness, self.factor, strict=True):
             one.weight = 1 / (self.usual * factor)
 
@@ -96,8 +99,9 @@ class RoadBeliefs:
         for _ in range(5):
             weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + whole / self.usual)
             self.usual = float((np.sum(weight * whole) + 20 * self._begin) / (2 * len(whole) + 20))
-        for one, c, f in zip(self.roughness, change, self.factor, strict=True):
-            one.weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * self.usual + c) / f
+        for one, c, f, unseen in zip(self.roughness, change, self.factor, self._open, strict=True):
+            seen = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * self.usual + c)
+            one.weight = np.where(unseen, 1 / (UNSEEN_VARIANCE * self.usual), seen) / f
 
 
 def _level_information(u: RoadUnknowns) -> Floats:
@@ -108,3 +112,18 @@ def _level_information(u: RoadUnknowns) -> Floats:
     _, part = sparse.csgraph.connected_components(joined, directed=False)
     knots = np.bincount(part[u.start_node], u.intervals + 1.0)
     return np.asarray(LEVEL_SIGMA_M**-2.0 / knots[part[u.start_node]])
+
+
+def _open_intervals(u: RoadUnknowns, passes: Sequence[PassFactor]) -> list[Bools]:
+    """Which intervals no pass goes over, in the order of ``RoadBeliefs.roughness``: between the first and the last place
+    on a segment that any pass reaches, all count as driven."""
+    low, high = np.full(len(u.length_m), np.inf), np.full(len(u.length_m), -np.inf)
+    row = np.array([p.segment for p in passes], np.int64)
+    np.minimum.at(low, row, [p.start_m for p in passes])
+    np.maximum.at(high, row, [p.end_m for p in passes])
+    out = []
+    for mine in u.by_intervals():
+        n = int(u.intervals[mine[0]])
+        middle = (np.arange(n)[:, None] + 0.5) / n * u.length_m[mine]
+        out += list((middle < low[mine]) | (middle > high[mine]))
+    return out

@@ -83,10 +83,9 @@ class TerrainBlocks:
         if first:
             self._measure(solution)
         error, own = self._step_errors(solution)
-        if first:  # which is without the model: both are uncertain of each other
-            misfit = error**2 / (self._step_variance() + own)
-        else:
-            misfit = (error**2 + own) / self._step_variance()
+        usual = self._step_variance()
+        # The first solution is without the model: both are uncertain of each other.
+        misfit = error**2 / (usual + own) if first else (error**2 + own) / usual
         self.tail = (STEP_FREEDOM + 1) / (STEP_FREEDOM + misfit)
         spacing = self.spacing_m / self.length_m
         self.steps.weight = self.tail / (self._step_variance() * (STEP_FREEDOM + 3) / (STEP_FREEDOM + 1))
