@@ -25,7 +25,7 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 ROUGHNESS_FREEDOM = 3.0
 """Degrees of freedom of the Student's t that an interval's change of grade follows."""
 UNSEEN_VARIANCE = ROUGHNESS_FREEDOM / (ROUGHNESS_FREEDOM - 2)
-"""Variance of that Student's t over its scale squared: where nobody drove, nothing says which interval is an even one."""
+"""Variance of that Student's t over its scale squared: where nobody drove, nothing says which are even."""
 STRUCTURE_FACTOR = 0.1
 """Bridges and tunnels are built to a design: their roughness over that of other roads."""
 NODE_SIGMA_M = 0.2
@@ -115,7 +115,7 @@ def _level_information(u: RoadUnknowns) -> Floats:
 
 
 def _open_intervals(u: RoadUnknowns, passes: Sequence[PassFactor]) -> list[Bools]:
-    """Which intervals no pass goes over, in the order of ``RoadBeliefs.roughness``: between the first and the last place
+    """Which intervals no pass goes over, in the order of ``RoadBeliefs.roughness``: between the first and last place
     on a segment that any pass reaches, all count as driven."""
     low, high = np.full(len(u.length_m), np.inf), np.full(len(u.length_m), -np.inf)
     row = np.array([p.segment for p in passes], np.int64)
