@@ -155,7 +155,7 @@ class Synthetic:
             np.tile(variable, m)[order],
             np.concatenate([s[0] for s in sensors])[order],
             np.concatenate([np.column_stack(s[1]) for s in sensors])[order],
-            np.concatenate([s[2] for s in sensors])[order],
+            WANDER_SIGMA * np.concatenate([s[2] for s in sensors])[order][:, None],
             np.repeat([s[3] for s in sensors], n)[order],
             value[order],
             sigma[order] ** 2,
@@ -177,7 +177,7 @@ class Synthetic:
         walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives
         sum_passes(
             first, size, variable, weights, constants, wander, sensor, value, variance, time_s, enter_s, leave_s,
-            np.array(walk), np.empty(0), 0.0, WANDER_SIGMA**-2.0, information, vector, square,
+            np.array(walk), np.empty(0), 0.0, information, vector, square,
         )  # fmt: skip
         ends, squares = np.cumsum(size), np.cumsum(size**2)
         out = []
