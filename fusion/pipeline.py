@@ -31,7 +31,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.datum import datum_of_log, datum_of_network
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Ints, Progress, Track, no_progress
+from fusion.types import DriveLog, Floats, Ints, Progress, Track, no_progress
 
 ROAD_MARGIN_M = 250.0
 """Roads this far around a log's positions are loaded: farther than a method looks for a road, or a gap is long."""
@@ -161,12 +161,14 @@ def _warnings(result: DriveResult) -> list[str]:
 
 
 class FusedDrive(Protocol):
-    """A log's result, and the rows of the road file that its segment indices refer to."""
+    """A log's result, the rows of the road file that its segment indices refer to, and the times of its positions."""
 
     @property
     def rows(self) -> Ints: ...
     @property
     def result(self) -> DriveResult: ...
+    @property
+    def epoch_s(self) -> Floats: ...
 
 
 class SolvedNetwork(NamedTuple):
@@ -232,7 +234,7 @@ def _witness(one: FusedDrive) -> Witness:
     return Witness(
         one.rows[np.array([s.segment for s in said], np.int64)],
         np.array([s.first_time_s for s in said], float),
-        one.result.track.time_s,
+        one.epoch_s,
         sum(f.rows for f in one.result.factors) or sum(s.observations for s in said),
     )
 

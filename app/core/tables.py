@@ -241,7 +241,7 @@ class DriveConstants(Base):
     """What a drive's passes together say of its constants, in the library's encoding, and of how many passes it is.
 
     Beside it what tells the drive from others, with the entries of its passes: how many measurements it has, and the
-    times of its epochs, Unix seconds as little-endian doubles.
+    times of its positions, Unix seconds as little-endian doubles.
     """
 
     __tablename__ = "drive_constants"

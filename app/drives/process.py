@@ -228,7 +228,7 @@ def _publish(
             return False
         tracks.save_track(session, drive.id, result.track, ids, result.measurements)
         heard = slopes.save_result(
-            session, drive.id, ids, result.slopes, provenance, result.factors, result.track.time_s
+            session, drive.id, ids, result.slopes, provenance, result.factors, log.fix.time_s
         )
         drives.mark_done(
             session,

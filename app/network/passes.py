@@ -85,7 +85,7 @@ def replace_passes(
 ) -> set[int]:
     """Exchange the drive's passes for ``factors``, whose segments are database ids; the segments of both.
 
-    ``epoch_s`` are the times of the drive's epochs, shape (e,), Unix seconds.
+    ``epoch_s`` are the times of the log's positions, shape (e,), Unix seconds.
     """
     touched = set(session.execute(_DELETE, {"drive_id": drive_id}).scalars())
     session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})

@@ -83,7 +83,7 @@ def save_result(
     """Replace what the drive says and renew all that is published on account of it.
 
     ``segment_ids`` maps the segments of estimates and factors (indices into the network of the run) to the
-    database's ids. ``epoch_s`` are the times of the drive's epochs, shape (e,): without them two logs of one drive are
+    database's ids. ``epoch_s`` are the times of the log's positions (e,): without them two logs of one drive are
     told by their entries into segments alone. An estimate whose slope or sigma is not finite says nothing and is left
     out. The caller owns the network and holds the drive's row. Returns how far the other drives agree.
     """

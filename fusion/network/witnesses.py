@@ -30,7 +30,9 @@ EPOCH_S = 0.01
 @dataclass(frozen=True, eq=False)
 class Witness:
     """What tells a drive from others: its passes (p,) with the segment of each and when it was entered, the times of
-    its epochs (e,), ascending (none: unknown, and only entries count), and how many measurements it has.
+    its positions (e,), ascending (none: unknown, and only entries count), and how many measurements it has.
+
+    The times are the receiver's as logged: those of an estimated track are also other sensors', set right.
     """
 
     segment: Ints
