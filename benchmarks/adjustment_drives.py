@@ -155,7 +155,7 @@ class Synthetic:
             np.tile(variable, m)[order],
             np.concatenate([s[0] for s in sensors])[order],
             np.concatenate([np.column_stack(s[1]) for s in sensors])[order],
-            np.concatenate([s[2] for s in sensors])[order],
+            WANDER_SIGMA * np.concatenate([s[2] for s in sensors])[order][:, None],
             np.repeat([s[3] for s in sensors], n)[order],
             value[order],
             sigma[order] ** 2,
@@ -169,15 +169,15 @@ class Synthetic:
 
     def _factors(
         self, rows: Ints, enter_s: Floats, leave_s: Floats, variable: Ints, weights: Floats, constants: Floats,
-        wander: Floats, sensor: Ints, value: Floats, variance: Floats, time_s: Floats, first: Ints,
+        passing: Floats, sensor: Ints, value: Floats, variance: Floats, time_s: Floats, first: Ints,
     ) -> list[PassFactor]:  # fmt: skip
         """The sums over each pass; columns as ``fusion.methods.profile.likelihood.OnTraversals`` has them."""
         size = variable_count(self.length[rows]) + NUISANCES
         information, vector, square = (np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows)))
         walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives
         sum_passes(
-            first, size, variable, weights, constants, wander, sensor, value, variance, time_s, enter_s, leave_s,
-            np.array(walk), np.empty(0), 0.0, WANDER_SIGMA**-2.0, information, vector, square,
+            first, size, variable, weights, constants, passing, sensor, value, variance, time_s, enter_s, leave_s,
+            np.array(walk), np.empty(0), 0.0, information, vector, square,
         )  # fmt: skip
         ends, squares = np.cumsum(size), np.cumsum(size**2)
         out = []
