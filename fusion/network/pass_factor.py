@@ -61,7 +61,7 @@ class PassFactor:
     """How late the altimeter was taken for when its heights were put in their places"""
 
     def over(self, segment: int) -> PassFactor:
-        """The same pass, by another number of its segment: a network has many (``dataclasses.replace`` takes twice as long)."""
+        """The same pass, by another number of its segment: twice as fast as ``dataclasses.replace``."""
         return PassFactor(segment, *_BUT_SEGMENT(self))
 
     @property
