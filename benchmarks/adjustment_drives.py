@@ -176,8 +176,8 @@ class Synthetic:
         information, vector, square = (np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows)))
         walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives
         sum_passes(
-            first, size, variable, weights, constants, wander, sensor, value, variance, time_s, enter_s, leave_s,
-            np.array(walk), np.empty(0), 0.0, WANDER_SIGMA**-2.0, information, vector, square,
+            first, size, variable, weights, constants, WANDER_SIGMA * wander[:, None], sensor, value, variance, time_s,
+            enter_s, leave_s, np.array(walk), np.empty(0), 0.0, information, vector, square,
         )  # fmt: skip
         ends, squares = np.cumsum(size), np.cumsum(size**2)
         out = []

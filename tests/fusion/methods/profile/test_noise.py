@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
 from fusion.methods.profile.model import (
     DRIFT,
@@ -20,7 +21,7 @@ from fusion.methods.profile.model import (
     pitch_partner,
     white_variance,
 )
-from fusion.methods.profile.noise import Learned, learn, prior_noise
+from fusion.methods.profile.noise import Learned, learn
 
 SPEED_MPS = 10.0
 MOUNT_GRADE = 0.02
