@@ -212,6 +212,7 @@ class Smoothed:
     measured: Measurements
     epochs: SmootherEpochs
     learned: Learned
+    fix: GnssFix
 
 
 def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options: bool) -> Smoothed:
@@ -222,7 +223,7 @@ def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options:
     measured = build_measurements(log, path, dem, ProfileOptions(**options).sensors())
     assert len(measured) >= MIN_MEASUREMENTS
     epochs = build_smoother_epochs(measured, path)
-    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)))
+    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)), log.fix)
 
 
 @dataclass(frozen=True)

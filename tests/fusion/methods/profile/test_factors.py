@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 from factor_support import street
-from fusion.methods.profile.factors import MIN_CONFIDENCE, pass_factors
+from fusion.methods.profile.factors import MIN_CONFIDENCE, PLACE_BOUNDS_M, pass_factors, place_sigma
+from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
 from fusion.methods.profile.likelihood import (
-    ROBUST_INFORMATION_LOSS,
+    PLACE_SIGMA_M,
+    WANDER_SIGMA,
     Altimeter,
     OnTraversals,
     on_traversals,
     segment_lengths,
 )
 from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN
-from fusion.methods.profile.model import DRIFT, MOUNT, decorrelated
+from fusion.methods.profile.model import DRIFT, GRADE, MOUNT, decorrelated
 from fusion.network.adjust import adjust
 from fusion.network.curve import (
     grade_rows,
@@ -85,11 +87,12 @@ def drive(request: pytest.FixtureRequest) -> tuple[Smoothed, list[PassFactor]]:
 
 
 def factors_of(one: Smoothed, altimeter: Altimeter = NONE) -> list[PassFactor]:
-    return pass_factors(one.measured, one.epochs, one.learned, one.path, altimeter)
+    return pass_factors(one.measured, one.epochs, one.learned, one.path, altimeter, one.fix)
 
 
 def data_of(one: Smoothed, altimeter: Altimeter = NONE) -> OnTraversals:
-    return on_traversals(one.measured, one.epochs, one.learned, one.path, altimeter)
+    place_m = place_sigma(one.path, one.fix)
+    return on_traversals(one.measured, one.epochs, one.learned, one.path, altimeter, place_m)
 
 
 def traversals(one: Smoothed) -> list[int]:
@@ -141,8 +144,44 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
             squat = {PITCH: 1.0, FORCE: -share[i]}.get(sensor, 0.0)
             constants[SQUAT] = squat * measured.acceleration_mps2[i]
             assert data.constants[at] == pytest.approx(constants, abs=1e-15)
-            assert data.wander[at] == (sensor == PITCH)
+            assert data.passing[at, 0] == WANDER_SIGMA * (sensor == PITCH)
             assert data.height_sensor[at] == {ALTITUDE: 0, BARO: 1}.get(sensor, -1)
+
+
+@pytest.mark.parametrize("kind", ["everything", "back again"])
+def test_a_pass_that_lies_elsewhere_sees_what_the_road_is_there(kind: str) -> None:
+    """Farther along by so much heights change by the grade, and grades by the bend, in the direction of the path."""
+    one = smoothed(drive_log(kind), TABLE)
+    data, measured, path = data_of(one), one.measured, one.path
+    _, share = decorrelated(measured, one.learned.noise)
+    epochs, grade = one.epochs, one.learned.smoothed.mean[:, GRADE]
+    for k in range(len(path.match)):
+        sigma_m = 2.0 / np.sqrt(2)  # what every fix of this log states, along one axis
+        for at, i in enumerate(own_measurements(one, k).tolist(), start=int(data.first[k])):
+            here = measured.along_m[i]
+            if measured.sensor[i] in (ALTITUDE, BARO):
+                expected = np.interp(here, epochs.along_m, grade)
+            else:
+                near = np.interp([here - 10, here + 10], epochs.along_m, grade)
+                expected = (1 - share[i]) * (near[1] - near[0]) / 20
+            assert data.passing[at, 1] == pytest.approx(sigma_m * expected, abs=1e-9)
+
+
+def test_place_is_as_sure_as_the_fixes_say_along_one_axis() -> None:
+    one = smoothed(drive_log("everything"), TABLE)
+    n, fix = len(one.path.match), one.fix
+    stated = place_sigma(one.path, replace(fix, h_acc_m=np.linspace(2.0, 8.0, len(fix.time_s))))
+    middle = 0.5 * (one.path.match.enter_time_s + one.path.match.leave_time_s)
+    expected = np.interp(middle, fix.time_s, np.linspace(2.0, 8.0, len(fix.time_s))) / np.sqrt(2)
+    assert stated == pytest.approx(expected)
+    unknown = np.full(len(fix.time_s), np.nan)
+    assert place_sigma(one.path, replace(fix, h_acc_m=unknown)).tolist() == [PLACE_SIGMA_M] * n
+    # Fixes that state nothing are bridged by their neighbours.
+    some = np.where(np.arange(len(unknown)) % 3 == 0, 4.0, np.nan)
+    assert place_sigma(one.path, replace(fix, h_acc_m=some)) == pytest.approx(np.full(n, 4.0 / np.sqrt(2)))
+    for said, bound in ((0.01, PLACE_BOUNDS_M[0]), (500.0, PLACE_BOUNDS_M[1])):
+        everywhere = place_sigma(one.path, replace(fix, h_acc_m=np.full(len(unknown), said)))
+        assert everywhere.tolist() == [bound] * n
 
 
 def test_an_altimeter_that_is_late_shows_its_lag_in_its_own_heights() -> None:
@@ -260,6 +299,8 @@ def test_passes_before_and_after_a_mount_moved_do_not_share_it() -> None:
 
 def test_a_height_that_jumped_on_a_pass_tells_nothing_across() -> None:
     one = smoothed(drive_log("jump"), TABLE)
+    # A place that is not known shifts both ends alike: of its own it joins them somewhat.
+    one = replace(one, fix=replace(one.fix, h_acc_m=np.full(len(one.fix.time_s), 0.01)))
     (when,) = (float(one.epochs.time_s[k]) for k, state in one.learned.jumps if state == DRIFT)
     crossed = next(f for f in factors_of(one) if f.first_time_s < when <= f.last_time_s)
     other = next(f for f in factors_of(one) if f.first_time_s > when)
