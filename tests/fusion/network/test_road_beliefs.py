@@ -147,7 +147,7 @@ def test_intervals_are_open_where_no_pass_goes() -> None:
             opened[row] += (bool(nobody),)
     assert opened == {
         0: (True, True, False, True),
-        1: (False, False, True, True),
+        1: (False, False, False, True),
         2: (True, True),
         3: (False,),
     }

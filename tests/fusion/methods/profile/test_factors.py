@@ -298,14 +298,18 @@ def test_passes_before_and_after_a_mount_moved_do_not_share_it() -> None:
 
 
 def test_a_height_that_jumped_on_a_pass_tells_nothing_across() -> None:
+    """A pass of three seconds knows how its height's error goes on, unless it jumped in between."""
     one = smoothed(drive_log("jump"), TABLE)
     # A place that is not known shifts both ends alike: of its own it joins them somewhat.
     one = replace(one, fix=replace(one.fix, h_acc_m=np.full(len(one.fix.time_s), 0.01)))
-    (when,) = (float(one.epochs.time_s[k]) for k, state in one.learned.jumps if state == DRIFT)
-    crossed = next(f for f in factors_of(one) if f.first_time_s < when <= f.last_time_s)
-    other = next(f for f in factors_of(one) if f.first_time_s > when)
-    for factor, loose in ((crossed, True), (other, False)):
-        both = factor.information[-8:, -8:][np.ix_([ENTRY.start, EXIT.start], [ENTRY.start, EXIT.start])]
+    jumps = [float(one.epochs.time_s[k]) for k, state in one.learned.jumps if state == DRIFT]
+    assert jumps == [TIME_S[51]]
+    k = int(np.searchsorted(one.epochs.time_s, TIME_S[94]))
+    jumped = replace(one, learned=replace(one.learned, jumps=((k, DRIFT),)))
+    ends = [ENTRY.start, EXIT.start]
+    for drive, loose in ((jumped, True), (one, False)):
+        (crossed,) = (f for f in factors_of(drive) if f.first_time_s < TIME_S[94] <= f.last_time_s)
+        both = crossed.information[-8:, -8:][np.ix_(ends, ends)]
         joint = abs(both[0, 1]) / np.sqrt(both[0, 0] * both[1, 1])
         assert (joint < 0.01) == loose, (joint, loose)
 
