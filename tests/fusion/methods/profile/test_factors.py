@@ -7,19 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from factor_support import street
-from fusion.methods.profile.factors import MIN_CONFIDENCE, PLACE_BOUNDS_M, pass_factors, place_sigma
 from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
 from fusion.methods.profile.likelihood import (
-    PLACE_SIGMA_M,
     WANDER_SIGMA,
     Altimeter,
-    OnTraversals,
-    on_traversals,
     segment_lengths,
 )
 from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN
-from fusion.methods.profile.model import DRIFT, GRADE, MOUNT, decorrelated
+from fusion.methods.profile.model import MOUNT, decorrelated
 from fusion.network.adjust import adjust
 from fusion.network.curve import (
     grade_rows,
@@ -35,39 +30,18 @@ from fusion.network.pass_factor import MOUNT as MOUNT_PITCH
 from fusion.pipeline import run_drive
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.types import DriveLog
-from profile_support import Levels, Smoothed, World, hills, log_of, pressure_of, smoothed, street_log
-
-TABLE = street(55, 8, 70, 120, 0.6, 43, 390, 60, 25, 90)
-EDGES_M = np.concatenate([[0.0], np.cumsum(TABLE.length_m)])
-TIME_S = 1.7e9 + np.arange(107.0)
-ALONG_M = 5 + 8 * (TIME_S - TIME_S[0])
-NONE = Altimeter()
-
-
-def drive_log(kind: str, seed: int = 3) -> DriveLog:
-    rng = np.random.default_rng(seed)
-    if kind == "back again":
-        along = np.r_[ALONG_M, ALONG_M[::-1]]
-        time = TIME_S[0] + np.arange(float(len(along)))
-        return street_log(time, along, hills, rng, nose=np.where(time < TIME_S[-1] + 0.5, 1.0, -1.0))
-    if kind == "outage":
-        log = street_log(TIME_S, ALONG_M, hills, rng)
-        outside = np.abs(np.arange(len(TIME_S)) - 22.5) > 12.5
-        return replace(log, fix=log.fix.take(outside), velocity=log.velocity.take(outside))
-    if kind == "jump":
-        log = street_log(TIME_S, ALONG_M, hills, rng)
-        late = np.arange(len(TIME_S)) > 50
-        return replace(log, fix=replace(log.fix, alt_msl_m=log.fix.alt_msl_m + 40.0 * late))
-    if kind == "steady heights":
-        return street_log(TIME_S, ALONG_M, hills, rng, levels=Levels(altitude_m=0.05, drift=1e-4))
-    log = street_log(TIME_S, ALONG_M, hills, rng)
-    pressure = pressure_of(TIME_S, hills(ALONG_M) + np.cumsum(0.03 * rng.normal(size=len(TIME_S))))
-    return {
-        "everything": log,
-        "positions and heights": DriveLog("gpx", log.fix),
-        "barometer as well": replace(log, pressure=pressure),
-    }[kind]
-
+from profile_support import Smoothed, World, hills, log_of, smoothed
+from street_drives import (
+    ALONG_M,
+    EDGES_M,
+    TABLE,
+    TIME_S,
+    data_of,
+    drive_log,
+    factors_of,
+    own_measurements,
+    traversals,
+)
 
 KINDS = (
     "everything",
@@ -84,29 +58,6 @@ KINDS = (
 def drive(request: pytest.FixtureRequest) -> tuple[Smoothed, list[PassFactor]]:
     one = smoothed(drive_log(request.param), TABLE)
     return one, factors_of(one)
-
-
-def factors_of(one: Smoothed, altimeter: Altimeter = NONE) -> list[PassFactor]:
-    return pass_factors(one.measured, one.epochs, one.learned, one.path, altimeter, one.fix)
-
-
-def data_of(one: Smoothed, altimeter: Altimeter = NONE) -> OnTraversals:
-    place_m = place_sigma(one.path, one.fix)
-    return on_traversals(one.measured, one.epochs, one.learned, one.path, altimeter, place_m)
-
-
-def traversals(one: Smoothed) -> list[int]:
-    """Those that have a factor, in driving order."""
-    match = one.path.match
-    sure = (match.confidence >= MIN_CONFIDENCE) & (match.enter_m != match.leave_m)
-    return [int(k) for k in np.flatnonzero(sure)]
-
-
-def own_measurements(one: Smoothed, k: int) -> np.ndarray:
-    """Rows of the drive's measurements on traversal ``k``, in the order of time, without terrain."""
-    traversal, _ = one.path.match.position_on(one.measured.along_m)
-    mine = np.flatnonzero((traversal == k) & (one.measured.sensor != TERRAIN))
-    return mine[np.argsort(one.measured.time_s[mine], kind="stable")]
 
 
 def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list[PassFactor]]) -> None:
@@ -146,42 +97,6 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
             assert data.constants[at] == pytest.approx(constants, abs=1e-15)
             assert data.passing[at, 0] == WANDER_SIGMA * (sensor == PITCH)
             assert data.height_sensor[at] == {ALTITUDE: 0, BARO: 1}.get(sensor, -1)
-
-
-@pytest.mark.parametrize("kind", ["everything", "back again"])
-def test_a_pass_that_lies_elsewhere_sees_what_the_road_is_there(kind: str) -> None:
-    """Farther along by so much heights change by the grade, and grades by the bend, in the direction of the path."""
-    one = smoothed(drive_log(kind), TABLE)
-    data, measured, path = data_of(one), one.measured, one.path
-    _, share = decorrelated(measured, one.learned.noise)
-    epochs, grade = one.epochs, one.learned.smoothed.mean[:, GRADE]
-    for k in range(len(path.match)):
-        sigma_m = 2.0 / np.sqrt(2)  # what every fix of this log states, along one axis
-        for at, i in enumerate(own_measurements(one, k).tolist(), start=int(data.first[k])):
-            here = measured.along_m[i]
-            if measured.sensor[i] in (ALTITUDE, BARO):
-                expected = np.interp(here, epochs.along_m, grade)
-            else:
-                near = np.interp([here - 10, here + 10], epochs.along_m, grade)
-                expected = (1 - share[i]) * (near[1] - near[0]) / 20
-            assert data.passing[at, 1] == pytest.approx(sigma_m * expected, abs=1e-9)
-
-
-def test_place_is_as_sure_as_the_fixes_say_along_one_axis() -> None:
-    one = smoothed(drive_log("everything"), TABLE)
-    n, fix = len(one.path.match), one.fix
-    stated = place_sigma(one.path, replace(fix, h_acc_m=np.linspace(2.0, 8.0, len(fix.time_s))))
-    middle = 0.5 * (one.path.match.enter_time_s + one.path.match.leave_time_s)
-    expected = np.interp(middle, fix.time_s, np.linspace(2.0, 8.0, len(fix.time_s))) / np.sqrt(2)
-    assert stated == pytest.approx(expected)
-    unknown = np.full(len(fix.time_s), np.nan)
-    assert place_sigma(one.path, replace(fix, h_acc_m=unknown)).tolist() == [PLACE_SIGMA_M] * n
-    # Fixes that state nothing are bridged by their neighbours.
-    some = np.where(np.arange(len(unknown)) % 3 == 0, 4.0, np.nan)
-    assert place_sigma(one.path, replace(fix, h_acc_m=some)) == pytest.approx(np.full(n, 4.0 / np.sqrt(2)))
-    for said, bound in ((0.01, PLACE_BOUNDS_M[0]), (500.0, PLACE_BOUNDS_M[1])):
-        everywhere = place_sigma(one.path, replace(fix, h_acc_m=np.full(len(unknown), said)))
-        assert everywhere.tolist() == [bound] * n
 
 
 def test_an_altimeter_that_is_late_shows_its_lag_in_its_own_heights() -> None:
@@ -295,23 +210,6 @@ def test_passes_before_and_after_a_mount_moved_do_not_share_it() -> None:
     assert not numbers["before"] & numbers["after"]
     assert not numbers["during"] & (numbers["before"] | numbers["after"])
     assert {f.mount for f in factors_of(one)} == {0}
-
-
-def test_a_height_that_jumped_on_a_pass_tells_nothing_across() -> None:
-    """A pass of three seconds knows how its height's error goes on, unless it jumped in between."""
-    one = smoothed(drive_log("jump"), TABLE)
-    # A place that is not known shifts both ends alike: of its own it joins them somewhat.
-    one = replace(one, fix=replace(one.fix, h_acc_m=np.full(len(one.fix.time_s), 0.01)))
-    jumps = [float(one.epochs.time_s[k]) for k, state in one.learned.jumps if state == DRIFT]
-    assert jumps == [TIME_S[51]]
-    k = int(np.searchsorted(one.epochs.time_s, TIME_S[94]))
-    jumped = replace(one, learned=replace(one.learned, jumps=((k, DRIFT),)))
-    ends = [ENTRY.start, EXIT.start]
-    for drive, loose in ((jumped, True), (one, False)):
-        (crossed,) = (f for f in factors_of(drive) if f.first_time_s < TIME_S[94] <= f.last_time_s)
-        both = crossed.information[-8:, -8:][np.ix_(ends, ends)]
-        joint = abs(both[0, 1]) / np.sqrt(both[0, 0] * both[1, 1])
-        assert (joint < 0.01) == loose, (joint, loose)
 
 
 def test_what_passes_say_alone_is_honest() -> None:
