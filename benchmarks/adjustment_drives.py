@@ -9,7 +9,8 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from fusion.frames import LocalProjection
-from fusion.methods.profile.likelihood import WANDER_SIGMA, sum_passes
+from fusion.methods.profile.likelihood import sum_passes
+from fusion.methods.profile.model import WANDER_SIGMA
 from fusion.network.curve import grade_weights, height_weights, knot_length, variable_count
 from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.roads.table import RoadTable

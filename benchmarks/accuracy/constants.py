@@ -56,7 +56,7 @@ def _both(module: str, name: str) -> tuple[Change, Change]:
 
 _ROAD, _DRIVE = _MODEL + "road_beliefs", _MODEL + "drive_beliefs"
 _SHOWN, _DEM = _MODEL + "published", _MODEL + "terrain"
-_LIKELIHOOD, _FACTORS = _PROFILE + "likelihood", _PROFILE + "factors"
+_FACTORS = _PROFILE + "factors"
 _LEVELS, _NOISE, _LINEAR = _PROFILE + "levels", _PROFILE + "noise", _PROFILE + "model"
 CHANGES: tuple[Change, ...] = (
     Change(_ROAD, "ROUGHNESS_FREEDOM", "off: Gauss", set_to(1e6)),
@@ -91,8 +91,9 @@ CHANGES: tuple[Change, ...] = (
     Change(_DEM, "SOUND_GRADE", "off: any", set_to(1e6)),
     *_both(_DEM, "SOUND_GRADE"),
     Change(_DEM, "STEP_FREEDOM", "off: Gauss", set_to(1e6)),
-    Change(_LIKELIHOOD, "WANDER_SIGMA", "off", times(1e-3)),
-    *_both(_LIKELIHOOD, "WANDER_SIGMA"),
+    Change(_LEVELS, "LOG_WANDER", "off: none", set_to((-12.0, 0.01))),
+    Change(_LEVELS, "LOG_WANDER", "as free as others", set_to((-5.3, 1.5))),
+    *_both(_LINEAR, "WANDER_TAU_S"),
     Change(_FACTORS, "PLACE_BOUNDS_M", "off: 0", set_to((0.0, 1e-3))),
     Change(_FACTORS, "PLACE_BOUNDS_M", "as if nothing were stated", set_to((5.0, 5.0))),
     Change(_LEVELS, "ROBUST_INFORMATION_LOSS", "off: 1", set_to(1.0)),

@@ -37,8 +37,8 @@ def test_a_row_for_each_change_beside_the_model_as_it_is(karlsruhe: Path) -> Non
 
 @pytest.mark.slow
 def test_what_drives_hold_already_is_made_anew(karlsruhe: Path) -> None:
-    usual, off, narrow, wide = ablation.of_constants(arguments(karlsruhe, only="WANDER"))
-    assert off["z_rms_1"] > narrow["z_rms_1"] > usual["z_rms_1"] > wide["z_rms_1"]
+    usual, off = ablation.of_constants(arguments(karlsruhe, only="LOG_WANDER off"))
+    assert off["z_rms_1"] > 1.02 * usual["z_rms_1"]
 
 
 def test_a_constant_that_is_not_there_is_said_with_those_that_are(tmp_path: Path) -> None:

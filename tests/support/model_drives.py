@@ -8,7 +8,7 @@ import numpy as np
 
 from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
-from fusion.methods.profile.model import DRIFT_TAU_S, Noise, SmootherEpochs
+from fusion.methods.profile.model import DRIFT_TAU_S, WANDER_TAU_S, Noise, SmootherEpochs
 from fusion.methods.profile.noise import Learned, learn
 
 SPEED_MPS = 10.0
@@ -59,9 +59,13 @@ def simulate(
     def white() -> np.ndarray:
         return np.asarray(rng.standard_t(3, n) / np.sqrt(3) if tails else rng.normal(size=n))
 
+    lean, stay = np.zeros(n), np.exp(-1 / WANDER_TAU_S)
+    for k in range(n):
+        before = lean[k - 1] if k else rng.normal() * truth.wander
+        lean[k] = stay * before + truth.wander * np.sqrt(1 - stay**2) * rng.normal()
     air = np.cumsum(np.sqrt(truth.baro_drift) * rng.normal(size=n)) if BARO in sensors else 0.0
     late = {name: time >= s[0] * n for name, s in (("mount", mount_step), ("height", height_step))}
-    body = grade + MOUNT_GRADE + springs * white() + np.where(late["mount"], mount_step[1], 0.0)
+    body = grade + MOUNT_GRADE + lean + springs * white() + np.where(late["mount"], mount_step[1], 0.0)
     values = {
         ALTITUDE: height
         + wander

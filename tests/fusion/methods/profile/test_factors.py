@@ -9,7 +9,6 @@ import pytest
 
 from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
 from fusion.methods.profile.likelihood import (
-    WANDER_SIGMA,
     Altimeter,
     segment_lengths,
 )
@@ -95,7 +94,8 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
             squat = {PITCH: 1.0, FORCE: -share[i]}.get(sensor, 0.0)
             constants[SQUAT] = squat * measured.acceleration_mps2[i]
             assert data.constants[at] == pytest.approx(constants, abs=1e-15)
-            assert data.passing[at, 0] == WANDER_SIGMA * (sensor == PITCH)
+            leans = left if sensor in (PITCH, FORCE) else 0.0
+            assert data.passing[at, 0] == pytest.approx(one.learned.noise.wander * leans, abs=1e-15)
             assert data.height_sensor[at] == {ALTITUDE: 0, BARO: 1}.get(sensor, -1)
 
 

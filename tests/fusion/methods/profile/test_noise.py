@@ -73,7 +73,7 @@ def scores(one: Simulated, learned: Learned) -> np.ndarray:
 def test_errors_that_pitch_and_force_share_count_once(springs: float, low: float, high: float) -> None:
     """Both ride on the same springs: two sensors, one error. Where each has its own, two know more than one."""
     own = 0.002 if springs else 0.012
-    truth = Noise(roughness=3e-6, pitch=own, force=own, altitude_m=0.5, drift=0.15)
+    truth = Noise(roughness=3e-6, pitch=own, force=own, altitude_m=0.5, drift=0.15, wander=1e-6)
     both: list[float] = []
     one: list[float] = []
     inside = []
