@@ -17,8 +17,8 @@ from fusion.types import Floats, Ints
 
 HEIGHT, GRADE, DRIFT, MOUNT, BIAS, SQUAT, BARO_DRIFT, DEM_ERROR, WANDER = range(9)
 """The states: height of the road (m) and its grade along the path, error of the GNSS height (m), mount pitch (as a
-grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m), what the
-vehicle's attitude wanders by about its mount (as a grade)."""
+grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m), and
+the wander of the vehicle's attitude about its mount (as a grade)."""
 STATES = 9
 
 DRIFT_TAU_S = 120.0
