@@ -241,7 +241,7 @@ def _witness(one: FusedDrive) -> Witness:
 
 def _in_file(one: FusedDrive, factors: Sequence[PassFactor]) -> list[PassFactor]:
     """Factors of a log over the rows of the road file."""
-    return [replace(f, segment=int(one.rows[f.segment])) for f in factors]
+    return [f.over(int(one.rows[f.segment])) for f in factors]
 
 
 def _begin(one: FusedDrive) -> float:
@@ -284,7 +284,7 @@ def _solved(
     table, rows = table.subset(solved), near[solved]
     row_of = {int(row): k for k, row in enumerate(rows)}
     terrain = heights_at(dem.heights(*knot_positions(table))) if dem else None
-    own = {k: [replace(f, segment=row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
+    own = {k: [f.over(row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
     result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)
     heard: dict[tuple[int, int], int] = {}

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -110,7 +110,7 @@ def remove_result(session: Session, drive_id: uuid.UUID) -> None:
 
 def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> list[PassFactor]:
     """Factors of a run with the database's ids of their segments."""
-    return [replace(factor, segment=int(segment_ids[factor.segment])) for factor in factors]
+    return [factor.over(int(segment_ids[factor.segment])) for factor in factors]
 
 
 def _exchange(

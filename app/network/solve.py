@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -37,8 +37,8 @@ SCALES = (1.0, 2.0, 4.0, 8.0)
 """The library's radii are multiplied by these in turn until the slopes are settled."""
 
 LARGEST_GROWING = 10_000
-"""Windows of more segments do not grow: what they leave is the next settling's. Changes reach far where little is known,
-and there drives are few."""
+"""Windows of more segments do not grow: what they leave is the next settling's. Changes reach far where little is
+known, and there drives are few."""
 
 REGION_SCALE = 2.0
 """Of the one window in which a region is solved."""
@@ -158,16 +158,12 @@ def _solve(
     }
     result = adjust(
         around.table.subset(window.solved),
-        {k: [_in_rows(p.factor, row_of) for p in said] for k, said in enumerate(drives)},
+        {k: [p.factor.over(row_of[p.factor.segment]) for p in said] for k, said in enumerate(drives)},
         stored_terrain(session, around.table.subset(window.solved), around.ids[window.solved]),
         control_on(session, around.table).among(window.solved),
         elsewhere=elsewhere,
     )
     return _Solution(around, window, drives, result)
-
-
-def _in_rows(factor: PassFactor, row_of: Mapping[int, int]) -> PassFactor:
-    return replace(factor, segment=row_of[factor.segment])
 
 
 def _store(session: Session, solution: _Solution, shown: Bools, tolerance_sigmas: float) -> list[int]:

@@ -17,7 +17,7 @@ from typing import Any
 ROOMS = ("fusion.network.", "fusion.methods.profile.")
 """Where constants of the network's model are looked up."""
 _MODEL = "fusion.network."
-_LIKELIHOOD = "fusion.methods.profile.likelihood"
+_PROFILE = "fusion.methods.profile."
 
 
 def times(factor: float) -> Callable[[Any], Any]:
@@ -42,7 +42,7 @@ class Change:
     @property
     def factors(self) -> bool:
         """Whether it is in the factors, which are then made anew."""
-        return self.module == _LIKELIHOOD
+        return self.module.startswith(_PROFILE)
 
     @property
     def label(self) -> str:
@@ -56,10 +56,13 @@ def _both(module: str, name: str) -> tuple[Change, Change]:
 
 _ROAD, _DRIVE = _MODEL + "road_beliefs", _MODEL + "drive_beliefs"
 _SHOWN, _DEM = _MODEL + "published", _MODEL + "terrain"
+_FACTORS = _PROFILE + "factors"
+_LEVELS, _NOISE, _LINEAR = _PROFILE + "levels", _PROFILE + "noise", _PROFILE + "model"
 CHANGES: tuple[Change, ...] = (
     Change(_ROAD, "ROUGHNESS_FREEDOM", "off: Gauss", set_to(1e6)),
     Change(_ROAD, "ROUGHNESS_FREEDOM", "doubled", times(2.0)),
-    Change(_ROAD, "ROUGHNESS_START", "off: 1", set_to(1.0)),
+    Change(_ROAD, "UNSEEN_VARIANCE", "off: 1", set_to(1.0)),
+    *_both(_ROAD, "LEVEL_SIGMA_M"),
     Change(_ROAD, "STRUCTURE_FACTOR", "off: 1", set_to(1.0)),
     *_both(_ROAD, "NODE_SIGMA_M"),
     Change(_ROAD, "NODE_FREEDOM", "off: Gauss", set_to(1e6)),
@@ -72,6 +75,8 @@ CHANGES: tuple[Change, ...] = (
     Change(_DRIVE, "WALK_FREEDOM", "doubled", times(2.0)),
     Change(_DRIVE, "WALK_PRIOR_COUNT", "off: never learned", set_to(1e9)),
     Change(_DRIVE, "WALK_PRIOR_COUNT", "halved", times(0.5)),
+    Change(_DRIVE, "SCALE_PRIOR_COUNT", "off: never learned", set_to(1e9)),
+    *_both(_DRIVE, "SCALE_PRIOR_COUNT"),
     *_both(_DRIVE, "START_SIGMA_M"),
     Change(_DRIVE, "LAG_MEAN_S", "off: 0 +- 1 s", set_to((0.0, 1.0))),
     *_both(_DRIVE, "LAG_SIGMA_S"),
@@ -86,13 +91,27 @@ CHANGES: tuple[Change, ...] = (
     Change(_DEM, "SOUND_GRADE", "off: any", set_to(1e6)),
     *_both(_DEM, "SOUND_GRADE"),
     Change(_DEM, "STEP_FREEDOM", "off: Gauss", set_to(1e6)),
-    Change(_LIKELIHOOD, "WANDER_SIGMA", "off", times(1e-3)),
-    *_both(_LIKELIHOOD, "WANDER_SIGMA"),
-    Change(_LIKELIHOOD, "ROBUST_INFORMATION_LOSS", "off: 1", set_to(1.0)),
+    Change(_LEVELS, "LOG_WANDER", "off: none", set_to((-12.0, 0.01))),
+    Change(_LEVELS, "LOG_WANDER", "as free as others", set_to((-5.3, 1.5))),
+    *_both(_LINEAR, "WANDER_TAU_S"),
+    Change(_FACTORS, "PLACE_BOUNDS_M", "off: 0", set_to((0.0, 1e-3))),
+    Change(_FACTORS, "PLACE_BOUNDS_M", "as if nothing were stated", set_to((5.0, 5.0))),
+    Change(_LEVELS, "ROBUST_INFORMATION_LOSS", "off: 1", set_to(1.0)),
+    Change(_LEVELS, "LOG_ROUGHNESS", "mean ten times less", set_to((-12.7, 1.5))),
+    *_both(_LEVELS, "LOG_SPREAD"),
+    Change(_NOISE, "TAIL_SIGMAS", "off: never", set_to(1e6)),
+    Change(_NOISE, "OUTLIER_SIGMAS", "off: never", set_to(1e6)),
+    Change(_NOISE, "JUMP_SCORE", "off: never", set_to(1e6)),
+    Change(_NOISE, "CORRELATED_WITHIN_S", "off: 0", set_to(0.0)),
+    *_both(_LINEAR, "DRIFT_TAU_S"),
+    Change(_LINEAR, "ASKEW_SIGMA", "off: 0", set_to(0.0)),
+    Change(_LINEAR, "SLOW_MPS", "off: 0", set_to(0.0)),
 )
 """Halved, doubled or switched off: what could be missed without it, or tuned by it."""
 
 LEFT_OUT = {
+    "KNOWN_SIGMA_M": "what is said of heights, not what they are",
+    "PROFILE_STEP_M": "how finely a profile is drawn",
     "DEFAULT_ROUGHNESS": "of networks without any drive",
     "ROUGHNESS_BOUNDS": "what roads can be at all",
     "SIGMA_BOUNDS_M": "what elevation models can be at all",

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.frames import GRAVITY_MPS2, LocalProjection
-from fusion.methods.profile.likelihood import WANDER_SIGMA
 from fusion.methods.profile.measurements import BARO, PERIOD_S
-from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
+from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, WANDER_SIGMA, Noise
 from fusion.network.joints import couplings
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, SQUAT
 from fusion.roads.table import RoadTable

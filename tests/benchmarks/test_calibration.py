@@ -7,14 +7,14 @@ import pytest
 
 import calibration
 from accuracy.calibration_tables import Cell
-from fusion.network import adjust
+from fusion.network import published
 
 
 def test_places_are_exact_only_within() -> None:
-    before = adjust.PLACE_SIGMA_M
+    before = published.PLACE_SIGMA_M
     with calibration.exact_places():
-        assert adjust.PLACE_SIGMA_M == 0
-    assert before == adjust.PLACE_SIGMA_M > 0
+        assert published.PLACE_SIGMA_M == 0
+    assert before == published.PLACE_SIGMA_M > 0
 
 
 @pytest.mark.slow

@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from dense_equations import Equation, inverted, observed
+from dense_terrain import DenseTerrain
 from fusion.network import curve as knots
 from fusion.network import drive_beliefs as drives
 from fusion.network import joints as turns
 from fusion.network import pass_factor as factors
 from fusion.network import published as shown
 from fusion.network import road_beliefs as roads
-from fusion.network import terrain as models
 from fusion.network.adjust import ROUNDS
 from fusion.network.curve import interval_count, place_rows, slope_row, variable_count
 from fusion.network.pass_factor import PassFactor
@@ -20,26 +21,6 @@ from fusion.network.terrain import Terrain
 from fusion.roads.table import RoadTable
 
 CONSTANTS, SENSORS = len(factors.CONSTANTS), len(factors.HEIGHT_SENSORS)
-
-
-class Equation:
-    """Information and vector over some unknowns, times a weight that rounds of learning change."""
-
-    def __init__(self, at: Sequence[int], information: np.ndarray, vector: np.ndarray | None = None) -> None:
-        self.at, self.information, self.weight = list(at), information, 1.0
-        self.vector = np.zeros(len(self.at)) if vector is None else vector
-
-    def square(self, solution: np.ndarray, covariance: np.ndarray) -> float:
-        """Expected x' information x."""
-        x = solution[self.at]
-        spread = np.trace(self.information @ covariance[np.ix_(self.at, self.at)])
-        return float(x @ self.information @ x + spread)
-
-
-def observed(weights: Mapping[int, float], value: float, sigma: float) -> Equation:
-    """weights' x = value +- sigma."""
-    w = np.array(list(weights.values()))
-    return Equation(list(weights), np.outer(w, w) / sigma**2, w * value / sigma**2)
 
 
 class DenseAdjustment:
@@ -68,9 +49,11 @@ class DenseAdjustment:
             for node, _, height, _, _ in self._ends()
         ]
         self._grades()
+        self._levels()
         self._roughness()
         self._drives()
-        self._model(terrain, *quality)
+        heights = [self._knots(row) for row in range(len(table))]
+        self.model = DenseTerrain(table, self.length, heights, terrain, *quality)
         for turn in range(ROUNDS):
             self._solve()
             if turn < ROUNDS - 1:
@@ -102,10 +85,10 @@ class DenseAdjustment:
         return out
 
     def _grades(self) -> None:
-        """Roads are not steep, heights are within the Earth's, and grades go on where segments meet."""
+        """Roads are not steep, and grades go on where segments meet."""
         for row in range(len(self.table)):
             own = self._own(row)
-            weak = np.diag(np.where(np.arange(len(own)) % 2, roads.GRADE_SIGMA**-2, 1e-10)) + 1e-12
+            weak = np.diag(np.where(np.arange(len(own)) % 2, roads.GRADE_SIGMA**-2, 0.0)) + 1e-12
             self.fixed.append(Equation(own, weak))
         for node in self.nodes:
             ends = [end for end in self._ends() if end[0] == node]
@@ -121,28 +104,46 @@ class DenseAdjustment:
                     # Uphill away from the node on one side is downhill away from it on the other.
                     self.fixed.append(observed({height_a + 1: sign_a, height_b + 1: sign_b}, 0.0, sigma))
 
+    def _levels(self) -> None:
+        """All knots that hang together are lifted by a metre for the price of ``LEVEL_SIGMA_M``, shared by them."""
+        part = {node: {node} for node in self.nodes}
+        for start, end in zip(self.table.from_node.tolist(), self.table.to_node.tolist(), strict=True):
+            both = part[start] | part[end]
+            part |= dict.fromkeys(both, both)
+        self.levels: list[Equation] = []
+        for own in {id(p): p for p in part.values()}.values():
+            rows = [row for row in range(len(self.table)) if int(self.table.from_node[row]) in own]
+            heights = [h for row in rows for h in self._knots(row)]
+            sigma = roads.LEVEL_SIGMA_M * np.sqrt(len(heights))
+            self.levels += [observed({h: 1.0}, 0.0, sigma) for h in heights]
+
     def _roughness(self) -> None:
-        """Each interval for q = 1, beside what its q is times the usual one."""
+        """Each interval for q = 1, beside what its q is times the usual one, and whether any pass goes over it."""
         learned = [p.roughness for d in sorted(self.said) for p in self.said[d]] or [roads.DEFAULT_ROUGHNESS]
         self.begin = float(np.clip(np.exp(np.mean(np.log(learned))), *roads.ROUGHNESS_BOUNDS))
         self.usual = self.begin
-        self.intervals: list[tuple[Equation, float]] = []
+        self.intervals: list[tuple[Equation, float, bool]] = []
         for row, length in enumerate(self.length):
+            reached = [
+                v for d in self.said for p in self.said[d] if p.segment == row for v in (p.start_m, p.end_m)
+            ]
             built = self.table.bridge[row] or self.table.tunnel[row]
             heights = self._knots(row)
             d = length / (len(heights) - 1)
             walk = np.array([[d**3 / 3, d**2 / 2], [d**2 / 2, d]])
             step = np.array([[-1.0, -d, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])
-            for h in heights[:-1]:
+            for j, h in enumerate(heights[:-1]):
                 one = Equation([h, h + 1, h + 2, h + 3], step.T @ np.linalg.inv(walk) @ step)
                 factor = roads.STRUCTURE_FACTOR if built else 1.0
-                one.weight = 1 / (roads.ROUGHNESS_START * 2 * self.usual * factor)
-                self.intervals.append((one, factor))
+                one.weight = 1 / (self.usual * factor)
+                seen = bool(reached) and min(reached) <= (j + 0.5) * d <= max(reached)
+                self.intervals.append((one, factor, seen))
 
     # Drives
 
     def _drives(self) -> None:
-        self.passes: list[tuple[PassFactor, Equation]] = []
+        self.passes: list[tuple[int, PassFactor, Equation]] = []
+        self.pass_scale = dict.fromkeys(self.said, 1.0)
         self.walks: list[list[Equation]] = []
         self.lag: dict[int, int] = {}
         for d in sorted(self.said):
@@ -177,7 +178,7 @@ class DenseAdjustment:
                         self.fixed.append(observed({constant[key]: 1.0}, 0.0, sigma))
                 own.append(constant[key])
             equation = Equation(own, one.information[np.ix_(kept, kept)], one.vector[kept])
-            self.passes.append((one, equation))
+            self.passes.append((d, one, equation))
         self.walks += walks
 
     def _error(
@@ -202,42 +203,13 @@ class DenseAdjustment:
             walks[s].append(observed({before[0]: -1.0, unknown: 1.0}, 0.0, sigma))
         return unknown
 
-    # The elevation model: nothing at first, then an Ornstein-Uhlenbeck process along each segment
-
-    def _model(self, terrain: Terrain | None, sigma_m: float, length_m: float) -> None:
-        self.steps: list[tuple[Equation, float, float]] = []
-        self.levels: list[Equation] = []
-        if terrain is None:
-            return
-        t, place = self.table, 0
-        structure = t.bridge | t.tunnel
-        spoilt = {*t.from_node[structure].tolist(), *t.to_node[structure].tolist()}
-        for row, length in enumerate(self.length):
-            heights = self._knots(row)
-            said = terrain.height_m[place : place + len(heights)]
-            place += len(heights)
-            if {int(t.from_node[row]), int(t.to_node[row])} & spoilt:
-                continue
-            apart = length / (len(heights) - 1) / length_m
-            variance = 2 * sigma_m**2 * np.sinh(apart)
-            end = 1 / np.sqrt(np.tanh(apart / 2) / (2 * sigma_m**2))
-            for j, h in enumerate(heights[:-1]):
-                rise = float(said[j + 1] - said[j])
-                if not np.isfinite(rise):
-                    continue
-                step = observed({h: -1.0, h + 2: 1.0}, rise, 1.0)
-                self.steps.append((step, rise, variance))
-                self.levels += [observed({h + 2 * k: 1.0}, float(said[j + k]), end) for k in (0, 1)]
-        for one in [*(s for s, _, _ in self.steps), *self.levels]:
-            one.weight = 0.0
-
     # Rounds
 
     def _solve(self) -> None:
         whole, right = np.zeros((self.size, self.size), np.longdouble), np.zeros(self.size, np.longdouble)
         for one in [
-            *self.fixed, *self.ties, *self.levels, *(e for e, _ in self.intervals), *(e for _, e in self.passes),
-            *(e for series in self.walks for e in series), *(e for e, _, _ in self.steps),
+            *self.fixed, *self.ties, *self.levels, *(e for e, _, _ in self.intervals), *self.model.equations(),
+            *(e for _, _, e in self.passes), *(e for series in self.walks for e in series),
         ]:  # fmt: skip
             whole[np.ix_(one.at, one.at)] += one.weight * one.information
             right[one.at] += one.weight * one.vector
@@ -247,23 +219,38 @@ class DenseAdjustment:
 
     def _learn(self, first: bool) -> None:
         now = (self.solution, self.covariance)
+        for one in self.levels:  # about where it was found to be
+            one.vector = one.information[0] * self.solution[one.at]
         for one in self.ties:
             one.weight = (roads.NODE_FREEDOM + 1) / (roads.NODE_FREEDOM + one.square(*now))
-        change = np.array([e.square(*now) / f for e, f in self.intervals])
+        change = np.array([e.square(*now) / f for e, f, _ in self.intervals])
         free = roads.ROUGHNESS_FREEDOM
         for _ in range(5):
             weight = (free + 2) / (free + change / self.usual)
             self.usual = float((weight @ change + 20 * self.begin) / (2 * len(change) + 20))
-        for (one, factor), c in zip(self.intervals, change, strict=True):
-            one.weight = (free + 2) / (free * self.usual + c) / factor
+        for (one, factor, seen), c in zip(self.intervals, change, strict=True):
+            # Of intervals that nobody drove nothing tells which are even: their steps have Student's t's own variance.
+            spread = (free * self.usual + c) / (free + 2) if seen else free / (free - 2) * self.usual
+            one.weight = 1 / (spread * factor)
         self.scale = [
             self._learn_walk(series, scale) for series, scale in zip(self.walks, self.scale, strict=True)
         ]
-        for one_pass, equation in self.passes:
-            c = self._misfit(one_pass, equation)
-            weight = (drives.PASS_FREEDOM + 1) / (drives.PASS_FREEDOM + c)
-            equation.weight = weight * min(1.0, drives.REJECT_SIGMAS**2 / max(c, 1e-9))
-        self._learn_model(first)
+        self._learn_passes()
+        self.model.learn(*now, first, {p.segment for _, p, _ in self.passes})
+
+    def _learn_passes(self) -> None:
+        """Student's t about what the passes of the same drive usually miss by, which is 1 at least."""
+        free, prior = drives.PASS_FREEDOM, drives.SCALE_PRIOR_COUNT
+        for d in self.said:
+            own = [(e, self._misfit(p, e)) for name, p, e in self.passes if name == d]
+            miss = np.array([c for _, c in own])
+            for _ in range(5):
+                weight = (free + 1) / (free + miss / self.pass_scale[d])
+                self.pass_scale[d] = max(float((weight @ miss + prior) / (len(own) + prior)), 1.0)
+            for equation, c in own:
+                scaled = c / self.pass_scale[d]
+                limit = min(1.0, drives.REJECT_SIGMAS**2 / max(scaled, 1e-9))
+                equation.weight = (free + 1) / (free + scaled) * limit / self.pass_scale[d]
 
     def _learn_walk(self, series: list[Equation], scale: float) -> float:
         """From the scale of the round before the next one's, and the weights."""
@@ -275,18 +262,6 @@ class DenseAdjustment:
         for one, square in zip(series, squares, strict=True):
             one.weight = (free + 1) / (free + square / scale) / scale
         return scale
-
-    def _learn_model(self, first: bool) -> None:
-        free = models.STEP_FREEDOM
-        for step, rise, variance in self.steps:
-            low, high = step.at
-            spread = self.covariance
-            own = spread[low, low] + spread[high, high] - 2 * spread[low, high]
-            misfit = (self.solution[high] - self.solution[low] - rise) ** 2 + own
-            tail = 1.0 if first else (free + 1) / (free + misfit / variance)
-            step.weight = tail / (variance * (free + 3) / (free + 1))
-        for one in self.levels:
-            one.weight = 1.0
 
     def _misfit(self, one: PassFactor, equation: Equation) -> float:
         """Chi-square of a pass for each of its measurements."""
@@ -312,19 +287,5 @@ class DenseAdjustment:
 
     def heard(self) -> list[bool]:
         """Whether each pass is, in the order of drives and of driving."""
-        return [self._misfit(*pair) <= drives.REJECT_SIGMAS**2 for pair in self.passes]
-
-
-def inverted(matrix: np.ndarray) -> np.ndarray:
-    """The inverse of a positive definite matrix by Gauss and Jordan, in the digits that the matrix comes with."""
-    scale = 1 / np.sqrt(np.diagonal(matrix))
-    left = matrix * np.outer(scale, scale)
-    n = len(left)
-    for k in range(n):
-        pivot = left[k, k]
-        row = left[k] / pivot
-        column = left[:, k].copy()
-        left -= np.outer(column, row)
-        left[k], left[:, k] = row, -column / pivot
-        left[k, k] = 1 / pivot
-    return np.asarray(0.5 * (left + left.T) * np.outer(scale, scale))
+        most = drives.REJECT_SIGMAS**2
+        return [self._misfit(p, e) <= most * self.pass_scale[d] for d, p, e in self.passes]

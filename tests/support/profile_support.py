@@ -17,10 +17,11 @@ from fusion.formats import read_log
 from fusion.frames import GRAVITY_MPS2, LocalProjection
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult
+from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.measurements import Measurements, build_measurements
 from fusion.methods.profile.method import MIN_MEASUREMENTS, ProfileOptions
 from fusion.methods.profile.model import SmootherEpochs, build_smoother_epochs
-from fusion.methods.profile.noise import Learned, learn, prior_noise
+from fusion.methods.profile.noise import Learned, learn
 from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.pipeline import run_drive
 from fusion.roads.network import RoadNetwork
@@ -211,6 +212,7 @@ class Smoothed:
     measured: Measurements
     epochs: SmootherEpochs
     learned: Learned
+    fix: GnssFix
 
 
 def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options: bool) -> Smoothed:
@@ -221,7 +223,7 @@ def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options:
     measured = build_measurements(log, path, dem, ProfileOptions(**options).sensors())
     assert len(measured) >= MIN_MEASUREMENTS
     epochs = build_smoother_epochs(measured, path)
-    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)))
+    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)), log.fix)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from fusion.filters.smoother import Smoothed
 from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.methods.profile.model import (
     DRIFT_TAU_S,
+    WANDER_SIGMA,
     Jumps,
     Noise,
     SmootherEpochs,
@@ -32,6 +33,8 @@ WHITE = {ALTITUDE: "altitude_m", DOPPLER: "doppler", PITCH: "pitch", FORCE: "for
 """The white level of each sensor."""
 LOG_ROUGHNESS = (float(np.log(3e-5)), 1.5)
 """Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
+LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
+"""... of the wander of the attitude: most vehicles are alike, and short drives can't tell it from the road's grades."""
 LOG_SPREAD = 1.5
 """Sigma of the logs of all other levels about where they start: receivers differ by ten times."""
 _STEPS = 6
@@ -102,6 +105,15 @@ def normalised_square(smoothed: Smoothed, variance: Floats, usual: Floats) -> Fl
     return np.asarray(smoothed.residual**2 / (smoothed.residual_variance - variance + usual))
 
 
+def _prior(name: str, start: Noise) -> tuple[float, float]:
+    """Mean and sigma of the log of a level."""
+    if name == "roughness":
+        return LOG_ROUGHNESS
+    if name == "wander":
+        return LOG_WANDER
+    return float(np.log(getattr(start, name))), LOG_SPREAD
+
+
 def most_likely(
     measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
 ) -> Noise:
@@ -110,8 +122,9 @@ def most_likely(
     rates = ["roughness"]
     rates += ["drift"] if ALTITUDE in white else []
     rates += ["baro_drift"] if BARO in white else []
+    rates += ["wander"] if PITCH in white or FORCE in white else []
     names = [*white.values(), *rates]
-    priors = [LOG_ROUGHNESS if n == "roughness" else (np.log(getattr(start, n)), LOG_SPREAD) for n in names]
+    priors = [_prior(n, start) for n in names]
     mean, sigma = np.array(priors).T
     begin = np.log([getattr(noise, n) for n in names])
     told = [2 * np.count_nonzero(measured.sensor == sensor) for sensor in white] + [
@@ -128,7 +141,10 @@ def most_likely(
         smoothed = linear_model(measured, epochs, here, variance, jumps).smooth()
         score = smoothed.level_score(variance)
         gradient = [2 * float(np.sum(score[measured.sensor == sensor])) for sensor in white]
-        gradient += [smoothed.noise_score(noise_derivative(epochs, here, name)) for name in rates]
+        gradient += [
+            (2 if name == "wander" else 1) * smoothed.noise_score(noise_derivative(epochs, here, name))
+            for name in rates
+        ]
         off = (begin + step / scale - mean) / sigma
         value = smoothed.log_likelihood - 0.5 * float(off @ off)
         return -value, -(np.array(gradient) - off / sigma) / scale

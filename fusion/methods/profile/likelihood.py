@@ -8,12 +8,13 @@ in the drive is, is not known here (``factors``).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from fusion.compiled import compiled
 from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
-from fusion.methods.profile.measurements import ALTITUDE, BARO, PITCH, TERRAIN, Measurements
+from fusion.methods.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN, Measurements
 from fusion.methods.profile.model import (
     BIAS,
     DRIFT,
@@ -42,9 +43,6 @@ PLACE_SIGMA_M = 5.0
 """Error of a pass's place along the road where the log states none: an ordinary receiver's (spec 7)."""
 _BEND_OVER_M = 10.0
 """Changes of grade with place are taken over so far to either side."""
-WANDER_SIGMA = 0.005
-"""What a vehicle's attitude wanders by about its mount for seconds on end, as a grade: load, wind, fuel, the
-sensor's own levelling (spec 7: 0.3 to 0.5 %). One draw a pass, independent of the next."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ def on_traversals(
         constants=np.column_stack([seen[:, MOUNT], seen[:, BIAS], seen[:, SQUAT], late]),
         passing=np.column_stack(
             [
-                np.where(sensor == PITCH, WANDER_SIGMA, 0.0),
+                learned.noise.wander * np.select([sensor == PITCH, sensor == FORCE], [1.0, 1 - share], 0.0),
                 place_sigma_m[traversal] * np.where(is_height, grades, (1 - share) * bend),
             ]
         ),
@@ -145,10 +143,17 @@ class Likelihoods:
     vector: Floats
     square: Floats
 
+    @cached_property
+    def _matrices(self) -> Ints:
+        return np.cumsum(self.size**2) - self.size**2
+
+    @cached_property
+    def _vectors(self) -> Ints:
+        return np.cumsum(self.size) - self.size
+
     def of(self, k: int) -> tuple[Floats, Floats]:
         """Information (size, size) and vector (size,) of pass ``k``."""
-        n = int(self.size[k])
-        at, row = int((self.size[:k] ** 2).sum()), int(self.size[:k].sum())
+        n, at, row = int(self.size[k]), int(self._matrices[k]), int(self._vectors[k])
         return self.information[at : at + n * n].reshape(n, n), self.vector[row : row + n]
 
 

@@ -15,10 +15,11 @@ from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, 
 from fusion.methods.profile.path import DrivenPath
 from fusion.types import Floats, Ints
 
-HEIGHT, GRADE, DRIFT, MOUNT, BIAS, SQUAT, BARO_DRIFT, DEM_ERROR = range(8)
+HEIGHT, GRADE, DRIFT, MOUNT, BIAS, SQUAT, BARO_DRIFT, DEM_ERROR, WANDER = range(9)
 """The states: height of the road (m) and its grade along the path, error of the GNSS height (m), mount pitch (as a
-grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m)."""
-STATES = 8
+grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m), and
+the wander of the vehicle's attitude about its mount (as a grade)."""
+STATES = 9
 
 DRIFT_TAU_S = 120.0
 """Correlation time of GNSS height errors: minutes for every class of receiver. What is learned is the rate."""
@@ -30,7 +31,11 @@ SLOW_MPS = 2.0
 """At this speed springs double the variance of pitch and force."""
 JUMP_SIGMA = {MOUNT: 0.05, DRIFT: 30.0}
 """Size of sudden changes where the drive shows them: a phone slides in its holder, a receiver converges anew."""
-_START_SIGMA = (100.0, 0.1, 30.0, 0.3, 0.03, 0.005, 100.0, 30.0)
+WANDER_SIGMA = 0.005
+"""What a vehicle's attitude usually wanders by about its mount, as a grade: load, wind, fuel (spec 7: 0.3 to 0.5 %)."""
+WANDER_TAU_S = 5.0
+"""For so long a vehicle leans: between the swing of its springs, a second, and a change of its load."""
+_START_SIGMA = (100.0, 0.1, 30.0, 0.3, 0.03, 0.005, 100.0, 30.0, WANDER_SIGMA)
 """What is believed of each state at the beginning: nothing of levels, little of grade and mount pitch."""
 _NEW_RUN = (1e4, 0.1**2)
 """Variance of height (m^2) and grade that is added where the path begins anew: as good as unknown."""
@@ -48,7 +53,8 @@ class Noise:
     ``roughness``: variance of the grade's change per metre of road (1/m). ``altitude_m``: white part of the GNSS
     height; ``drift``: variance per second by which its error changes (m^2/s). ``doppler``: factor on the stated one.
     ``pitch``, ``force``: grade seen by the sensor against the road's, springs included; ``shared``: the part of a
-    pitch error that the force shows as well. ``baro_m``, ``baro_drift`` (m^2/s) as for the altitude. ``dem_m``: DEM.
+    pitch error that the force shows as well. ``wander``: slow part of both, a grade. ``baro_m``, ``baro_drift``
+    (m^2/s) as for the altitude. ``dem_m``: DEM.
     """
 
     roughness: float = 3e-5
@@ -58,6 +64,7 @@ class Noise:
     pitch: float = 0.012
     force: float = 0.02
     shared: float = 0.0
+    wander: float = WANDER_SIGMA
     baro_m: float = 0.3
     baro_drift: float = 0.01
     dem_m: float = 5.0
@@ -125,7 +132,7 @@ def design(measured: Measurements, share: Floats) -> Floats:
     out[sensor == TERRAIN, DEM_ERROR] = 1.0
     out[~heights, GRADE] = 1.0 - share[~heights]
     felt = np.isin(sensor, (PITCH, FORCE))
-    out[felt, MOUNT] = 1.0 - share[felt]
+    out[felt, MOUNT] = out[felt, WANDER] = 1.0 - share[felt]
     # The specific force has the same acceleration taken off, with the same error: it would teach a wrong squat. What is
     # left of it is what is taken off of the pitch beside it.
     squat = np.where(sensor == PITCH, 1.0, np.where(sensor == FORCE, -share, 0.0))
@@ -173,6 +180,8 @@ def noise_derivative(epochs: SmootherEpochs, noise: Noise, name: str) -> Floats:
         out[:, GRADE, GRADE] = noise.roughness * ds
     elif name == "drift":
         out[:, DRIFT, DRIFT] = 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))
+    elif name == "wander":
+        out[:, WANDER, WANDER] = noise.wander**2 * (1 - np.exp(-2 * dt / WANDER_TAU_S))
     else:
         out[:, BARO_DRIFT, BARO_DRIFT] = noise.baro_drift * dt
     return out
@@ -194,9 +203,10 @@ def linear_model(
     transition = np.broadcast_to(np.eye(STATES), (n, STATES, STATES)).copy()
     transition[:, HEIGHT, GRADE] = np.where(fresh, 0.0, ds)
     transition[:, DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
+    transition[:, WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)
     transition[:, DEM_ERROR, DEM_ERROR] = np.exp(-ds / DEM_LENGTH_M)
     q = np.zeros((n, STATES, STATES))
-    for name in ("roughness", "drift", "baro_drift"):
+    for name in ("roughness", "drift", "baro_drift", "wander"):
         q += noise_derivative(epochs, noise, name)  # each rate is a factor
     q[:, HEIGHT, HEIGHT] += np.where(fresh, _NEW_RUN[0], 0.0)
     q[:, GRADE, GRADE] += epochs.grade_change_variance + np.where(fresh, _NEW_RUN[1], 0.0)

@@ -9,7 +9,8 @@ import pytest
 
 from accuracy.constants import CHANGES, LEFT_OUT, Change, changed, module_of, places, set_to, times
 from factor_support import street
-from fusion.network import drive_beliefs, published
+from fusion.methods.profile import levels, likelihood
+from fusion.network import published
 from fusion.network.adjust import adjust
 from street_support import EVERYTHING, ride
 
@@ -38,15 +39,15 @@ def test_every_constant_of_the_model_is_tried_or_has_a_reason() -> None:
             and isinstance(value, int | float | tuple)
             and not any(
                 name in vars(importlib.import_module(f"fusion.network.{other}"))
-                for other in ("pass_factor", "curve", "unknowns")
+                for other in ("pass_factor", "curve", "unknowns", "combine")
             )
         }
         assert own <= tried, room
 
 
 def test_a_constant_is_changed_wherever_it_is_imported() -> None:
-    (change,) = (c for c in CHANGES if c.label == "REJECT_SIGMAS off: never")
-    assert set(places(change)) == {drive_beliefs, published}
+    (change,) = (c for c in CHANGES if c.label == "ROBUST_INFORMATION_LOSS off: 1")
+    assert set(places(change)) == {levels, likelihood}
 
 
 def test_a_change_is_felt_and_its_end_too() -> None:

@@ -183,3 +183,30 @@ def test_smoothing_leaves_the_model_as_it_was() -> None:
     first, again = model.smooth(), model.smooth()
     assert np.array_equal(first.mean, again.mean)
     assert all(np.array_equal(getattr(model, name), value) for name, value in before.items())
+
+
+@given(seed=st.integers(0, 2**31), steps=st.integers(2, 6), states=st.integers(1, 4))
+def test_the_level_scores_are_the_slopes_of_the_likelihood(seed: int, steps: int, states: int) -> None:
+    """Of every measurement alone, by the log of its variance."""
+    model = random_model(seed, steps, states)
+    score = model.smooth().level_score(model.variance)
+    assert score.shape == (len(model.step),)
+    for i, found in enumerate(score.tolist()):
+        up, down = (
+            replace(model, variance=model.variance * np.where(np.arange(len(score)) == i, np.exp(h), 1.0))
+            for h in (1e-4, -1e-4)
+        )
+        slope = (Dense(up).log_likelihood() - Dense(down).log_likelihood()) / 2e-4
+        assert found == pytest.approx(slope, rel=1e-4, abs=1e-5)
+
+
+@given(seed=st.integers(0, 2**31), steps=st.integers(2, 6), states=st.integers(1, 4))
+def test_the_noise_score_is_the_slope_of_the_likelihood(seed: int, steps: int, states: int) -> None:
+    """By a factor on any part of the steps' noise; that of the first step is not used."""
+    model = random_model(seed, steps, states)
+    root = np.random.default_rng(seed).normal(size=model.noise.shape)
+    part = root @ root.transpose(0, 2, 1)
+    part[0] *= 1e6
+    found = model.smooth().noise_score(part)
+    up, down = (Dense(replace(model, noise=model.noise + h * part)).log_likelihood() for h in (1e-5, -1e-5))
+    assert found == pytest.approx((up - down) / 2e-5, rel=1e-3, abs=1e-4 * (1 + abs(found)))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from factor_support import Sensors, driven, graded, roads, steady, street
+from fusion.network import published
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.published import Adjustment
@@ -131,17 +132,23 @@ def test_ends_of_segments_agree_at_a_junction() -> None:
     assert np.abs(found.slope_percent).max() < 1.96 * found.slope_sigma_percent.max()
 
 
-def test_copies_of_a_drive_make_sigma_smaller() -> None:
+def test_copies_of_a_drive_make_sigma_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
     """As far as the map's own nodes are known: with a thousand drives that is what is left."""
     table = street(60.0, 50.0, 70.0)
     drive = waves(table, 3, sigma=0.03)
-    sigma = [
-        adjust(table, dict.fromkeys(range(copies), drive)).slope_sigma_percent
-        for copies in (1, 10, 100, 1000)
-    ]
-    assert np.all(np.diff(sigma, axis=0) < 0)
-    assert np.all(sigma[1] < 0.6 * sigma[0])
-    assert np.all(sigma[3] > 0.5 * sigma[2])
+
+    def sigmas() -> np.ndarray:
+        counts = (1, 10, 100, 1000)
+        return np.array([adjust(table, dict.fromkeys(range(n), drive)).slope_sigma_percent for n in counts])
+
+    whole = sigmas()
+    monkeypatch.setattr(published, "PLACE_SIGMA_M", 0.0)
+    own = sigmas()
+    assert np.all(np.diff(own, axis=0) < 0)
+    assert np.all(whole >= own)
+    assert np.all(whole[1] < 0.6 * whole[0])
+    assert np.all(whole[3] > 0.5 * whole[2])
+    assert np.all(own[3] < 0.5 * own[2])
 
 
 def test_sigma_is_wider_in_a_bend_of_the_profile_than_where_the_grade_is_even() -> None:

@@ -26,6 +26,7 @@ from street_support import EVERYTHING, true_percent
 COUNT = 24
 STREET = street(*[50.0] * COUNT)
 TRUE_PERCENT = true_percent(STREET)
+GRADES = Sensors(0.02)
 LEVEL = Sensors(np.nan, pressure_m=0.05, walk_m2_per_s=(0.1, 0.002))
 
 
@@ -128,23 +129,53 @@ def test_a_drive_whose_heights_step_more_than_it_says_is_trusted_less() -> None:
     assert scale[3] > 10
 
 
-def test_the_weight_of_a_pass_falls_with_its_misfit() -> None:
+def weight_at(misfit: float, scale: float) -> float:
     """Student's t at first, and beyond the limit besides as if it were out of the question."""
+    scaled = misfit / scale
+    return (PASS_FREEDOM + 1) / (PASS_FREEDOM + scaled) * min(1.0, REJECT_SIGMAS**2 / scaled) / scale
+
+
+def test_the_weight_of_a_pass_falls_with_its_misfit() -> None:
+    """As it is in units of what its drive's passes usually miss by."""
     table = street(60.0)
 
-    def weights(offset_percent: float) -> tuple[float, float]:
+    def weights(offset_percent: float) -> tuple[float, float, DriveBeliefs]:
         crowd = {k: [steady(table, 0, 2.0, 0.01)] for k in range(50)}
         said = learned({**crowd, 99: [steady(table, 0, 2.0 + offset_percent, 0.01)]}, table)
         (group,) = said.groups
-        return float(group[1].weight[0]), float(group[1].weight[-1])
+        return float(group[1].weight[0]), float(group[1].weight[-1]), said
 
-    for offset in (0.0, 1.0, 2.0, 3.5):
-        fair, odd = weights(offset)
+    for offset in (0.0, 1.0, 2.0, 3.5, 2 * REJECT_SIGMAS):
+        fair, odd, said = weights(offset)
+        assert said.pass_scale[:-1].tolist() == [1.0] * 50
         assert fair == pytest.approx((PASS_FREEDOM + 1) / PASS_FREEDOM, rel=0.02)
-        assert odd == pytest.approx((PASS_FREEDOM + 1) / (PASS_FREEDOM + offset**2), rel=0.1)
-    _, out = weights(2 * REJECT_SIGMAS)
-    square = (2 * REJECT_SIGMAS) ** 2
-    assert out == pytest.approx((PASS_FREEDOM + 1) / (PASS_FREEDOM + square) / 4, rel=0.1)
+        assert odd == pytest.approx(weight_at(max(offset**2, 1e-9), said.pass_scale[-1]), rel=0.1)
+        assert odd < 1.2 * weight_at(max(offset**2, 1e-9), 1.0) or offset > 3.5
+
+
+def overconfident(passes: Sequence[PassFactor], times: float) -> list[PassFactor]:
+    """The passes as if all of their errors were so many times smaller than they are."""
+    by = times**2
+    return [
+        replace(p, information=by * p.information, vector=by * p.vector, square=by * p.square) for p in passes
+    ]
+
+
+def test_a_drive_that_states_ten_times_too_good_is_weighed_down() -> None:
+    """Beside nine others it is found out, and weighs about what it would if it were honest."""
+    honest = {seed: ride(GRADES, seed) for seed in range(9)}
+    boasting = {**honest, 9: overconfident(ride(GRADES, 9), 10.0)}
+    said = learned(boasting, rounds=6)
+    assert np.all(said.pass_scale[:9] < 1.5)
+    assert 30 < said.pass_scale[9] < 150
+    found, fair = (adjust(STREET, d) for d in (boasting, {**honest, 9: ride(GRADES, 9)}))
+    assert np.median(found.slope_sigma_percent / fair.slope_sigma_percent) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_drive_alone_is_taken_at_its_word() -> None:
+    said = learned({0: ride(GRADES, 3)})
+    assert said.pass_scale.tolist() == [pytest.approx(1.0, abs=0.1)]
+    assert np.all(said.pass_scale >= 1.0), "nobody is better than he says"
 
 
 def test_the_misfit_of_honest_passes_is_about_one() -> None:

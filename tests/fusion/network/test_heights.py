@@ -11,7 +11,9 @@ from drive_factors import drive_along, street_east
 from fusion.network.adjust import adjust
 from fusion.network.combine import NETWORK_ONLY
 from fusion.network.curve import height_rows, interval_count, variable_count
+from fusion.network.drive_beliefs import START_SIGMA_M
 from fusion.network.published import KNOWN_SIGMA_M
+from fusion.network.road_beliefs import LEVEL_SIGMA_M
 from fusion.network.steepest import STRETCH_M, steepest
 from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions
@@ -36,8 +38,23 @@ def test_heights_are_those_of_nodes_and_lie_on_the_drives_datum() -> None:
     )
     np.testing.assert_array_equal(found.height_to_m[:-1], found.height_from_m[1:])
     np.testing.assert_allclose(found.height_from_m, wave(starts()[:-1]) + 3.0, atol=0.1)
-    assert np.all(found.height_sigma_m > 30 / np.sqrt(2)), "two drives know no datum better than each alone"
+    # Each of the two drives knows its datum to 30 m, and where nothing is known roads lie within LEVEL_SIGMA_M.
+    datum_m = (2 / START_SIGMA_M[0] ** 2 + LEVEL_SIGMA_M**-2) ** -0.5
+    assert np.all(found.height_sigma_m > datum_m)
     assert np.all(found.height_sigma_m < 31)
+
+
+def test_heights_are_not_drawn_towards_the_sea() -> None:
+    """A pass at 2000 m, which the equations begin to look for at 0, is the same road as one at the coast."""
+    table = street_east(*LENGTHS)
+    low, high = (
+        adjust(table, {0: drive_along(table, lambda at, up=up: wave(at) + up)})  # type: ignore[misc]
+        for up in (-200.0, 1800.0)
+    )
+    np.testing.assert_allclose(low.height_from_m, wave(starts()[:-1]) - 200.0, atol=0.05)
+    np.testing.assert_allclose(high.height_from_m - low.height_from_m, 2000.0, atol=0.01)
+    assert high.slope_percent == pytest.approx(low.slope_percent, abs=1e-5)
+    assert high.height_sigma_m == pytest.approx(low.height_sigma_m, rel=1e-6)
 
 
 def test_loops_close() -> None:

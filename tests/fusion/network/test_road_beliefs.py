@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from factor_support import Sensors, driven, graded, steady, street
 from fusion.network.adjust import adjust
@@ -14,9 +15,12 @@ from fusion.network.equations import EquationSystem
 from fusion.network.pass_factor import PassFactor
 from fusion.network.road_beliefs import (
     DEFAULT_ROUGHNESS,
+    LEVEL_SIGMA_M,
     NODE_SIGMA_M,
     ROUGHNESS_BOUNDS,
+    ROUGHNESS_FREEDOM,
     STRUCTURE_FACTOR,
+    UNSEEN_VARIANCE,
     RoadBeliefs,
 )
 from fusion.roads.table import RoadTable
@@ -32,6 +36,10 @@ def learned(road: RoadBeliefs, passes: list[PassFactor], rounds: int = 4) -> np.
         solution = system.solve()
         road.learn(solution)
     return np.asarray(solution.x)
+
+
+def flat(at: np.ndarray) -> np.ndarray:
+    return 0.0 * at
 
 
 def walk_street(seed: int, roughness: float, count: int = 60) -> tuple[RoadTable, np.ndarray, np.ndarray]:
@@ -118,3 +126,57 @@ def test_a_network_of_nothing_driven_is_flat_and_unsure() -> None:
     found = adjust(table, {0: [steady(table, 0, 2.0, 0.5)]})
     assert found.slope_sigma_percent[1] > 3.0
     assert abs(found.slope_percent[1]) < 2.0
+
+
+def test_intervals_are_open_where_no_pass_goes() -> None:
+    """Before the first and behind the last place that any pass reaches; what lies between two passes is not."""
+    table = street(80.0, 80.0, 40.0, 15.0)
+    passes = [
+        graded(table, 0, flat, 0.01, part=(42.0, 55.0)),
+        graded(table, 1, flat, 0.01, part=(5.0, 15.0), sequence=1),
+        graded(table, 1, flat, 0.01, part=(48.0, 52.0), sequence=2),
+        steady(table, 3, 0.0, sequence=3),
+    ]
+    road = RoadBeliefs(table, passes)
+    learned(road, passes, 1)
+    opened: dict[int, tuple[bool, ...]] = dict.fromkeys(range(4), ())
+    for one in road.roughness:
+        rows = np.searchsorted(road.unknowns.first, one.variables[:, 0], side="right") - 1
+        for row, weight in zip(rows.tolist(), one.weight.tolist(), strict=True):
+            nobody = weight == pytest.approx(1 / (UNSEEN_VARIANCE * road.usual), rel=1e-12)
+            opened[row] += (bool(nobody),)
+    assert opened == {
+        0: (True, True, False, True),
+        1: (False, False, False, True),
+        2: (True, True),
+        3: (False,),
+    }
+
+
+def test_what_nobody_drove_is_as_rough_as_any_road_may_be() -> None:
+    """Its grade may change as Student's t says, whose variance is three times the scale's square."""
+    assert pytest.approx(stats.t(ROUGHNESS_FREEDOM).var()) == UNSEEN_VARIANCE
+    table, at, height = walk_street(4, 3e-5, 30)
+    edge = np.concatenate([[0.0], np.cumsum(table.length_m)])
+    rows = [row for row in range(30) if row % 10 < 7]
+    rng = np.random.default_rng(5)
+    passes = driven(table, rows, lambda row, x: np.interp(edge[row] + x, at, height), PRECISE, rng)
+    road = RoadBeliefs(table, passes)
+    learned(road, passes)
+    even = [w for one in road.roughness for w in one.weight.tolist()]
+    assert min(even) <= 1 / (UNSEEN_VARIANCE * road.usual) < np.median(even)
+
+
+def test_heights_are_believed_about_where_they_were_found() -> None:
+    """The first guess of all heights is 0; from the second round on it is the solution before."""
+    table = street(40.0, 50.0)
+    rng = np.random.default_rng(1)
+    sensors = Sensors(0.01, altitude_m=0.2)
+    passes = driven(table, (0, 1), lambda row, at: 2000.0 + 0.0 * at, sensors, rng)
+    road = RoadBeliefs(table, passes)
+    assert all(not one.vector.any() for one in road.levels)
+    x = learned(road, passes, 3)
+    for one in road.levels:
+        assert one.vector[:, 0] == pytest.approx(x[one.variables[:, 0]], rel=1e-12)
+    # All knots of what hangs together share what is known of its height.
+    assert sum(one.weight.sum() for one in road.levels) == pytest.approx(LEVEL_SIGMA_M**-2)

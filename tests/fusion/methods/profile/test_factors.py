@@ -7,17 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from factor_support import street
-from fusion.methods.profile.factors import MIN_CONFIDENCE, pass_factors
+from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
 from fusion.methods.profile.likelihood import (
-    ROBUST_INFORMATION_LOSS,
     Altimeter,
-    OnTraversals,
-    on_traversals,
     segment_lengths,
 )
 from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN
-from fusion.methods.profile.model import DRIFT, MOUNT, decorrelated
+from fusion.methods.profile.model import MOUNT, decorrelated
 from fusion.network.adjust import adjust
 from fusion.network.curve import (
     grade_rows,
@@ -33,39 +29,18 @@ from fusion.network.pass_factor import MOUNT as MOUNT_PITCH
 from fusion.pipeline import run_drive
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.types import DriveLog
-from profile_support import Levels, Smoothed, World, hills, log_of, pressure_of, smoothed, street_log
-
-TABLE = street(55, 8, 70, 120, 0.6, 43, 390, 60, 25, 90)
-EDGES_M = np.concatenate([[0.0], np.cumsum(TABLE.length_m)])
-TIME_S = 1.7e9 + np.arange(107.0)
-ALONG_M = 5 + 8 * (TIME_S - TIME_S[0])
-NONE = Altimeter()
-
-
-def drive_log(kind: str, seed: int = 3) -> DriveLog:
-    rng = np.random.default_rng(seed)
-    if kind == "back again":
-        along = np.r_[ALONG_M, ALONG_M[::-1]]
-        time = TIME_S[0] + np.arange(float(len(along)))
-        return street_log(time, along, hills, rng, nose=np.where(time < TIME_S[-1] + 0.5, 1.0, -1.0))
-    if kind == "outage":
-        log = street_log(TIME_S, ALONG_M, hills, rng)
-        outside = np.abs(np.arange(len(TIME_S)) - 22.5) > 12.5
-        return replace(log, fix=log.fix.take(outside), velocity=log.velocity.take(outside))
-    if kind == "jump":
-        log = street_log(TIME_S, ALONG_M, hills, rng)
-        late = np.arange(len(TIME_S)) > 50
-        return replace(log, fix=replace(log.fix, alt_msl_m=log.fix.alt_msl_m + 40.0 * late))
-    if kind == "steady heights":
-        return street_log(TIME_S, ALONG_M, hills, rng, levels=Levels(altitude_m=0.05, drift=1e-4))
-    log = street_log(TIME_S, ALONG_M, hills, rng)
-    pressure = pressure_of(TIME_S, hills(ALONG_M) + np.cumsum(0.03 * rng.normal(size=len(TIME_S))))
-    return {
-        "everything": log,
-        "positions and heights": DriveLog("gpx", log.fix),
-        "barometer as well": replace(log, pressure=pressure),
-    }[kind]
-
+from profile_support import Smoothed, World, hills, log_of, smoothed
+from street_drives import (
+    ALONG_M,
+    EDGES_M,
+    TABLE,
+    TIME_S,
+    data_of,
+    drive_log,
+    factors_of,
+    own_measurements,
+    traversals,
+)
 
 KINDS = (
     "everything",
@@ -82,28 +57,6 @@ KINDS = (
 def drive(request: pytest.FixtureRequest) -> tuple[Smoothed, list[PassFactor]]:
     one = smoothed(drive_log(request.param), TABLE)
     return one, factors_of(one)
-
-
-def factors_of(one: Smoothed, altimeter: Altimeter = NONE) -> list[PassFactor]:
-    return pass_factors(one.measured, one.epochs, one.learned, one.path, altimeter)
-
-
-def data_of(one: Smoothed, altimeter: Altimeter = NONE) -> OnTraversals:
-    return on_traversals(one.measured, one.epochs, one.learned, one.path, altimeter)
-
-
-def traversals(one: Smoothed) -> list[int]:
-    """Those that have a factor, in driving order."""
-    match = one.path.match
-    sure = (match.confidence >= MIN_CONFIDENCE) & (match.enter_m != match.leave_m)
-    return [int(k) for k in np.flatnonzero(sure)]
-
-
-def own_measurements(one: Smoothed, k: int) -> np.ndarray:
-    """Rows of the drive's measurements on traversal ``k``, in the order of time, without terrain."""
-    traversal, _ = one.path.match.position_on(one.measured.along_m)
-    mine = np.flatnonzero((traversal == k) & (one.measured.sensor != TERRAIN))
-    return mine[np.argsort(one.measured.time_s[mine], kind="stable")]
 
 
 def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list[PassFactor]]) -> None:
@@ -141,7 +94,8 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
             squat = {PITCH: 1.0, FORCE: -share[i]}.get(sensor, 0.0)
             constants[SQUAT] = squat * measured.acceleration_mps2[i]
             assert data.constants[at] == pytest.approx(constants, abs=1e-15)
-            assert data.wander[at] == (sensor == PITCH)
+            leans = left if sensor in (PITCH, FORCE) else 0.0
+            assert data.passing[at, 0] == pytest.approx(one.learned.noise.wander * leans, abs=1e-15)
             assert data.height_sensor[at] == {ALTITUDE: 0, BARO: 1}.get(sensor, -1)
 
 
@@ -256,17 +210,6 @@ def test_passes_before_and_after_a_mount_moved_do_not_share_it() -> None:
     assert not numbers["before"] & numbers["after"]
     assert not numbers["during"] & (numbers["before"] | numbers["after"])
     assert {f.mount for f in factors_of(one)} == {0}
-
-
-def test_a_height_that_jumped_on_a_pass_tells_nothing_across() -> None:
-    one = smoothed(drive_log("jump"), TABLE)
-    (when,) = (float(one.epochs.time_s[k]) for k, state in one.learned.jumps if state == DRIFT)
-    crossed = next(f for f in factors_of(one) if f.first_time_s < when <= f.last_time_s)
-    other = next(f for f in factors_of(one) if f.first_time_s > when)
-    for factor, loose in ((crossed, True), (other, False)):
-        both = factor.information[-8:, -8:][np.ix_([ENTRY.start, EXIT.start], [ENTRY.start, EXIT.start])]
-        joint = abs(both[0, 1]) / np.sqrt(both[0, 0] * both[1, 1])
-        assert (joint < 0.01) == loose, (joint, loose)
 
 
 def test_what_passes_say_alone_is_honest() -> None:

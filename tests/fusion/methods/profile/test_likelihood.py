@@ -1,4 +1,4 @@
-"""The sums over a pass against a dense integration: every measurement, every state of the walks, the wander."""
+"""The sums over a pass against a dense integration: every measurement, every state of the walks, wander and place."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dense_adjustment import inverted
-from fusion.methods.profile.likelihood import WANDER_SIGMA, Likelihoods, OnTraversals, likelihoods
+from dense_equations import inverted
+from fusion.methods.profile.likelihood import Likelihoods, OnTraversals, likelihoods
 from fusion.methods.profile.model import DRIFT, JUMP_SIGMA
 from fusion.network.curve import height_weights, variable_count
 from fusion.network.pass_factor import CONSTANTS, ENTRY, EXIT, NUISANCES
 
 JOINED_M = 1e-4
 """By so much the error may move at the entry: entry and first state are told apart by nothing else."""
+PASSING = 2
+"""What is the pass's alone, in units of one sigma: the wander of the mount, and its place along the road."""
 ROUNDING = 4 * float(np.finfo(float).eps) / JOINED_M**2
 """What that leaves of the digits of information about an error at the entry."""
 
@@ -59,13 +61,13 @@ def drawn(
         kind = rng.choice(sensors, m)
         variable, weights = height_weights(rng.uniform(0, one.length_m, m), np.full(m, one.length_m))
         constants = rng.normal(size=(m, len(CONSTANTS))) * (rng.random((m, len(CONSTANTS))) < 0.4)
-        wander = ((kind < 0) & (rng.random(m) < 0.5)).astype(float)
-        parts.append((variable, weights, constants, wander, kind, rng.normal(size=m), time))
-    variable, weights, constants, wander, kind, value, time = (
+        passing = rng.normal(size=(m, PASSING)) * (rng.random((m, PASSING)) < 0.5)
+        parts.append((variable, weights, constants, passing, kind, rng.normal(size=m), time))
+    variable, weights, constants, passing, kind, value, time = (
         np.concatenate(column) for column in zip(*parts, strict=True)
     )
     variance = 10 ** rng.uniform(-2, 1, len(value))
-    return OnTraversals(variable, weights, constants, wander, kind, value, variance, time, np.array(first))
+    return OnTraversals(variable, weights, constants, passing, kind, value, variance, time, np.array(first))
 
 
 Equation = tuple[dict[int, float], float, float]
@@ -99,8 +101,8 @@ def dense(
     mine = np.arange(data.first[k], data.first[k + 1])
     knots = int(variable_count(passes[k].length_m))
     kept = knots + NUISANCES
-    wander, size = kept, kept + 1
-    equations: list[Equation] = [({wander: 1.0}, 0.0, WANDER_SIGMA**2)]
+    size = kept + PASSING
+    equations: list[Equation] = [({kept + a: 1.0}, 0.0, 1.0) for a in range(PASSING)]
     state_of: dict[int, int] = {}
     leaves: dict[int, int] = {}  # the last state is the unknown at the exit
     for s, rate in enumerate(rates):
@@ -114,7 +116,7 @@ def dense(
         row = {int(data.variable[i]) + a: float(data.weights[i, a]) for a in range(4)}
         row |= {knots + a: float(c) for a, c in enumerate(data.constants[i]) if c}
         row |= {state_of[i]: 1.0} if data.height_sensor[i] >= 0 else {}
-        row |= {wander: float(data.wander[i])}
+        row |= {kept + a: float(c) for a, c in enumerate(data.passing[i])}
         equations.append((row, float(data.value[i]), float(data.variance[i])))
     whole, right, square = np.zeros((size, size), np.longdouble), np.zeros(size, np.longdouble), 0.0
     for row, value, variance in equations:

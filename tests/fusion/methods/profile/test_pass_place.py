@@ -1,0 +1,78 @@
+"""Where a pass lies along the road is the pass's own unknown; what its heights tell from one end to the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fusion.methods.profile.factors import PLACE_BOUNDS_M, place_sigma
+from fusion.methods.profile.likelihood import (
+    PLACE_SIGMA_M,
+)
+from fusion.methods.profile.measurements import ALTITUDE, BARO
+from fusion.methods.profile.model import DRIFT, GRADE, decorrelated
+from fusion.network.pass_factor import ENTRY, EXIT
+from profile_support import smoothed
+from street_drives import (
+    TABLE,
+    TIME_S,
+    data_of,
+    drive_log,
+    factors_of,
+    own_measurements,
+)
+
+
+@pytest.mark.parametrize("kind", ["everything", "back again"])
+def test_a_pass_that_lies_elsewhere_sees_what_the_road_is_there(kind: str) -> None:
+    """Farther along by so much heights change by the grade, and grades by the bend, in the direction of the path."""
+    one = smoothed(drive_log(kind), TABLE)
+    data, measured, path = data_of(one), one.measured, one.path
+    _, share = decorrelated(measured, one.learned.noise)
+    epochs, grade = one.epochs, one.learned.smoothed.mean[:, GRADE]
+    for k in range(len(path.match)):
+        sigma_m = 2.0 / np.sqrt(2)  # what every fix of this log states, along one axis
+        for at, i in enumerate(own_measurements(one, k).tolist(), start=int(data.first[k])):
+            here = measured.along_m[i]
+            if measured.sensor[i] in (ALTITUDE, BARO):
+                expected = np.interp(here, epochs.along_m, grade)
+            else:
+                near = np.interp([here - 10, here + 10], epochs.along_m, grade)
+                expected = (1 - share[i]) * (near[1] - near[0]) / 20
+            assert data.passing[at, 1] == pytest.approx(sigma_m * expected, abs=1e-9)
+
+
+def test_place_is_as_sure_as_the_fixes_say_along_one_axis() -> None:
+    one = smoothed(drive_log("everything"), TABLE)
+    n, fix = len(one.path.match), one.fix
+    stated = place_sigma(one.path, replace(fix, h_acc_m=np.linspace(2.0, 8.0, len(fix.time_s))))
+    middle = 0.5 * (one.path.match.enter_time_s + one.path.match.leave_time_s)
+    expected = np.interp(middle, fix.time_s, np.linspace(2.0, 8.0, len(fix.time_s))) / np.sqrt(2)
+    assert stated == pytest.approx(expected)
+    unknown = np.full(len(fix.time_s), np.nan)
+    assert place_sigma(one.path, replace(fix, h_acc_m=unknown)).tolist() == [PLACE_SIGMA_M] * n
+    # Fixes that state nothing are bridged by their neighbours.
+    some = np.where(np.arange(len(unknown)) % 3 == 0, 4.0, np.nan)
+    assert place_sigma(one.path, replace(fix, h_acc_m=some)) == pytest.approx(np.full(n, 4.0 / np.sqrt(2)))
+    for said, bound in ((0.01, PLACE_BOUNDS_M[0]), (500.0, PLACE_BOUNDS_M[1])):
+        everywhere = place_sigma(one.path, replace(fix, h_acc_m=np.full(len(unknown), said)))
+        assert everywhere.tolist() == [bound] * n
+
+
+def test_a_height_that_jumped_on_a_pass_tells_nothing_across() -> None:
+    """A pass of three seconds knows how its height's error goes on, unless it jumped in between."""
+    one = smoothed(drive_log("jump"), TABLE)
+    # A place that is not known shifts both ends alike: of its own it joins them somewhat.
+    one = replace(one, fix=replace(one.fix, h_acc_m=np.full(len(one.fix.time_s), 0.01)))
+    jumps = [float(one.epochs.time_s[k]) for k, state in one.learned.jumps if state == DRIFT]
+    assert jumps == [TIME_S[51]]
+    k = int(np.searchsorted(one.epochs.time_s, TIME_S[94]))
+    jumped = replace(one, learned=replace(one.learned, jumps=((k, DRIFT),)))
+    ends = [ENTRY.start, EXIT.start]
+    for drive, loose in ((jumped, True), (one, False)):
+        (crossed,) = (f for f in factors_of(drive) if f.first_time_s < TIME_S[94] <= f.last_time_s)
+        both = crossed.information[-8:, -8:][np.ix_(ends, ends)]
+        joint = abs(both[0, 1]) / np.sqrt(both[0, 0] * both[1, 1])
+        assert (joint < 0.01) == loose, (joint, loose)
