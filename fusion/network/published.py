@@ -18,7 +18,7 @@ from fusion.network.curve import (
     place_rows,
     slope_rows,
 )
-from fusion.network.drive_beliefs import DriveBeliefs
+from fusion.network.drive_beliefs import REJECT_SIGMAS, DriveBeliefs
 from fusion.network.equations import Solution
 from fusion.network.steepest import steepest
 from fusion.network.terrain import TerrainBlocks
@@ -188,7 +188,7 @@ class _Passes:
 def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
     members = [(d, said.passes[d][k]) for group, _, _, _ in said.groups for d, k in group]
     verdicts = [
-        said.agrees(group, misfit)
+        misfit <= REJECT_SIGMAS**2
         for (group, _, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True)
     ]
     return _Passes(
