@@ -137,12 +137,10 @@ class DriveBeliefs:
         """How much worse each drive's passes fit than it believes of itself: its place, and what it has no model of."""
         number = np.concatenate([[self._number[d] for d, _ in g[0]] for g in self.groups])
         misfit = np.concatenate(misfits)
-        for _ in range(5):
-            scaled = misfit / self.pass_scale[number]
-            weight = (PASS_FREEDOM + 1) / (PASS_FREEDOM + scaled)
-            total = np.bincount(number, weight * misfit, minlength=len(self.names))
-            count = np.bincount(number, minlength=len(self.names))
-            self.pass_scale = np.maximum((total + SCALE_PRIOR_COUNT) / (count + SCALE_PRIOR_COUNT), 1.0)
+        order = np.argsort(number, kind="stable")
+        first = np.searchsorted(number[order], np.arange(len(self.names) + 1))
+        for k, (a, b) in enumerate(zip(first[:-1].tolist(), first[1:].tolist(), strict=True)):
+            self.pass_scale[k] = _scale(misfit[order[a:b]])
 
     def _scales_of(self, members: list[tuple[int, int]]) -> Floats:
         return np.array([self.pass_scale[self._number[d]] for d, _ in members])
@@ -168,6 +166,17 @@ class DriveBeliefs:
             / rows
             for _, b, square, rows in self.groups
         ]
+
+
+def _scale(misfit: Floats) -> float:
+    """How many times worse these passes of a drive fit than it believes; those that contradict the network have no
+    part in it, unless they are the most."""
+    usual = np.ones(int(SCALE_PRIOR_COUNT))
+    scale = max(float(np.median(np.concatenate([misfit, usual]))), 1.0)
+    for _ in range(5):
+        weight = _pass_weight(misfit, np.full(len(misfit), scale)) * scale
+        scale = max(float(weight @ misfit + SCALE_PRIOR_COUNT) / (len(misfit) + SCALE_PRIOR_COUNT), 1.0)
+    return scale
 
 
 def _pass_weight(misfit: Floats, scale: Floats) -> Floats:

@@ -24,6 +24,8 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 """Flat towns and serpentines (spec 7)."""
 ROUGHNESS_FREEDOM = 3.0
 """Degrees of freedom of the Student's t that an interval's change of grade follows."""
+ROUGHNESS_PRIOR_COUNT = 100.0
+"""Imaginary changes of grade that are as large as the drives learned of themselves."""
 UNSEEN_VARIANCE = ROUGHNESS_FREEDOM / (ROUGHNESS_FREEDOM - 2)
 """Variance of that Student's t over its scale squared: where nobody drove, nothing says which are even."""
 STRUCTURE_FACTOR = 0.1
@@ -98,7 +100,10 @@ class RoadBeliefs:
         whole = np.concatenate(change)
         for _ in range(5):
             weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + whole / self.usual)
-            self.usual = float((np.sum(weight * whole) + 20 * self._begin) / (2 * len(whole) + 20))
+            self.usual = float(
+                (np.sum(weight * whole) + ROUGHNESS_PRIOR_COUNT * self._begin)
+                / (2 * len(whole) + ROUGHNESS_PRIOR_COUNT)
+            )
         for one, c, f, unseen in zip(self.roughness, change, self.factor, self._open, strict=True):
             seen = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * self.usual + c)
             one.weight = np.where(unseen, 1 / (UNSEEN_VARIANCE * self.usual), seen) / f

@@ -224,10 +224,10 @@ class DenseAdjustment:
         for one in self.ties:
             one.weight = (roads.NODE_FREEDOM + 1) / (roads.NODE_FREEDOM + one.square(*now))
         change = np.array([e.square(*now) / f for e, f, _ in self.intervals])
-        free = roads.ROUGHNESS_FREEDOM
+        free, count = roads.ROUGHNESS_FREEDOM, roads.ROUGHNESS_PRIOR_COUNT
         for _ in range(5):
             weight = (free + 2) / (free + change / self.usual)
-            self.usual = float((weight @ change + 20 * self.begin) / (2 * len(change) + 20))
+            self.usual = float((weight @ change + count * self.begin) / (2 * len(change) + count))
         for (one, factor, seen), c in zip(self.intervals, change, strict=True):
             # Of intervals that nobody drove nothing tells which are even: their steps have Student's t's own variance.
             spread = (free * self.usual + c) / (free + 2) if seen else free / (free - 2) * self.usual
@@ -244,9 +244,13 @@ class DenseAdjustment:
         for d in self.said:
             own = [(e, self._misfit(p, e)) for name, p, e in self.passes if name == d]
             miss = np.array([c for _, c in own])
+            # From the middle one, among imaginary passes that fit, so that the odd ones have no part in it.
+            scale = max(float(np.median([*miss, *[1.0] * int(prior)])), 1.0)
             for _ in range(5):
-                weight = (free + 1) / (free + miss / self.pass_scale[d])
-                self.pass_scale[d] = max(float((weight @ miss + prior) / (len(own) + prior)), 1.0)
+                tail = (free + 1) / (free + miss / scale)
+                heard = np.minimum(1.0, drives.REJECT_SIGMAS**2 * scale / np.maximum(miss, 1e-9))
+                scale = max(float(((tail * heard) @ miss + prior) / (len(own) + prior)), 1.0)
+            self.pass_scale[d] = scale
             for equation, c in own:
                 scaled = c / self.pass_scale[d]
                 limit = min(1.0, drives.REJECT_SIGMAS**2 / max(scaled, 1e-9))
@@ -288,4 +292,4 @@ class DenseAdjustment:
     def heard(self) -> list[bool]:
         """Whether each pass is, in the order of drives and of driving."""
         most = drives.REJECT_SIGMAS**2
-        return [self._misfit(p, e) <= most * self.pass_scale[d] for d, p, e in self.passes]
+        return [self._misfit(p, e) <= most for _, p, e in self.passes]

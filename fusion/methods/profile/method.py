@@ -35,13 +35,16 @@ from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, GnssFix, Ints, Progress, SegmentSlope
+from fusion.types import DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
 BAROMETRIC_DRIFT = 0.03
 """Heights whose error walks by less than this variance, m^2/s, are an altimeter's: a receiver's walk by 0.1 and more,
 the air's pressure by 0.001 (spec 7)."""
+COMPUTER_STEP_M = 0.2
+"""Steps of heights in files of bicycle computers (FIT states altitudes in fifths of a metre), which take them from a
+barometer behind a filter, whatever they err by."""
 MIN_MEASUREMENTS = 4
 """Fewer say nothing of a slope."""
 
@@ -134,9 +137,18 @@ def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:
     """
     sensors = drive.measured.sensor
     stated = log.fix.has("v_acc_m")
-    if (sensors == ALTITUDE).any() and not stated and drive.learned.noise.drift < BAROMETRIC_DRIFT:
+    steady = drive.learned.noise.drift < BAROMETRIC_DRIFT
+    if (sensors == ALTITUDE).any() and not stated and (steady or _in_steps(log.fix.alt_msl_m)):
         return Altimeter(ALTITUDE, USUAL_LAG_S)
     return Altimeter()
+
+
+def _in_steps(height_m: Floats) -> bool:
+    """Whether heights come in the steps of a bicycle computer's files, ``COMPUTER_STEP_M``, and not in whole metres."""
+    known = height_m[np.isfinite(height_m)] / COMPUTER_STEP_M
+    off = np.abs(known - np.round(known)) > 0.01
+    whole = np.round(known) % round(1 / COMPUTER_STEP_M) == 0
+    return len(known) > 0 and bool(np.mean(off) < 0.01 and np.mean(whole) < 0.5)
 
 
 def _smooth(
