@@ -27,7 +27,7 @@ import statistics
 import time
 import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -86,8 +86,7 @@ def inside(drives: Drives, rows: Bools) -> dict[int, list[PassFactor]]:
     number = (np.cumsum(rows) - 1).tolist()
     chosen = rows.tolist()
     found = {
-        k: [replace(p, segment=number[p.segment]) for p in passes if chosen[p.segment]]
-        for k, passes in drives.items()
+        k: [p.over(number[p.segment]) for p in passes if chosen[p.segment]] for k, passes in drives.items()
     }
     return {k: passes for k, passes in found.items() if passes}
 

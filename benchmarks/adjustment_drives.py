@@ -13,6 +13,7 @@ from fusion.methods.profile.likelihood import sum_passes
 from fusion.methods.profile.model import WANDER_SIGMA
 from fusion.network.curve import grade_weights, height_weights, knot_length, variable_count
 from fusion.network.pass_factor import NUISANCES, PassFactor
+from fusion.network.road_beliefs import DEFAULT_ROUGHNESS
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
 
@@ -23,6 +24,8 @@ DOPPLER, PITCH, FORCE = 0.01, 0.012, 0.02
 """White noise of grades from vertical speeds, an attitude sensor and an accelerometer, at 1 Hz."""
 MOUNT_SIGMA, BIAS_SIGMA, SQUAT_SIGMA, LAG_S = 0.05, 0.01, 0.002, (1.5, 1.0)
 ACCELERATION_MPS2 = 0.5
+BEND_S = 3
+"""Changes of grade are taken over so many seconds: about the distance of knots."""
 BAROMETERS = 3
 """Every so many drives one has a barometer as well."""
 HILLS = ((3000.0, 40.0), (700.0, 8.0), (150.0, 1.0))
@@ -156,12 +159,13 @@ class Synthetic:
             np.tile(variable, m)[order],
             np.concatenate([s[0] for s in sensors])[order],
             np.concatenate([np.column_stack(s[1]) for s in sensors])[order],
-            np.concatenate([s[2] for s in sensors])[order],
+            WANDER_SIGMA * np.concatenate([s[2] for s in sensors])[order][:, None],
             np.repeat([s[3] for s in sensors], n)[order],
             value[order],
             sigma[order] ** 2,
             np.tile(time_s, m)[order],
             np.searchsorted(np.tile(k, m)[order], np.arange(len(rows) + 1)),
+            _roughness(grade, k),
         )  # fmt: skip
 
     def _walk(self, n: int, rate: float) -> Floats:
@@ -170,15 +174,16 @@ class Synthetic:
 
     def _factors(
         self, rows: Ints, enter_s: Floats, leave_s: Floats, variable: Ints, weights: Floats, constants: Floats,
-        wander: Floats, sensor: Ints, value: Floats, variance: Floats, time_s: Floats, first: Ints,
+        passing: Floats, sensor: Ints, value: Floats, variance: Floats, time_s: Floats, first: Ints,
+        roughness: float,
     ) -> list[PassFactor]:  # fmt: skip
         """The sums over each pass; columns as ``fusion.methods.profile.likelihood.OnTraversals`` has them."""
         size = variable_count(self.length[rows]) + NUISANCES
         information, vector, square = (np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows)))
         walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives
         sum_passes(
-            first, size, variable, weights, constants, WANDER_SIGMA * wander[:, None], sensor, value, variance, time_s,
-            enter_s, leave_s, np.array(walk), np.empty(0), 0.0, information, vector, square,
+            first, size, variable, weights, constants, passing, sensor, value, variance, time_s, enter_s, leave_s,
+            np.array(walk), np.empty(0), 0.0, information, vector, square,
         )  # fmt: skip
         ends, squares = np.cumsum(size), np.cumsum(size**2)
         out = []
@@ -188,8 +193,16 @@ class Synthetic:
                 PassFactor(
                     row, j, 0, information[squares[j] - n * n : squares[j]].reshape(n, n),
                     vector[ends[j] - n : ends[j]], float(square[j]), count, walk, 0.0,
-                    float(self.length[row]), 3e-5, max(1, count // 4),
+                    float(self.length[row]), roughness, max(1, count // 4),
                     begin + float(enter_s[j]), begin + float(leave_s[j]),
                 )
             )  # fmt: skip
         return out
+
+
+def _roughness(grade: Floats, row: Ints) -> float:
+    """What a drive learns of its roads, from true grades (n,) once a second: variance of their change in a metre."""
+    apart = BEND_S
+    same = row[apart:] == row[:-apart]
+    change = (grade[apart:] - grade[:-apart])[same]
+    return float(np.mean(np.square(change)) / (apart * SPEED_MPS)) if len(change) else DEFAULT_ROUGHNESS

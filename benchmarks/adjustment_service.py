@@ -10,6 +10,7 @@ import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 from sqlalchemy import text
 
 from adjustment_drives import Synthetic
@@ -71,7 +72,7 @@ def store_silently(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor])
     drive = new_drive(sessions)
     with sessions.begin() as session:
         locks.own_network(session)
-        passes.replace_passes(session, drive, slopes.in_database(factors, ids))
+        passes.replace_passes(session, drive, slopes.in_database(factors, ids), np.empty(0))
 
 
 def service_part(repeat: int) -> dict[str, float]:

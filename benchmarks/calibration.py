@@ -44,7 +44,7 @@ from fusion.methods.base import DriveResult
 from fusion.network import drive_beliefs, published
 from fusion.pipeline import run_drive, solve_network
 from fusion.roads.table import rows_of
-from fusion.types import Ints
+from fusion.types import Floats, Ints
 
 SENSORS = ("altitude", "doppler", "pitch", "force", "barometer")
 SENSOR_SETS: dict[str, tuple[str, ...]] = {
@@ -59,6 +59,7 @@ GROUPS = 4
 class _Fused(NamedTuple):
     rows: Ints
     result: DriveResult
+    epoch_s: Floats
 
 
 @contextlib.contextmanager
@@ -96,7 +97,7 @@ def run_seed(
                 network, result = run_drive(drive.log, road.table, None, options=options)
             except FusionError:
                 continue
-            fused.append(_Fused(rows_of(road.table, network.table), result))
+            fused.append(_Fused(rows_of(road.table, network.table), result, drive.log.fix.time_s))
             ratios += _ratios(name, drive, result)
         for count in counts:
             groups = [fused[k : k + count] for k in range(0, len(fused) - count + 1, count)]

@@ -31,7 +31,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.datum import datum_of_log, datum_of_network
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Ints, Progress, Track, no_progress
+from fusion.types import DriveLog, Floats, Ints, Progress, Track, no_progress
 
 ROAD_MARGIN_M = 250.0
 """Roads this far around a log's positions are loaded: farther than a method looks for a road, or a gap is long."""
@@ -161,12 +161,14 @@ def _warnings(result: DriveResult) -> list[str]:
 
 
 class FusedDrive(Protocol):
-    """A log's result, and the rows of the road file that its segment indices refer to."""
+    """A log's result, the rows of the road file that its segment indices refer to, and the times of its positions."""
 
     @property
     def rows(self) -> Ints: ...
     @property
     def result(self) -> DriveResult: ...
+    @property
+    def epoch_s(self) -> Floats: ...
 
 
 class SolvedNetwork(NamedTuple):
@@ -232,14 +234,14 @@ def _witness(one: FusedDrive) -> Witness:
     return Witness(
         one.rows[np.array([s.segment for s in said], np.int64)],
         np.array([s.first_time_s for s in said], float),
-        one.result.track.time_s,
+        one.epoch_s,
         sum(f.rows for f in one.result.factors) or sum(s.observations for s in said),
     )
 
 
 def _in_file(one: FusedDrive, factors: Sequence[PassFactor]) -> list[PassFactor]:
     """Factors of a log over the rows of the road file."""
-    return [replace(f, segment=int(one.rows[f.segment])) for f in factors]
+    return [f.over(int(one.rows[f.segment])) for f in factors]
 
 
 def _begin(one: FusedDrive) -> float:
@@ -282,7 +284,7 @@ def _solved(
     table, rows = table.subset(solved), near[solved]
     row_of = {int(row): k for k, row in enumerate(rows)}
     terrain = heights_at(dem.heights(*knot_positions(table))) if dem else None
-    own = {k: [replace(f, segment=row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
+    own = {k: [f.over(row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
     result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)
     heard: dict[tuple[int, int], int] = {}

@@ -22,17 +22,19 @@ from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
-from fusion.types import Ints, Progress, no_progress
+from fusion.types import Floats, Ints, Progress, no_progress
 
 
 @dataclass(frozen=True)
 class FusedLog:
-    """One log's result; ``rows`` are those of the road file that the result's segment indices refer to."""
+    """One log's result; ``rows`` are those of the road file that the result's segment indices refer to, ``epoch_s`` the
+    times of its positions."""
 
     path: Path
     network: RoadNetwork
     rows: Ints
     result: DriveResult
+    epoch_s: Floats
     seconds: float
 
 
@@ -77,7 +79,7 @@ class Fusion:
             log, self.roads, self.dem, method=self.method, options=self.options, progress=progress
         )
         rows = rows_of(self.roads, network.table)
-        fused = FusedLog(path, network, rows, result, time.perf_counter() - started)
+        fused = FusedLog(path, network, rows, result, log.fix.time_s, time.perf_counter() - started)
         self.fused.append(fused)
         return fused
 

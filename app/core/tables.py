@@ -31,6 +31,9 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 DRIVE_STATUSES = ("queued", "running", "done", "failed", "cancelled")
 
+WITHOUT_HEIGHTS = "dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"
+"""Segments that were imported before heights of the elevation model were kept, and wait for them."""
+
 SRID_DEGREES = 4326
 SRID_TILES = 3857
 
@@ -122,6 +125,8 @@ class Segment(Base):
         CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
         Index("ix_segments_geom", "geom", postgresql_using="gist"),
         Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
+        # What an update left without heights is found at once, and that nothing is left, too.
+        Index("ix_segments_without_heights", "id", postgresql_where=text(WITHOUT_HEIGHTS)),
     )
 
 
@@ -202,8 +207,7 @@ class DriveSegment(Base):
 
     __table_args__ = (
         CheckConstraint("slope_sigma_percent > 0", name="sigma"),
-        # By time as well: who else was here at that moment is one look, however many drives there are.
-        Index("ix_drive_segments_segment_id", "segment_id", "first_at"),
+        Index("ix_drive_segments_segment_id", "segment_id"),
         Index("ix_drive_segments_slope_only", "segment_id", postgresql_where=text("NOT in_network")),
     )
 
@@ -218,23 +222,35 @@ class DrivePass(Base):
     segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"))
     sequence: Mapped[int]
     """Its place among the drive's passes, in the order of driving."""
+    entered_s: Mapped[float]
+    """When the drive came to the segment, Unix seconds."""
     factor: Mapped[bytes]
     accepted: Mapped[bool]
     """Whether the pass is heard: it agrees with the network, and its drive is not one that is there already."""
 
     __table_args__ = (
         Index("ix_drive_passes_segment_id", "segment_id", "drive_id", postgresql_include=["accepted"]),
+        # Who else was here at that moment is one look, however many drives there are.
+        Index(
+            "ix_drive_passes_segment_id_entered_s", "segment_id", "entered_s", postgresql_include=["drive_id"]
+        ),
     )
 
 
 class DriveConstants(Base):
-    """What a drive's passes together say of its constants, in the library's encoding, and how many passes it is of."""
+    """What a drive's passes together say of its constants, in the library's encoding, and of how many passes it is.
+
+    Beside it what tells the drive from others, with the entries of its passes: how many measurements it has, and the
+    times of its positions, Unix seconds as little-endian doubles.
+    """
 
     __tablename__ = "drive_constants"
 
     drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
     passes: Mapped[int]
     said: Mapped[bytes]
+    measurements: Mapped[int]
+    epoch_s: Mapped[bytes]
 
 
 class _OfNetwork:

@@ -18,6 +18,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
@@ -37,6 +38,7 @@ from app.network import versions as locks
 from app.network.extracts import StoredRoads
 from app.roads import store as road_store
 from app.terrain import store as dem
+from app.terrain.imports import fill_heights_along
 from app.terrain.store import DemSet
 from fusion.errors import FusionError
 from fusion.formats import read_log
@@ -200,6 +202,9 @@ def _estimate(
             log, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
         )
         ids = around.roads.ids[rows_of(around.roads.table, network.table)]
+        if result.factors:
+            driven = network.table.subset(np.unique([f.segment for f in result.factors]))
+            fill_heights_along(bench.sessions, bench.dem_dir, driven)
         return ids, with_settled_lag(bench.sessions, drive.id, ids, result)
 
 
@@ -222,7 +227,9 @@ def _publish(
         if current is None or current.id != around.roads.version_id:
             return False
         tracks.save_track(session, drive.id, result.track, ids, result.measurements)
-        heard = slopes.save_result(session, drive.id, ids, result.slopes, provenance, result.factors)
+        heard = slopes.save_result(
+            session, drive.id, ids, result.slopes, provenance, result.factors, log.fix.time_s
+        )
         drives.mark_done(
             session,
             drive.id,

@@ -19,15 +19,32 @@ from app.terrain.imports import fill_heights
 logger = logging.getLogger(__name__)
 
 
-def renew(sessions: Sessions, dem_dir: Path) -> None:
-    """Do all that is to be done; heights first, as the drives want them."""
-    fill_heights(sessions, dem_dir)
+def renew(sessions: Sessions) -> None:
+    """Give jobs and clear away: what takes no time to speak of."""
     if count := give_jobs(sessions):
         logger.info(
             "%d drives are computed again, behind uploads; GET /v1/drives/reprocess tells how far", count
         )
     if count := clear_remains(sessions):
         logger.info("%d segments lost a slope that no drive stands behind any more", count)
+
+
+class HeightFiller:
+    """Fills heights of the elevation model in, a piece at each call: of a country that takes minutes.
+
+    Drives do not wait for it. The roads of each are filled in before it is solved (``fill_heights_along``).
+    """
+
+    def __init__(self, sessions: Sessions, dem_dir: Path) -> None:
+        self._sessions, self._dem_dir, self._after_id = sessions, dem_dir, 0
+
+    def piece(self) -> bool:
+        """The next piece; whether there may be more."""
+        last = fill_heights(self._sessions, self._dem_dir, self._after_id)
+        if last is None and self._after_id:
+            logger.info("heights of the elevation model are filled in")
+        self._after_id = last or 0
+        return last is not None
 
 
 def give_jobs(sessions: Sessions) -> int:

@@ -27,7 +27,7 @@ from app.drives import intake
 from app.drives.process import Workbench, give_up, is_connection_loss, process_drive
 from app.drives.progress import Interrupted
 from app.drives.queue import BEHIND, QUEUE, TASK
-from app.drives.renewal import renew
+from app.drives.renewal import HeightFiller, renew
 
 logger = logging.getLogger(__name__)
 
@@ -48,11 +48,12 @@ GRACE_S = 5.0
 
 _POLL_S = 1.0  # for jobs put back: only new ones announce themselves
 _RESTART_AFTER_S = 1.0
+_NEXT_PIECE_S = 1.0  # as long as a piece takes: half of the time the network is the drives'
 _CONNECTIONS = 5  # of the queue: fetching, listening, heartbeat, looking after stalled jobs
 
 
-Chore = Callable[[], Awaitable[None]]
-"""What is done beside the drives."""
+Chore = Callable[[], Awaitable[bool | None]]
+"""What is done beside the drives, in pieces of at most a second or so; true: there is more to do."""
 
 
 class _AgainLater(BaseRetryStrategy):
@@ -137,11 +138,13 @@ def run_worker(
         queue = make_queue(settings.database_url, bench, begun)
         serve = functools.partial(_serve, settings, queue, lanes, wait, grace_s)
         retry = functools.partial(_retry_stalled, queue, settings.stalled_after_s, begun)
-        sweep, renewed = (functools.partial(asyncio.to_thread, chore, bench) for chore in (_sweep, _renew))
+        heights = HeightFiller(bench.sessions, bench.dem_dir)
+        renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench)
         chores = (
             (retry, min(settings.stalled_after_s / 4, 10.0)),
-            (renewed, RENEW_EVERY_S),
-            (sweep, SWEEP_EVERY_S),
+            (_in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
+            (_in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
+            (_in_thread(swept, "the blob store could not be swept"), SWEEP_EVERY_S),
         )
         asyncio.run(_work(queue, serve, chores, wait, stop_event))
     finally:
@@ -162,8 +165,8 @@ async def _work(
             await meanwhile.enter_async_context(app.open_async())
             await meanwhile.enter_async_context(_background(_watch(stop_event, stop)))
             for chore, every_s in chores:
-                await chore()
-                await meanwhile.enter_async_context(_background(_again_and_again(chore, every_s)))
+                more = await chore()
+                await meanwhile.enter_async_context(_background(_again_and_again(chore, every_s, more)))
             while not stop.is_set():
                 await serve(stop)
                 if not wait:
@@ -210,27 +213,29 @@ async def _serve(
         stopping.cancel()
 
 
-async def _again_and_again(chore: Chore, every_s: float) -> None:
+async def _again_and_again(chore: Chore, every_s: float, more: bool | None) -> None:
     while True:
-        await asyncio.sleep(every_s)
-        await chore()
+        await asyncio.sleep(_NEXT_PIECE_S if more else every_s)
+        more = await chore()
 
 
 def _sweep(bench: Workbench) -> None:
-    """Clear the blob store; a store or database that is away is left for the next time."""
-    try:
-        if removed := intake.sweep_blobs(bench.sessions, bench.blobs):
-            logger.info("removed %d blobs that no drive refers to", removed)
-    except Exception:
-        logger.warning("the blob store could not be swept; trying again later", exc_info=True)
+    """Clear the blob store."""
+    if removed := intake.sweep_blobs(bench.sessions, bench.blobs):
+        logger.info("removed %d blobs that no drive refers to", removed)
 
 
-def _renew(bench: Workbench) -> None:
-    """See to what an update left; whatever is away is left for the next time."""
-    try:
-        renew(bench.sessions, bench.dem_dir)
-    except Exception:
-        logger.warning("what an update left could not be seen to; trying again later", exc_info=True)
+def _in_thread(work: Callable[[], bool | None], failed: str) -> Chore:
+    """A chore in a thread of its own; when a store or the database is away, it is left for the next time."""
+
+    def careful() -> bool | None:
+        try:
+            return work()
+        except Exception:
+            logger.warning("%s; trying again later", failed, exc_info=True)
+            return None
+
+    return functools.partial(asyncio.to_thread, careful)
 
 
 async def _retry_stalled(app: procrastinate.App, stalled_after_s: float, begun: set[int]) -> None:

@@ -14,9 +14,10 @@ from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
+from app.core.tables import WITHOUT_HEIGHTS
 from fusion.frames import SHORTEST_DEGREE_M
 from fusion.roads.table import RoadTable, rows_of
-from fusion.types import Ints
+from fusion.types import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,20 @@ _IN_BOX = text(
 _WITHOUT_HEIGHTS = text(
     f"""
     SELECT {ROAD_COLUMNS} FROM segments AS s
-    WHERE s.id IN (
-        SELECT id FROM segments
-        WHERE id > :after AND dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL ORDER BY id LIMIT :limit)
+    WHERE s.id IN (SELECT id FROM segments WHERE id > :after AND {WITHOUT_HEIGHTS} ORDER BY id LIMIT :limit)
+    ORDER BY {ROAD_ORDER}
+    """  # noqa: S608 - constants
+)
+_WITHOUT_HEIGHTS_IN = text(
+    f"""
+    SELECT {ROAD_COLUMNS} FROM segments AS s
+    WHERE EXISTS (SELECT FROM segments WHERE {WITHOUT_HEIGHTS})
+        AND s.id IN (
+            SELECT i.id
+            FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
+                        CAST(:north AS float8[])) AS box (west, south, east, north)
+            JOIN segments AS i ON i.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
+            WHERE {WITHOUT_HEIGHTS})
     ORDER BY {ROAD_ORDER}
     """  # noqa: S608 - constants
 )
@@ -90,6 +102,13 @@ def all_roads(session: Session) -> tuple[RoadTable, Ints]:
 def roads_without_heights(session: Session, after_id: int, limit: int) -> tuple[RoadTable, Ints]:
     """The next segments after an id that have a slope by the elevation model but no heights, and their ids."""
     return road_table(list(session.execute(_WITHOUT_HEIGHTS, {"after": after_id, "limit": limit})))
+
+
+def roads_without_heights_in(session: Session, boxes_deg: Floats) -> tuple[RoadTable, Ints]:
+    """Those of all that meet one of the boxes (m, 4: west, south, east, north)."""
+    west, south, east, north = boxes_deg.T.tolist()
+    box = {"west": west, "south": south, "east": east, "north": north}
+    return road_table(list(session.execute(_WITHOUT_HEIGHTS_IN, box)))
 
 
 def road_table(rows: Sequence[Row[Any]]) -> tuple[RoadTable, Ints]:

@@ -10,22 +10,24 @@ import uuid
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
 from fusion.network.elsewhere import ConstantsSaid
 from fusion.network.pass_factor import PassFactor
+from fusion.types import Floats
 
 # Statements with %(name)s are executed by psycopg itself, which takes and gives bytes as they are (``app.core.db``).
 
 _DELETE = text("DELETE FROM drive_passes WHERE drive_id = :drive_id RETURNING segment_id")
 
 _INSERT = """
-    INSERT INTO drive_passes (drive_id, segment_id, sequence, factor, accepted)
-    SELECT %(drive_id)s, t.segment_id, t.sequence, t.factor, true
-    FROM unnest(%(segment_id)s::bigint[], %(sequence)s::integer[], %(factor)b::bytea[])
-         AS t (segment_id, sequence, factor)
+    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, accepted)
+    SELECT %(drive_id)s, t.segment_id, t.sequence, t.entered_s, t.factor, true
+    FROM unnest(%(segment_id)s::bigint[], %(sequence)s::integer[], %(entered_s)s::float8[], %(factor)b::bytea[])
+         AS t (segment_id, sequence, entered_s, factor)
 """
 
 _OVER = """
@@ -35,14 +37,14 @@ _OVER = """
     ORDER BY p.drive_id, p.sequence
 """
 
-# What all passes of a drive together say of its constants, so that a window need not read those outside of it.
+# What all passes of a drive together say of its constants, so that a window need not read those outside of it; and what
+# tells the drive from others (``twins``).
 _DELETE_CONSTANTS = text("DELETE FROM drive_constants WHERE drive_id = :drive_id")
 _INSERT_CONSTANTS = """
-    INSERT INTO drive_constants (drive_id, passes, said) VALUES (%(drive_id)s, %(passes)s, %(said)b)
+    INSERT INTO drive_constants (drive_id, passes, said, measurements, epoch_s)
+    VALUES (%(drive_id)s, %(passes)s, %(said)b, %(measurements)s, %(epoch_s)b)
 """
 _CONSTANTS = "SELECT drive_id, passes, said FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
-
-_OF_DRIVE = "SELECT factor, segment_id, sequence FROM drive_passes WHERE drive_id = %(drive_id)s"
 
 # A drive that comes can turn the verdict over passes of others.
 _SET_VERDICTS = text(
@@ -78,19 +80,30 @@ class Hearing(NamedTuple):
     rejected: int
 
 
-def replace_passes(session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor]) -> set[int]:
-    """Exchange the drive's passes for ``factors``, whose segments are database ids; the segments of both."""
+def replace_passes(
+    session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], epoch_s: Floats
+) -> set[int]:
+    """Exchange the drive's passes for ``factors``, whose segments are database ids; the segments of both.
+
+    ``epoch_s`` are the times of the log's positions, shape (e,), Unix seconds.
+    """
     touched = set(session.execute(_DELETE, {"drive_id": drive_id}).scalars())
     session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})
     if factors:
         columns = {
             "segment_id": [f.segment for f in factors],
             "sequence": [f.sequence for f in factors],
+            "entered_s": [f.first_time_s for f in factors],
             "factor": [f.encode() for f in factors],
         }
         send_binary(session, _INSERT, {"drive_id": drive_id, **columns})
-        said = {"passes": len(factors), "said": ConstantsSaid.of_passes(factors).encode()}
-        send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **said})
+        whole = {
+            "passes": len(factors),
+            "said": ConstantsSaid.of_passes(factors).encode(),
+            "measurements": sum(f.rows for f in factors),
+            "epoch_s": np.asarray(epoch_s, "<f8").tobytes(),
+        }
+        send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **whole})
     return touched | {f.segment for f in factors}
 
 
@@ -114,11 +127,6 @@ def said_elsewhere(session: Session, drives: Sequence[Sequence[StoredPass]]) -> 
         if count > len(passes):
             found[k] = ConstantsSaid.decode(said) - ConstantsSaid.of_passes([p.factor for p in passes])
     return found
-
-
-def factors_of(session: Session, drive_id: uuid.UUID) -> list[PassFactor]:
-    """What one drive contributes."""
-    return PassFactor.decode_all(fetch_binary(session, _OF_DRIVE, {"drive_id": drive_id}))
 
 
 def by_drive(passes: Iterable[StoredPass]) -> list[list[StoredPass]]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -24,10 +24,12 @@ from app.core.db import plain_json
 from app.network.passes import Hearing, hearing, replace_passes
 from app.network.publish import refresh_aggregates
 from app.network.solve import refresh_network
-from app.network.twins import choose_witnesses, drives_beside
+from app.network.twins import choose_witnesses, drives_that_name
 from app.network.versions import bump_data_version
 from fusion.network.pass_factor import PassFactor
-from fusion.types import Ints, SegmentSlope
+from fusion.types import Floats, Ints, SegmentSlope
+
+_NO_EPOCHS = np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -76,21 +78,22 @@ def save_result(
     estimates: Sequence[SegmentSlope],
     provenance: RunProvenance,
     factors: Sequence[PassFactor] = (),
+    epoch_s: Floats = _NO_EPOCHS,
 ) -> Hearing:
     """Replace what the drive says and renew all that is published on account of it.
 
     ``segment_ids`` maps the segments of estimates and factors (indices into the network of the run) to the
-    database's ids. An estimate whose slope or sigma is not finite says nothing and is left out. The caller owns
-    the network and holds the drive's row. Returns how far the other drives agree.
+    database's ids. ``epoch_s`` are the times of the log's positions (e,): without them two logs of one drive are
+    told by their entries into segments alone. An estimate whose slope or sigma is not finite says nothing and is left
+    out. The caller owns the network and holds the drive's row. Returns how far the other drives agree.
     """
     known = [e for e in estimates if np.isfinite(e.slope_percent) and np.isfinite(e.slope_sigma_percent)]
     ids = [int(segment_ids[e.segment]) for e in known]
-    beside = drives_beside(session, drive_id)
     former = _forget_estimates(session, drive_id)
     provenance_id = _insert_provenance(session, drive_id, provenance)
     if known:
         _insert_estimates(session, drive_id, provenance_id, ids, known, bool(factors))
-    heard = _exchange(session, drive_id, beside, in_database(factors, segment_ids))
+    heard = _exchange(session, drive_id, in_database(factors, segment_ids), epoch_s)
     refresh_aggregates(session, [*former, *(() if factors else ids)])
     bump_data_version(session)
     return heard
@@ -98,9 +101,8 @@ def save_result(
 
 def remove_result(session: Session, drive_id: uuid.UUID) -> None:
     """Take back all that the drive says; the caller owns the network and holds the drive's row."""
-    beside = drives_beside(session, drive_id)
     former = _forget_estimates(session, drive_id)
-    _exchange(session, drive_id, beside, [])
+    _exchange(session, drive_id, [], _NO_EPOCHS)
     refresh_aggregates(session, former)
     if former:
         bump_data_version(session)
@@ -108,16 +110,16 @@ def remove_result(session: Session, drive_id: uuid.UUID) -> None:
 
 def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> list[PassFactor]:
     """Factors of a run with the database's ids of their segments."""
-    return [replace(factor, segment=int(segment_ids[factor.segment])) for factor in factors]
+    return [factor.over(int(segment_ids[factor.segment])) for factor in factors]
 
 
 def _exchange(
-    session: Session, drive_id: uuid.UUID, beside: set[uuid.UUID], factors: Sequence[PassFactor]
+    session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], epoch_s: Floats
 ) -> Hearing:
-    """Exchange the drive's passes and solve anew; ``beside`` are those that were the same drive as it until now."""
+    """Exchange the drive's passes and solve anew, with those that were the same drive as it until now."""
     was_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
-    changed = replace_passes(session, drive_id, factors)
-    others = choose_witnesses(session, {drive_id, *beside})
+    changed = replace_passes(session, drive_id, factors, epoch_s)
+    others = choose_witnesses(session, {drive_id, *drives_that_name(session, drive_id)})
     is_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
     refresh_network(session, {*(changed if was_heard or is_heard else ()), *others})
     return hearing(session, drive_id) if is_heard else Hearing(len({f.segment for f in factors}), 0)

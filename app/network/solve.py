@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -33,8 +33,12 @@ SETTLED_SIGMAS = 0.05
 """Slopes just outside of what is published may move by so much; if they move farther, the window was too small. What
 settling the whole changes is to stay below 0.1 sigma."""
 
-SCALES = (1.0, 2.0, 4.0)
+SCALES = (1.0, 2.0, 4.0, 8.0)
 """The library's radii are multiplied by these in turn until the slopes are settled."""
+
+LARGEST_GROWING = 10_000
+"""Windows of more segments do not grow: what they leave is the next settling's. Changes reach far where little is
+known, and there drives are few."""
 
 REGION_SCALE = 2.0
 """Of the one window in which a region is solved."""
@@ -113,7 +117,7 @@ def adjust_around(
     """
     for scale in scales:
         solution = _solve(session, touched, scale)
-        if solution.settled():
+        if solution.settled() or np.count_nonzero(solution.window.solved) > LARGEST_GROWING:
             break
     shown = solution.window.published
     if may_publish is not None:
@@ -154,16 +158,12 @@ def _solve(
     }
     result = adjust(
         around.table.subset(window.solved),
-        {k: [_in_rows(p.factor, row_of) for p in said] for k, said in enumerate(drives)},
+        {k: [p.factor.over(row_of[p.factor.segment]) for p in said] for k, said in enumerate(drives)},
         stored_terrain(session, around.table.subset(window.solved), around.ids[window.solved]),
         control_on(session, around.table).among(window.solved),
         elsewhere=elsewhere,
     )
     return _Solution(around, window, drives, result)
-
-
-def _in_rows(factor: PassFactor, row_of: Mapping[int, int]) -> PassFactor:
-    return replace(factor, segment=row_of[factor.segment])
 
 
 def _store(session: Session, solution: _Solution, shown: Bools, tolerance_sigmas: float) -> list[int]:

@@ -1,42 +1,46 @@
 """One drive that is there twice, uploaded again or in another format: one of them is heard, the others name it.
 
-Who is heard follows from what is stored alone, not from who came first. What the drives say is in ``passes``; callers
-own the network (``app.network.versions``).
+Who is heard follows from what is stored alone, not from who came first, and by the rule that holds without a service
+too (``fusion.network.witnesses``). What the drives say is in ``passes``; callers own the network
+(``app.network.versions``).
 """
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
+import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.network.passes import factors_of
+from app.core.db import fetch_binary
+from fusion.network.witnesses import LONGEST_ENTRY_S, SAME_SHARE, Witness, repeated, same_drive
 
-SAME_MOMENT_S = 2.0
-"""Two drives that come to a segment within this time of each other were there together."""
-
-# By segment and time through an index, so that the cost is that of the drive itself. Half of the smaller drive counts.
+# Drives that the rule can take for this one, and a few more: through an index by segment and time, so that the cost is
+# that of the drive itself.
 _BESIDE = text(
     """
     SELECT other.drive_id
-    FROM drive_segments AS mine JOIN drive_segments AS other
-        ON other.segment_id = mine.segment_id AND other.drive_id <> mine.drive_id AND other.in_network
-        AND other.first_at BETWEEN mine.first_at - make_interval(secs => :apart_s)
-                               AND mine.first_at + make_interval(secs => :apart_s)
-    WHERE mine.drive_id = :drive_id AND mine.in_network
+    FROM drive_passes AS mine JOIN drive_passes AS other
+        ON other.segment_id = mine.segment_id AND other.drive_id <> mine.drive_id
+        AND other.entered_s BETWEEN mine.entered_s - :apart_s AND mine.entered_s + :apart_s
+    WHERE mine.drive_id = :drive_id
     GROUP BY other.drive_id
-    HAVING EXISTS (SELECT FROM drive_passes AS p WHERE p.drive_id = :drive_id)
-        AND EXISTS (SELECT FROM drive_passes AS p WHERE p.drive_id = other.drive_id)
-        AND 2 * count(*) > least(
-        (SELECT count(*) FROM drive_segments AS m WHERE m.drive_id = :drive_id AND m.in_network),
-        (SELECT count(*) FROM drive_segments AS o WHERE o.drive_id = other.drive_id AND o.in_network))
+    HAVING count(DISTINCT mine.segment_id) > :share * least(
+        (SELECT count(DISTINCT segment_id) FROM drive_passes AS m WHERE m.drive_id = :drive_id),
+        (SELECT count(DISTINCT segment_id) FROM drive_passes AS o WHERE o.drive_id = other.drive_id))
     """
 )
 
+_ENTRIES = """
+    SELECT drive_id, segment_id, entered_s FROM drive_passes WHERE drive_id = ANY(%(ids)s::uuid[])
+    ORDER BY drive_id, sequence
+"""
+_EPOCHS = "SELECT drive_id, measurements, epoch_s FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
+
 _NAMED_BY = text("SELECT id FROM drives WHERE same_as = :drive_id")
-_SAME_AS = text("SELECT id, same_as, sha256 FROM drives WHERE id = ANY(CAST(:ids AS uuid[]))")
+_SAME_AS = text("SELECT id, same_as FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256")
 _SET_SAME_AS = text("UPDATE drives SET same_as = :same_as WHERE id = :drive_id")
 _SET_HEARD = text(
     "UPDATE drive_passes SET accepted = :heard WHERE drive_id = :drive_id AND accepted <> :heard"
@@ -44,63 +48,61 @@ _SET_HEARD = text(
 _SEGMENTS = text("SELECT DISTINCT segment_id FROM drive_passes WHERE drive_id = ANY(CAST(:ids AS uuid[]))")
 
 
-def drives_beside(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
-    """Other drives with passes over the same segments at the same times, and those that name this one so far."""
-    return {*_beside(session, drive_id), *session.execute(_NAMED_BY, {"drive_id": drive_id}).scalars()}
+def drives_that_name(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
+    """Drives that are not heard so far because this one is."""
+    return set(session.execute(_NAMED_BY, {"drive_id": drive_id}).scalars())
 
 
 def choose_witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> set[int]:
-    """Decide anew who is heard among these drives and those beside them; the segments of those that now are or no
+    """Decide anew who is heard among these drives and those that are the same; the segments of those that now are or no
     longer are."""
-    beside = _together(session, drive_ids)
-    drives = session.execute(_SAME_AS, {"ids": list(beside)}).all()
-    wanted: Mapping[uuid.UUID, uuid.UUID | None] = dict.fromkeys(beside)
-    if any(beside.values()):
-        ranks = {row.id: (-_measurements(session, row.id), row.sha256) for row in drives}
-        wanted = _witnesses(beside, ranks)
+    witnesses = _together(session, drive_ids)
+    # Of two that are alike to the last digit, their bytes decide.
+    drives = session.execute(_SAME_AS, {"ids": list(witnesses)}).all()
+    again = repeated({k: witnesses[row.id] for k, row in enumerate(drives)})
     changed = []
-    for drive_id, former, _ in drives:
-        witness = wanted[drive_id]
+    for k, (drive_id, former) in enumerate(drives):
+        witness = drives[again[k]].id if k in again else None
         if witness != former:
             session.execute(_SET_SAME_AS, {"drive_id": drive_id, "same_as": witness})
-        if (
-            witness is not None or former is not None
-        ):  # also the new passes of one that is not heard either way
+        if witness is not None or former is not None:  # also new passes of one that is not heard either way
             session.execute(_SET_HEARD, {"drive_id": drive_id, "heard": witness is None})
         if (witness is None) != (former is None):
             changed.append(drive_id)
     return set(session.execute(_SEGMENTS, {"ids": changed}).scalars()) if changed else set()
 
 
-def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, set[uuid.UUID]]:
-    """These drives and all that are beside any of them, however many steps away: each with those beside it."""
-    beside: dict[uuid.UUID, set[uuid.UUID]] = {}
+def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
+    """These drives and all that are the same as any of them, however many steps away."""
+    found = _witnesses(session, drive_ids)
     waiting = set(drive_ids)
+    together: dict[uuid.UUID, Witness] = {}
     while waiting:
         drive_id = waiting.pop()
-        beside[drive_id] = _beside(session, drive_id)
-        named_by = session.execute(_NAMED_BY, {"drive_id": drive_id}).scalars()
-        waiting |= {*beside[drive_id], *named_by} - beside.keys()
-    return beside
+        together[drive_id] = one = found[drive_id]
+        beside = _beside(session, drive_id)
+        found |= _witnesses(session, beside - found.keys())
+        waiting |= {other for other in beside - together.keys() if same_drive(one, found[other])}
+    return together
 
 
 def _beside(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
-    values = {"drive_id": drive_id, "apart_s": SAME_MOMENT_S}
+    values = {"drive_id": drive_id, "apart_s": LONGEST_ENTRY_S, "share": SAME_SHARE}
     return set(session.execute(_BESIDE, values).scalars())
 
 
-def _witnesses(
-    beside: Mapping[uuid.UUID, set[uuid.UUID]], ranks: Mapping[uuid.UUID, tuple[int, str]]
-) -> dict[uuid.UUID, uuid.UUID | None]:
-    """For each drive the one that is heard in its place, which has more measurements; None: it is heard itself.
-
-    Of two that have as many, their bytes decide.
-    """
-    chosen: dict[uuid.UUID, uuid.UUID | None] = {}
-    for drive_id in sorted(beside, key=lambda d: ranks[d]):
-        chosen[drive_id] = next((w for w, of in chosen.items() if of is None and w in beside[drive_id]), None)
-    return chosen
-
-
-def _measurements(session: Session, drive_id: uuid.UUID) -> int:
-    return sum(factor.rows for factor in factors_of(session, drive_id))
+def _witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
+    """What tells each of these drives from others; nothing does of one without passes."""
+    ids = list(drive_ids)
+    entries: dict[uuid.UUID, list[tuple[int, float]]] = {drive_id: [] for drive_id in ids}
+    for drive_id, segment, entered_s in fetch_binary(session, _ENTRIES, {"ids": ids}):
+        entries[drive_id].append((segment, entered_s))
+    epochs = {drive_id: said for drive_id, *said in fetch_binary(session, _EPOCHS, {"ids": ids})}
+    found = {}
+    for drive_id, passes in entries.items():
+        measurements, epoch_s = epochs.get(drive_id, (0, b""))
+        segment, enter_s = np.array(passes, float).reshape(-1, 2).T
+        found[drive_id] = Witness(
+            segment.astype(np.int64), enter_s, np.frombuffer(epoch_s, "<f8").astype(np.float64), measurements
+        )
+    return found

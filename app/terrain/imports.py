@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import gzip
 import hashlib
-import logging
 import shutil
 import uuid
 import zlib
@@ -22,20 +21,19 @@ from rasterio.warp import transform_bounds
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
-from app.network.extracts import roads_within, roads_without_heights
+from app.network.extracts import roads_within, roads_without_heights, roads_without_heights_in
 from app.network.versions import bump_data_version, own_network
 from app.terrain.store import DemSet, DemSource, current_dem, replace_dem, set_terrain
 from fusion.errors import TerrainError
 from fusion.network.curve import interval_count, knot_length
 from fusion.network.unknowns import knot_positions
+from fusion.network.window import LONGEST_GAP_M, boxes_around
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 from fusion.terrain.quality import pair, quality_name
 from fusion.terrain.raster import open_raster, refuse_void
 from fusion.terrain.windows import dem_slopes
 from fusion.types import Floats, Ints, Progress, no_progress
-
-logger = logging.getLogger(__name__)
 
 CHUNK_BYTES = 1 << 20
 SEGMENTS_PER_UPDATE = 50_000
@@ -107,24 +105,43 @@ def terrain_under(session: Session, table: RoadTable, dem_dir: Path) -> tuple[Fl
         return dem_slopes(dem, table), dem.heights(*knot_positions(table))
 
 
-def fill_heights(sessions: Sessions, dem_dir: Path) -> int:
-    """Give heights to segments that have a slope by the active rasters alone, as they were stored before heights were.
+def fill_heights(sessions: Sessions, dem_dir: Path, after_id: int = 0) -> int | None:
+    """Give heights to the next segments after an id that have a slope by the active rasters alone, as they were stored
+    before heights were. Returns the last one's id; None: there are no more.
 
-    One that reaches over a raster's edge has no slope and waits for the next import. In short transactions, each of
-    which owns the network. Returns how many segments were looked at.
+    One that reaches over a raster's edge has no slope and waits for the next import. In a short transaction that owns
+    the network.
     """
-    last, done = 0, 0
-    while True:
-        with sessions.begin() as session:
-            own_network(session)
-            active = current_dem(session, dem_dir)
-            table, ids = roads_without_heights(session, last, SEGMENTS_PER_FILL)
-            if active is None or not len(ids):
-                return done
+    with sessions.begin() as session:
+        own_network(session)
+        active = current_dem(session, dem_dir)
+        table, ids = roads_without_heights(session, after_id, SEGMENTS_PER_FILL)
+        if active is None or not len(ids):
+            return None
+        with Dem.open(active.paths) as dem:
+            _write_terrain(session, dem, table, ids)
+    return int(ids.max())
+
+
+def fill_heights_along(sessions: Sessions, dem_dir: Path, driven: RoadTable) -> int:
+    """``fill_heights`` for the roads that a drive can have a part in: driven ones and gaps beside them; of how many.
+
+    Before the drive is solved, so that no slope is published without the elevation model, however long filling the
+    whole map takes. Drives that were solved before had their roads filled, too.
+    """
+    ends = (driven.lon0_deg, driven.lat0_deg, driven.lon1_deg, driven.lat1_deg)
+    boxes = boxes_around(*ends, LONGEST_GAP_M)
+    with sessions() as session:
+        if current_dem(session, dem_dir) is None or not len(roads_without_heights_in(session, boxes)[1]):
+            return 0
+    with sessions.begin() as session:
+        own_network(session)
+        active = current_dem(session, dem_dir)
+        table, ids = roads_without_heights_in(session, boxes)
+        if active is not None and len(ids):
             with Dem.open(active.paths) as dem:
                 _write_terrain(session, dem, table, ids)
-        last, done = int(ids.max()), done + len(ids)
-        logger.info("heights of the elevation model: %d segments so far", done)
+    return len(ids)
 
 
 def _renew_terrain(session: Session, dem: Dem, changed: Sequence[Path], progress: Progress) -> None:

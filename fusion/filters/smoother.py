@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,31 +40,45 @@ class LinearModel:
 
     def log_likelihood(self) -> float:
         """Of the measurements, by the innovations; constants left out."""
-        return float(self._filtered()[-1])
+        return float(self._filtered(self._seen())[-1])
 
     def smooth(self) -> Smoothed:
         """Means and covariances of every state given all measurements."""
-        mean, covariance, innovation, scale, gain, likelihood = self._filtered()
+        seen = self._seen()
+        mean, covariance, innovation, scale, gain, likelihood = self._filtered(seen)
         residual, precision = np.empty(len(self.step)), np.empty(len(self.step))
-        pull, pull_precision = np.empty(mean.shape), np.empty(covariance.shape)
+        pull, pull_precision = np.zeros(mean.shape), np.zeros(covariance.shape)
         run_backward(
-            self.transition, self.first_row, self.design, mean, covariance, innovation, scale, gain,
-            residual, precision, pull, pull_precision,
+            np.flatnonzero(seen), self.transition, self.first_row, self.design, mean, covariance, innovation, scale,
+            gain, residual, precision, pull, pull_precision,
         )  # fmt: skip
         return Smoothed(
             mean, covariance, residual / precision, 1.0 / precision, pull, pull_precision, float(likelihood)
         )
 
-    def _filtered(self) -> tuple[Floats, Floats, Floats, Floats, Floats, float]:
+    def _filtered(self, seen: Bools) -> tuple[Floats, Floats, Floats, Floats, Floats, float]:
         n, d = self.transition.shape[:2]
         m = len(self.step)
-        mean, covariance = np.empty((n, d)), np.empty((n, d, d))
+        mean, covariance = np.empty((n, d)), np.zeros((n, d, d))
         innovation, scale, gain = np.empty(m), np.empty(m), np.empty((m, d))
-        likelihood = run_forward(
-            self.transition, self.noise, self.mean, self.covariance, self.first_row, self.design, self.value,
-            self.variance, mean, covariance, innovation, scale, gain,
-        )  # fmt: skip
+        likelihood = 0.0
+        for states, first_row in ((seen, self.first_row), (~seen, np.zeros(n + 1, np.int64))):
+            likelihood += run_forward(
+                np.flatnonzero(states), self.transition, self.noise, self.mean, self.covariance, first_row, self.design,
+                self.value, self.variance, mean, covariance, innovation, scale, gain,
+            )  # fmt: skip
         return mean, covariance, innovation, scale, gain, likelihood
+
+    def _seen(self) -> Bools:
+        """The states (d,) that measurements see, or that hang together with such; the others take their own way."""
+        linked = self.covariance != 0
+        for matrix in (self.transition, self.noise):
+            linked |= np.any(matrix[1:] != 0, axis=0)
+        linked |= linked.T
+        seen = np.any(self.design != 0, axis=0)
+        for _ in seen:
+            seen = seen | np.any(linked[seen], axis=0)
+        return np.asarray(seen, np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +119,7 @@ class Smoothed:
 
 @compiled
 def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many arrays cost more than the sums)
+    states: Ints,
     transition: Floats,
     noise: Floats,
     start_mean: Floats,
@@ -119,38 +134,56 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
     scale: Floats,
     gain: Floats,
 ) -> float:
-    """Fill predicted means and covariances, innovations, their variances and gains; return the log-likelihood."""
-    n, d = mean.shape
-    x, p = start_mean.copy(), start_covariance.copy()
-    moved, half = np.empty(d), np.empty((d, d))
+    """Fill predicted means and covariances, innovations, their variances and gains; return the log-likelihood.
+
+    Of ``states`` only. Most of a transition is 0, and is passed over.
+    """
+    n, d = len(mean), len(states)
+    x, p = start_mean[states], np.empty((d, d))
+    for a in range(d):
+        for b in range(d):
+            p[a, b] = start_covariance[states[a], states[b]]
+    moved, half, f, h = np.empty(d), np.empty((d, d)), np.empty((d, d)), np.empty(d)
     likelihood = 0.0
     for k in range(n):
         if k:
-            f = transition[k]
             for a in range(d):
                 moved[a] = 0.0
                 for b in range(d):
-                    moved[a] += f[a, b] * x[b]
                     half[a, b] = 0.0
-                    for c in range(d):
-                        half[a, b] += f[a, c] * p[c, b]
+                for c in range(d):
+                    f[a, c] = transition[k, states[a], states[c]]
+                    if f[a, c] != 0.0:
+                        moved[a] += f[a, c] * x[c]
+                        for b in range(d):
+                            half[a, b] += f[a, c] * p[c, b]
             for a in range(d):
                 x[a] = moved[a]
-                for b in range(a + 1):
-                    total = noise[k, a, b]
-                    for c in range(d):
-                        total += half[a, c] * f[b, c]
-                    p[a, b] = p[b, a] = total
-        mean[k], covariance[k] = x, p
+                for b in range(d):
+                    p[a, b] = noise[k, states[a], states[b]]
+            for b in range(d):
+                for c in range(d):
+                    if f[b, c] != 0.0:
+                        for a in range(b, d):
+                            p[a, b] += half[a, c] * f[b, c]
+            for a in range(d):
+                for b in range(a):
+                    p[b, a] = p[a, b]
+        for a in range(d):
+            mean[k, states[a]] = x[a]
+            for b in range(d):
+                covariance[k, states[a], states[b]] = p[a, b]
         for i in range(first_row[k], first_row[k + 1]):
             s, v = variance[i], value[i]
             for a in range(d):
+                h[a] = design[i, states[a]]
+            for a in range(d):
                 total = 0.0
                 for b in range(d):
-                    total += p[a, b] * design[i, b]
+                    total += p[a, b] * h[b]
                 gain[i, a] = total
-                s += design[i, a] * total
-                v -= design[i, a] * x[a]
+                s += h[a] * total
+                v -= h[a] * x[a]
             innovation[i], scale[i] = v, s
             likelihood -= 0.5 * (np.log(s) + v * v / s)
             for a in range(d):
@@ -162,6 +195,7 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
 
 @compiled
 def run_backward(  # noqa: C901, PLR0912
+    states: Ints,
     transition: Floats,
     first_row: Ints,
     design: Floats,
@@ -175,14 +209,20 @@ def run_backward(  # noqa: C901, PLR0912
     pull: Floats,
     pull_precision: Floats,
 ) -> None:
-    """Turn predicted means and covariances into smoothed ones; fill smoothing errors, their precisions and pulls."""
-    n, d = mean.shape
+    """Turn predicted means and covariances into smoothed ones; fill smoothing errors, their precisions and pulls.
+
+    Of ``states`` only, as ``run_forward``.
+    """
+    n, d = len(mean), len(states)
     r, big = np.zeros(d), np.zeros((d, d))
-    work, along, moved = np.empty((d, d)), np.empty(d), np.empty(d)
+    work, along, moved, h = np.empty((d, d)), np.empty(d), np.empty(d), np.empty(d)
+    p, f = np.empty((d, d)), np.empty((d, d))
     for k in range(n - 1, -1, -1):
         for i in range(first_row[k + 1] - 1, first_row[k] - 1, -1):
             s = scale[i]
             u, square = innovation[i] / s, 1.0 / s
+            for a in range(d):
+                h[a] = design[i, states[a]]
             for a in range(d):
                 total = 0.0
                 for b in range(d):
@@ -193,47 +233,56 @@ def run_backward(  # noqa: C901, PLR0912
                 square += gain[i, a] * along[a] / (s * s)
             residual[i], precision[i] = u, square
             for a in range(d):
-                r[a] += design[i, a] * u
+                r[a] += h[a] * u
             # L' N L in two steps, with L = 1 - gain design' / s: multiplied out, a vague start would cost all digits.
             for b in range(d):
                 moved[b] = 0.0
                 for a in range(d):
-                    work[a, b] = big[a, b] - along[a] * design[i, b] / s
+                    work[a, b] = big[a, b] - along[a] * h[b] / s
                     moved[b] += gain[i, a] * work[a, b]
             for a in range(d):
                 for b in range(a + 1):
-                    total = work[a, b] + design[i, a] * (design[i, b] - moved[b]) / s
+                    total = work[a, b] + h[a] * (h[b] - moved[b]) / s
                     big[a, b] = big[b, a] = total
-        pull[k], pull_precision[k] = r, big
-        p = covariance[k].copy()
+        for a in range(d):
+            pull[k, states[a]] = r[a]
+            for b in range(d):
+                pull_precision[k, states[a], states[b]] = big[a, b]
+                p[a, b] = covariance[k, states[a], states[b]]
+                work[a, b] = 0.0
+        for a in range(d):
+            for c in range(d):
+                for b in range(d):
+                    work[a, b] += p[a, c] * big[c, b]
         for a in range(d):
             for b in range(d):
-                total = 0.0
-                for c in range(d):
-                    total += p[a, c] * big[c, b]
-                work[a, b] = total
-        for a in range(d):
-            for b in range(d):
-                mean[k, a] += p[a, b] * r[b]
+                mean[k, states[a]] += p[a, b] * r[b]
             for b in range(a + 1):
                 total = p[a, b]
                 for c in range(d):
-                    total -= work[a, c] * p[c, b]
-                covariance[k, a, b] = covariance[k, b, a] = total
+                    total -= work[a, c] * p[b, c]
+                covariance[k, states[a], states[b]] = covariance[k, states[b], states[a]] = total
         if k:
-            f = transition[k]
             for a in range(d):
                 moved[a] = 0.0
                 for b in range(d):
-                    moved[a] += f[b, a] * r[b]
-                    total = 0.0
-                    for c in range(d):
-                        total += f[c, a] * big[c, b]
-                    work[a, b] = total
+                    work[a, b] = 0.0
+                    f[a, b] = transition[k, states[a], states[b]]
+            for c in range(d):
+                for a in range(d):
+                    if f[c, a] != 0.0:
+                        moved[a] += f[c, a] * r[c]
+                        for b in range(d):
+                            work[a, b] += f[c, a] * big[c, b]
             for a in range(d):
                 r[a] = moved[a]
-                for b in range(a + 1):
-                    total = 0.0
-                    for c in range(d):
-                        total += work[a, c] * f[c, b]
-                    big[a, b] = big[b, a] = total
+                for b in range(d):
+                    big[a, b] = 0.0
+            for c in range(d):
+                for b in range(d):
+                    if f[c, b] != 0.0:
+                        for a in range(b, d):
+                            big[a, b] += work[a, c] * f[c, b]
+            for a in range(d):
+                for b in range(a):
+                    big[b, a] = big[a, b]

@@ -166,9 +166,12 @@ def smoothness(length_m: float, roughness: ArrayLike) -> Floats:
     return out
 
 
-def smoothness_block(spacing_m: float) -> Floats:
-    """Information (4, 4) over (h0, g0, h1, g1) of one interval for q = 1."""
-    d = spacing_m
-    step = np.array([[-1.0, -d, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])
-    inverse = np.array([[12 / d**3, -6 / d**2], [-6 / d**2, 4 / d]])
-    return np.asarray(step.T @ inverse @ step)
+def smoothness_block(spacing_m: ArrayLike) -> Floats:
+    """Information (..., 4, 4) over (h0, g0, h1, g1) of intervals of these spacings (...) for q = 1."""
+    d = np.asarray(spacing_m, float)
+    step, inverse = np.zeros((*d.shape, 2, 4)), np.empty((*d.shape, 2, 2))
+    step[..., [0, 1], [0, 1]], step[..., [0, 1], [2, 3]] = -1.0, 1.0
+    step[..., 0, 1] = -d
+    inverse[..., 0, 0], inverse[..., 1, 1] = 12 / d**3, 4 / d
+    inverse[..., 0, 1] = inverse[..., 1, 0] = -6 / d**2
+    return np.asarray(step.swapaxes(-1, -2) @ inverse @ step)

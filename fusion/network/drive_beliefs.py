@@ -13,12 +13,12 @@ import numpy as np
 from fusion.network.equations import Blocks, Solution
 from fusion.network.pass_factor import CONSTANT_SIGMA, ENTRY, EXIT, HEIGHT_SENSORS, LAG, PassFactor
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
-from fusion.types import Bools, Floats
+from fusion.types import Floats
 
 PASS_FREEDOM = 4.0
 """Degrees of freedom of a pass's misfit for each of its measurements."""
 REJECT_SIGMAS = 4.0
-"""Passes that miss the solution by more, for each of their measurements, are not heard."""
+"""Passes that miss the solution by more than they state, for each of their measurements, are not heard."""
 WALK_FREEDOM = 2.0
 """Degrees of freedom of a height error's step from pass to pass: fixes jump."""
 WALK_PRIOR_COUNT = 10.0
@@ -143,10 +143,6 @@ class DriveBeliefs:
             total = np.bincount(number, weight * misfit, minlength=len(self.names))
             count = np.bincount(number, minlength=len(self.names))
             self.pass_scale = np.maximum((total + SCALE_PRIOR_COUNT) / (count + SCALE_PRIOR_COUNT), 1.0)
-
-    def agrees(self, members: list[tuple[int, int]], misfit: Floats) -> Bools:
-        """Whether passes with these misfits are heard."""
-        return np.asarray(misfit <= REJECT_SIGMAS**2 * self._scales_of(members), np.bool_)
 
     def _scales_of(self, members: list[tuple[int, int]]) -> Floats:
         return np.array([self.pass_scale[self._number[d]] for d, _ in members])

@@ -9,7 +9,8 @@ the passes of a drive hang together, ``fusion.network.unknowns``'.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from operator import attrgetter
 from typing import Self
 
 import numpy as np
@@ -32,7 +33,7 @@ NUISANCES = 8
 _HEAD = 12
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class PassFactor:
     """A likelihood exp(-(square - 2 vector' x + x' information x) / 2) over the knots of ``segment`` and ``NUISANCES``.
 
@@ -58,6 +59,10 @@ class PassFactor:
     last_time_s: float
     lag_s: float = 0.0
     """How late the altimeter was taken for when its heights were put in their places"""
+
+    def over(self, segment: int) -> PassFactor:
+        """The same pass, by another number of its segment: twice as fast as ``dataclasses.replace``."""
+        return PassFactor(segment, *_BUT_SEGMENT(self))
 
     @property
     def used(self) -> Bools:
@@ -99,6 +104,9 @@ class PassFactor:
                     (walk_a, walk_b), start, end, roughness, int(observations), first, last, lag,
                 )  # fmt: skip
         return [out[k] for k in range(len(stored))]
+
+
+_BUT_SEGMENT = attrgetter(*(f.name for f in fields(PassFactor)[1:]))
 
 
 def _unpacked(data: Sequence[bytes]) -> tuple[list[list[float]], Floats, Floats]:

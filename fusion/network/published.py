@@ -18,12 +18,12 @@ from fusion.network.curve import (
     place_rows,
     slope_rows,
 )
-from fusion.network.drive_beliefs import DriveBeliefs
+from fusion.network.drive_beliefs import REJECT_SIGMAS, DriveBeliefs
 from fusion.network.equations import Solution
 from fusion.network.steepest import steepest
 from fusion.network.terrain import TerrainBlocks
 from fusion.network.unknowns import RoadUnknowns
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 PLACE_SIGMA_M = 2.0
 """Where the map's nodes lie along the road, against where they are."""
@@ -132,21 +132,11 @@ def published(
                 np.sum(moved * x, axis=1) ** 2 + np.einsum("mi,mij,mj->m", moved, covariance, moved)
             )
         slope[mine], sigma[mine] = 100 * np.sum(rows * x, axis=1), 100 * np.sqrt(variance)
-    heard: dict[tuple[int, int], bool] = {}
-    counts = np.zeros((3, n), np.int64)
-    cover: list[list[tuple[float, float]]] = [[] for _ in range(n)]
-    for (members, _, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True):
-        for (d, k), good in zip(members, said.agrees(members, misfit).tolist(), strict=True):
-            factor = said.passes[d][k]
-            heard[d, factor.sequence] = good
-            counts[1 if good else 2, factor.segment] += 1
-            if good:
-                counts[0, factor.segment] += factor.observations
-                cover[factor.segment].append((factor.start_m, factor.end_m))
-    share = np.array([_covered(parts) for parts in cover]) / u.length_m
+    passes = _passes(said, solution)
+    share, observations = _driven(passes, u.length_m)
+    heard, rejected = (np.bincount(passes.segment[v], minlength=n) for v in (passes.heard, ~passes.heard))
     lags = {d: float(solution.x[q.lag]) for d, q in said.unknowns.items() if q.lag is not None}
     mean = np.nan if said.lag_mean is None else float(solution.x[said.lag_mean])
-    observations, passes, rejected = counts
     unknown = ~np.isfinite(slope + sigma)
     heights = _node_heights(u, solution)
     heights[:, unknown | ~(heights[2] < KNOWN_SIGMA_M)] = np.nan
@@ -155,7 +145,7 @@ def published(
     return Adjustment(
         slope_percent=slope,
         slope_sigma_percent=sigma,
-        driven_share=np.minimum(share, 1.0),
+        driven_share=share,
         height_from_m=heights[0],
         height_to_m=heights[1],
         height_sigma_m=heights[2],
@@ -163,9 +153,9 @@ def published(
         steepest_from_m=stretch[1],
         steepest_to_m=stretch[2],
         observations=observations,
-        passes=passes,
+        passes=heard,
         rejected=rejected,
-        heard=heard,
+        heard=dict(zip(passes.names, passes.heard.tolist(), strict=True)),
         lag_s=lags,
         lag_mean_s=mean,
         solution=solution,
@@ -183,10 +173,45 @@ def _node_heights(u: RoadUnknowns, solution: Solution) -> Floats:
     return np.array([solution.x[u.start_node], solution.x[u.end_node], np.sqrt(worse)])
 
 
-def _covered(parts: Sequence[tuple[float, float]]) -> float:
-    """Length of the union of stretches, m."""
-    total, reach = 0.0, -np.inf
-    for start, end in sorted(parts):
-        total += max(end - max(start, reach), 0.0)
-        reach = max(reach, end)
-    return total
+@dataclass(frozen=True, eq=False)
+class _Passes:
+    """All passes with the verdicts over them: names (drive, sequence), and columns of shape (m,)."""
+
+    names: list[tuple[int, int]]
+    segment: Ints
+    observations: Ints
+    start_m: Floats
+    end_m: Floats
+    heard: Bools
+
+
+def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
+    members = [(d, said.passes[d][k]) for group, _, _, _ in said.groups for d, k in group]
+    verdicts = [
+        misfit <= REJECT_SIGMAS**2
+        for (group, _, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True)
+    ]
+    return _Passes(
+        [(d, p.sequence) for d, p in members],
+        np.array([p.segment for _, p in members], np.int64),
+        np.array([p.observations for _, p in members], np.int64),
+        np.array([p.start_m for _, p in members], float),
+        np.array([p.end_m for _, p in members], float),
+        np.concatenate([np.empty(0, np.bool_), *verdicts]),
+    )
+
+
+def _driven(passes: _Passes, length_m: Floats) -> tuple[Floats, Ints]:
+    """Of each segment (n,) the share over which passes are heard, 0 to 1, and what was observed there."""
+    good = np.flatnonzero(passes.heard)
+    row, observed = passes.segment[good], passes.observations[good]
+    start, end = (np.clip(v[good] / length_m[row], 0.0, 1.0) for v in (passes.start_m, passes.end_m))
+    order = np.lexsort((start, row))
+    row, observed = row[order], observed[order]
+    # Segment after segment on one axis, two units apart: how far any stretch reached before each.
+    start, end = start[order] + 2.0 * row, end[order] + 2.0 * row
+    reach = np.concatenate([[-1.0], np.maximum.accumulate(end)])[:-1][: len(end)]
+    new = np.maximum(end - np.maximum(start, reach), 0.0)
+    n = len(length_m)
+    observations = np.bincount(row, observed, minlength=n).astype(np.int64)
+    return np.minimum(np.bincount(row, new, minlength=n), 1.0), observations

@@ -66,7 +66,7 @@ class RoadBeliefs:
             heights = variables[:, ::2].reshape(-1, 1)
             self.levels.append(Blocks.of_rows(heights, np.ones((len(heights), 1)), 0.0, 1.0))
             self.levels[-1].weight = np.repeat(level[mine], n + 1)
-            unit = np.array([smoothness_block(d) for d in u.length_m[mine] / n])
+            unit = smoothness_block(u.length_m[mine] / n)
             for j in range(n):
                 self.roughness.append(
                     Blocks(

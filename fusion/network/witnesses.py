@@ -20,8 +20,9 @@ ENTRY_S = 0.1
 """Moments of entering a segment that differ by less are one: formats round positions to a metre, which a vehicle covers
 in a tenth of a second (karlsruhe 09, one log in two formats: 0.005 s, 0.04 s with five decimals). Two vehicles, or one
 vehicle twice, are that near to each other now and then, not all along."""
-ENTRY_SHARE = 0.1
-"""The same, as a share of the time between epochs: between positions far apart the entry is interpolated."""
+ENTRY_SHARE, LONGEST_ENTRY_S = 0.1, 3.0
+"""The same, as a share of the time between epochs, and its bound: between positions far apart the entry is
+interpolated. Who looks for drives that may be the same one need not look farther than the bound."""
 EPOCH_S = 0.01
 """Epochs that differ by less are one: NMEA states hundredths of a second."""
 
@@ -29,7 +30,9 @@ EPOCH_S = 0.01
 @dataclass(frozen=True, eq=False)
 class Witness:
     """What tells a drive from others: its passes (p,) with the segment of each and when it was entered, the times of
-    its epochs (e,), ascending (none: unknown, and only entries count), and how many measurements it has.
+    its positions (e,), ascending (none: unknown, and only entries count), and how many measurements it has.
+
+    The times are the receiver's as logged: those of an estimated track are also other sensors', set right.
     """
 
     segment: Ints
@@ -65,16 +68,8 @@ def same_drive(one: Witness, other: Witness) -> bool:
         return False
     few, many = sorted((one, other), key=lambda w: len(np.unique(w.segment)))
     spacing = max(_spacing(one.epoch_s), _spacing(other.epoch_s))
-    tolerance = max(ENTRY_S, ENTRY_SHARE * spacing)
-    met = [
-        bool(
-            np.any(
-                np.abs(many.enter_s[many.segment == s][:, None] - few.enter_s[few.segment == s]) < tolerance
-            )
-        )
-        for s in np.unique(few.segment).tolist()
-    ]
-    if np.mean(met) <= SAME_SHARE:
+    tolerance = float(np.clip(ENTRY_SHARE * spacing, ENTRY_S, LONGEST_ENTRY_S))
+    if _met(few, many, tolerance) <= SAME_SHARE * len(np.unique(few.segment)):
         return False
     few, many = sorted((one, other), key=lambda w: len(w.epoch_s))
     return not len(few.epoch_s) or bool(np.mean(_nearest_s(few.epoch_s, many.epoch_s) < EPOCH_S) > SAME_SHARE)
@@ -84,6 +79,17 @@ def _overlap(one_s: Floats, other_s: Floats) -> bool:
     if not len(one_s) or not len(other_s):
         return False
     return bool(max(one_s.min(), other_s.min()) <= min(one_s.max(), other_s.max()) + ENTRY_S)
+
+
+def _met(few: Witness, many: Witness, tolerance_s: float) -> int:
+    """On how many segments of ``few`` both enter at one moment."""
+    both = np.concatenate([few.enter_s, many.enter_s])
+    _, segment = np.unique(np.concatenate([few.segment, many.segment]), return_inverse=True)
+    # One axis for all segments, so far apart on it that none has a neighbour on another.
+    place = segment * (np.ptp(both) + 2 * tolerance_s) + (both - both.min())
+    n = len(few.segment)
+    near = _nearest_s(place[:n], np.sort(place[n:])) < tolerance_s
+    return len(np.unique(segment[:n][near]))
 
 
 def _spacing(epoch_s: Floats) -> float:

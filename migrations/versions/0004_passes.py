@@ -52,12 +52,23 @@ def upgrade() -> None:
     op.execute("DELETE FROM network_slopes")
     op.drop_table("segment_evidence")
     op.drop_table("drive_passes")
-    _create_passes(sa.Column("sequence", sa.Integer(), nullable=False))
+    _create_passes(
+        sa.Column("sequence", sa.Integer(), nullable=False),
+        sa.Column("entered_s", sa.Double(), nullable=False),
+    )
+    op.create_index(
+        "ix_drive_passes_segment_id_entered_s",
+        "drive_passes",
+        ["segment_id", "entered_s"],
+        postgresql_include=["drive_id"],
+    )
     op.create_table(
         "drive_constants",
         sa.Column("drive_id", sa.Uuid(), sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True),
         sa.Column("passes", sa.Integer(), nullable=False),
         sa.Column("said", sa.LargeBinary(), nullable=False),
+        sa.Column("measurements", sa.Integer(), nullable=False),
+        sa.Column("epoch_s", sa.LargeBinary(), nullable=False),
     )
     for table in ("network_slopes", "segment_slopes"):
         for name in _OF_NETWORK:
@@ -70,8 +81,12 @@ def upgrade() -> None:
     op.create_index(
         "ix_drives_same_as", "drives", ["same_as"], postgresql_where=sa.text("same_as IS NOT NULL")
     )
-    op.drop_index("ix_drive_segments_segment_id", "drive_segments")
-    op.create_index("ix_drive_segments_segment_id", "drive_segments", ["segment_id", "first_at"])
+    op.create_index(
+        "ix_segments_without_heights",
+        "segments",
+        ["id"],
+        postgresql_where=sa.text("dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"),
+    )
 
 
 def downgrade() -> None:
@@ -80,8 +95,7 @@ def downgrade() -> None:
     op.execute("DELETE FROM drive_segments WHERE in_network")
     op.execute(_CLEAR_PUBLISHED)
     op.execute("DELETE FROM network_slopes")
-    op.drop_index("ix_drive_segments_segment_id", "drive_segments")
-    op.create_index("ix_drive_segments_segment_id", "drive_segments", ["segment_id"])
+    op.drop_index("ix_segments_without_heights", "segments")
     op.drop_index("ix_drives_same_as", "drives")
     op.drop_column("drives", "same_as")
     op.drop_column("segments", "dem_heights_m")

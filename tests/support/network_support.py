@@ -97,7 +97,9 @@ def new_drive(sessions: Sessions, name: str | None = None, method: str = "profil
     return drive.id
 
 
-def publish(sessions: Sessions, drive: uuid.UUID, ids: Ints, made: Sequence[Made]) -> passes.Hearing:
+def publish(
+    sessions: Sessions, drive: uuid.UUID, ids: Ints, made: Sequence[Made], epoch_s: Sequence[float] = ()
+) -> passes.Hearing:
     """Store what the drive says, as the worker does; segments are rows of the table behind ``ids``."""
     with sessions.begin() as session:
         locks.own_network(session)
@@ -105,7 +107,8 @@ def publish(sessions: Sessions, drive: uuid.UUID, ids: Ints, made: Sequence[Made
         assert version is not None
         provenance = slopes.RunProvenance("profile", {}, "1.0", version.id, None)
         own = list({estimate.segment: estimate for _, estimate in made}.values())
-        return slopes.save_result(session, drive, ids, own, provenance, [factor for factor, _ in made])
+        factors = [factor for factor, _ in made]
+        return slopes.save_result(session, drive, ids, own, provenance, factors, np.array(epoch_s, float))
 
 
 def drive_over(

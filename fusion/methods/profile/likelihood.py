@@ -8,6 +8,7 @@ in the drive is, is not known here (``factors``).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -142,10 +143,17 @@ class Likelihoods:
     vector: Floats
     square: Floats
 
+    @cached_property
+    def _matrices(self) -> Ints:
+        return np.cumsum(self.size**2) - self.size**2
+
+    @cached_property
+    def _vectors(self) -> Ints:
+        return np.cumsum(self.size) - self.size
+
     def of(self, k: int) -> tuple[Floats, Floats]:
         """Information (size, size) and vector (size,) of pass ``k``."""
-        n = int(self.size[k])
-        at, row = int((self.size[:k] ** 2).sum()), int(self.size[:k].sum())
+        n, at, row = int(self.size[k]), int(self._matrices[k]), int(self._vectors[k])
         return self.information[at : at + n * n].reshape(n, n), self.vector[row : row + n]
 
 

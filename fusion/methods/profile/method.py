@@ -5,7 +5,7 @@ Only the order of the work stands here, and the drive's own slopes, for which it
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
@@ -165,7 +165,7 @@ def adjusted_slopes(
     rows: Ints = np.unique([f.segment for f in factors])
     table = network.table.subset(rows)
     row_of = {int(row): k for k, row in enumerate(rows)}
-    passes = [replace(f, segment=row_of[f.segment]) for f in factors]
+    passes = [f.over(row_of[f.segment]) for f in factors]
     terrain = heights_at(dem.heights(*knot_positions(table))) if dem is not None else None
     solved = adjust(table, {0: passes}, terrain)
     first, last = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)

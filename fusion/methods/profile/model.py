@@ -17,8 +17,8 @@ from fusion.types import Floats, Ints
 
 HEIGHT, GRADE, DRIFT, MOUNT, BIAS, SQUAT, BARO_DRIFT, DEM_ERROR, WANDER = range(9)
 """The states: height of the road (m) and its grade along the path, error of the GNSS height (m), mount pitch (as a
-grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m), and what
-the vehicle's attitude wanders by about its mount (as a grade)."""
+grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m), and
+the wander of the vehicle's attitude about its mount (as a grade)."""
 STATES = 9
 
 DRIFT_TAU_S = 120.0
@@ -53,7 +53,8 @@ class Noise:
     ``roughness``: variance of the grade's change per metre of road (1/m). ``altitude_m``: white part of the GNSS
     height; ``drift``: variance per second by which its error changes (m^2/s). ``doppler``: factor on the stated one.
     ``pitch``, ``force``: grade seen by the sensor against the road's, springs included; ``shared``: the part of a
-    pitch error that the force shows as well. ``wander``: slow part of both, a grade. ``baro_m``, ``baro_drift`` (m^2/s) as for the altitude. ``dem_m``: DEM.
+    pitch error that the force shows as well. ``wander``: slow part of both, a grade. ``baro_m``, ``baro_drift``
+    (m^2/s) as for the altitude. ``dem_m``: DEM.
     """
 
     roughness: float = 3e-5

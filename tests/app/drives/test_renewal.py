@@ -9,11 +9,11 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.drives import renewal
+from app.drives import intake
 from app.drives.bulk import batch_progress
 from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench, process_drive
-from app.drives.renewal import clear_remains, give_jobs, renew
+from app.drives.renewal import HeightFiller, clear_remains, give_jobs, renew
 from network_support import rows_of
 from processing_support import drive_now
 
@@ -53,7 +53,7 @@ def test_drives_of_a_former_model_are_computed_again_and_shown_meanwhile(
     with sessions() as session:
         under_way = batch_progress(session)
     assert (under_way.drives, under_way.queued, under_way.progress) == (2, 2, 0.0)
-    renew(sessions, bench.dem_dir)
+    renew(sessions)
     assert rows_of(sessions) == before
     query = text(
         "SELECT args->>'drive_id', priority < 0 FROM procrastinate_jobs WHERE status = 'todo' ORDER BY id"
@@ -71,21 +71,47 @@ def test_drives_of_a_former_model_are_computed_again_and_shown_meanwhile(
     assert [after[i] for i in after] == [pytest.approx(before[i], rel=0.1, abs=0.1) for i in after]
 
 
-def test_heights_are_filled_in_once(
+def test_heights_are_filled_in_piece_by_piece(
     bench: Workbench, sessions: Sessions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wanted = heights(sessions)
     assert all(one is not None and np.isfinite(one).all() for one in wanted)
     with sessions.begin() as session:
         session.execute(text("UPDATE segments SET dem_heights_m = NULL WHERE id % 3 > 0"))
-    renew(sessions, bench.dem_dir)
+    filler = HeightFiller(sessions, bench.dem_dir)
+    assert [filler.piece(), filler.piece()] == [True, False]
     assert heights(sessions) == wanted
-    monkeypatch.setattr("app.terrain.imports.SEGMENTS_PER_FILL", 7)
+    monkeypatch.setattr("app.terrain.imports.SEGMENTS_PER_FILL", 50)
     with sessions.begin() as session:
         session.execute(text("UPDATE segments SET dem_heights_m = NULL"))
-    renew(sessions, bench.dem_dir)
+    left = [len(wanted)]
+    while filler.piece():
+        left.append(heights(sessions).count(None))
+        assert left[-2] - left[-1] == min(50, left[-2])
     assert heights(sessions) == wanted
-    assert renewal.fill_heights(sessions, bench.dem_dir) == 0
+    assert filler.piece() is False
+
+
+def test_a_drive_does_not_wait_for_the_heights_of_the_whole_map(
+    bench: Workbench, send: Send, sessions: Sessions
+) -> None:
+    """Its own roads are filled in before it is solved: what is published of it is as if all were."""
+    drive = send(0, "profile")
+    assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
+    wanted, all_heights = rows_of(sessions), heights(sessions)
+    with sessions.begin() as session:
+        session.execute(text("UPDATE segments SET dem_heights_m = NULL"))
+    intake.reprocess(sessions, drive.id, "profile")
+    assert process_drive(bench, drive.id, drive.generation + 1) is Outcome.DONE
+    assert 0 < heights(sessions).count(None) < len(all_heights)
+    assert rows_of(sessions).keys() == wanted.keys()
+    assert [rows_of(sessions)[i] for i in wanted] == [pytest.approx(wanted[i], rel=1e-9) for i in wanted]
+    query = text(
+        "SELECT count(*) FROM network_slopes JOIN segments ON id = segment_id "
+        "WHERE dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"
+    )
+    with sessions() as session:
+        assert session.execute(query).scalar_one() == 0
 
 
 def test_what_no_drive_says_again_goes_when_all_are_done(

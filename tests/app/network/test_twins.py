@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+import numpy as np
 import pytest
 
 from app.core.db import Sessions
@@ -18,6 +19,7 @@ from network_support import (
     delete,
     drive_over,
     new_drive,
+    pass_over,
     passes_of,
     publish,
     rows_of,
@@ -37,13 +39,19 @@ def same_as(sessions: Sessions, drive: uuid.UUID) -> uuid.UUID | None:
 
 
 def drive(
-    sessions: Sessions, table: RoadTable, ids: Ints, rows: int, apart_s: float = 0.0, first: int = 0
+    sessions: Sessions,
+    table: RoadTable,
+    ids: Ints,
+    rows: int,
+    apart_s: float = 0.0,
+    first: int = 0,
+    epoch_s: Sequence[float] = (),
 ) -> uuid.UUID:
     """A drive over all rows from ``first`` on, of so many measurements a pass, so much later than others."""
     said = dict.fromkeys(ROWS, (2.0, 0.5))
     made = passes_of(table, said, begin_s=BEGIN_S + apart_s, rows=rows)
     one = new_drive(sessions)
-    publish(sessions, one, ids, made[first:])
+    publish(sessions, one, ids, made[first:], epoch_s)
     return one
 
 
@@ -61,7 +69,9 @@ def alone(sessions: Sessions, chain: Chain, segment_ids: Ints) -> Rows:
 def test_the_log_with_more_measurements_is_heard(
     sessions: Sessions, chain: Chain, segment_ids: Ints, better_first: bool
 ) -> None:
-    made = {n: drive(sessions, chain(), segment_ids, n, n / 10) for n in ((9, 5) if better_first else (5, 9))}
+    made = {
+        n: drive(sessions, chain(), segment_ids, n, n / 100) for n in ((9, 5) if better_first else (5, 9))
+    }
     assert same_as(sessions, made[5]) == made[9]
     assert same_as(sessions, made[9]) is None
     assert {heard for (one, _), heard in verdicts_of(sessions).items() if one == made[5]} == {False}
@@ -106,8 +116,8 @@ def test_the_report_of_the_one_that_is_not_heard_says_so(
     assert told[strong].report["warnings"] == ["first"]  # type: ignore[union-attr, index]
 
 
-@pytest.mark.parametrize(("apart_s", "first", "same"), [(1.9, 0, True), (2.1, 0, False), (0.0, 4, True)])
-def test_what_counts_as_the_same(
+@pytest.mark.parametrize(("apart_s", "first", "same"), [(0.09, 0, True), (0.11, 0, False), (0.0, 4, True)])
+def test_moments_of_entering_decide(
     sessions: Sessions, chain: Chain, segment_ids: Ints, apart_s: float, first: int, same: bool
 ) -> None:
     one = drive(sessions, chain(), segment_ids, 9)
@@ -115,11 +125,46 @@ def test_what_counts_as_the_same(
     assert same_as(sessions, other) == (one if same else None)
 
 
-def test_half_a_drive_in_common_is_two_drives(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
+@pytest.mark.parametrize(
+    ("period_s", "phase_s", "apart_s", "same"),
+    [(1.0, 0.0, 0.05, True), (1.0, 0.4, 0.0, False), (10.0, 0.0, 0.9, True), (60.0, 0.0, 3.1, False)],
+)
+def test_epochs_decide_too(
+    sessions: Sessions,
+    chain: Chain,
+    segment_ids: Ints,
+    period_s: float,
+    phase_s: float,
+    apart_s: float,
+    same: bool,
+) -> None:
+    """Between positions far apart entries are less sure, to a bound; other epochs are another receiver's."""
+    every_s = BEGIN_S + np.arange(200)
+    one = drive(sessions, chain(), segment_ids, 9, epoch_s=every_s)
+    other = drive(sessions, chain(), segment_ids, 5, apart_s, epoch_s=every_s[:: int(period_s)] + phase_s)
+    assert same_as(sessions, other) == (one if same else None)
+
+
+def test_a_log_of_the_last_lap_is_of_the_drive(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
+    table = chain()
+    laps = [
+        pass_over(table, row, 2.0, 0.5, begin_s=BEGIN_S, sequence=10 * lap + row)
+        for lap in range(3)
+        for row in ROWS
+    ]
+    whole, last = new_drive(sessions), new_drive(sessions)
+    publish(sessions, last, segment_ids, laps[12:])
+    publish(sessions, whole, segment_ids, laps)
+    assert (same_as(sessions, whole), same_as(sessions, last)) == (None, whole)
+
+
+def test_three_quarters_of_a_drive_in_common_is_two_drives(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
     table = chain()
     one = drive_over(sessions, table, segment_ids, dict.fromkeys((0, 1, 2, 3), (2.0, 0.5)), begin_s=BEGIN_S)
     other = new_drive(sessions)
-    made = passes_of(table, dict.fromkeys((0, 1, 8, 9), (2.0, 0.5)), begin_s=BEGIN_S)
+    made = passes_of(table, dict.fromkeys((0, 1, 2, 9), (2.0, 0.5)), begin_s=BEGIN_S)
     publish(sessions, other, segment_ids, made)
     assert same_as(sessions, one) is same_as(sessions, other) is None
 

@@ -96,8 +96,10 @@ def test_a_jump_between_two_passes_is_let_go_where_it_happens() -> None:
     passes, others = ride(LEVEL), {k: ride(LEVEL, k) for k in (2, 3)}
     jumped = [*passes[:12], *lifted(passes[12:], 1, 20.0)]
     found, clean = (adjust(STREET, {0: p, **others}) for p in (jumped, passes))
-    assert np.abs(found.slope_percent - clean.slope_percent).max() < 0.05
-    # The passes on either side of it may be taken for contradicting ones, no other.
+    moved = np.abs(found.slope_percent - clean.slope_percent)
+    assert np.delete(moved, [11, 12]).max() < 0.05
+    # The passes on either side of it may be taken for contradicting ones, no other: there two drives of three are left.
+    assert np.all(moved < 0.5 * clean.slope_sigma_percent)
     assert {key for key, good in found.heard.items() if not good} <= {(0, 11), (0, 12)}
     weight = learned({0: jumped, **others}).walks.weight
     assert int(np.argmin(weight)) == 11

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fusion.methods.profile.factors import PLACE_BOUNDS_M, place_sigma
+from fusion.methods.profile.factors import PLACE_BOUNDS_M, PLACE_TAU_S, place_sigma
 from fusion.methods.profile.likelihood import (
     PLACE_SIGMA_M,
 )
@@ -33,7 +33,9 @@ def test_a_pass_that_lies_elsewhere_sees_what_the_road_is_there(kind: str) -> No
     _, share = decorrelated(measured, one.learned.noise)
     epochs, grade = one.epochs, one.learned.smoothed.mean[:, GRADE]
     for k in range(len(path.match)):
-        sigma_m = 2.0 / np.sqrt(2)  # what every fix of this log states, along one axis
+        lasted_s = float(path.match.leave_time_s[k] - path.match.enter_time_s[k])
+        # What every fix of this log states, along one axis, as far as it changes within the pass.
+        sigma_m = 2.0 / np.sqrt(2) * np.sqrt(1 - np.exp(-lasted_s / PLACE_TAU_S))
         for at, i in enumerate(own_measurements(one, k).tolist(), start=int(data.first[k])):
             here = measured.along_m[i]
             if measured.sensor[i] in (ALTITUDE, BARO):
@@ -45,8 +47,13 @@ def test_a_pass_that_lies_elsewhere_sees_what_the_road_is_there(kind: str) -> No
 
 
 def test_place_is_as_sure_as_the_fixes_say_along_one_axis() -> None:
+    """On passes that last so long that nothing is left of the place before them."""
     one = smoothed(drive_log("everything"), TABLE)
-    n, fix = len(one.path.match), one.fix
+    match, fix = one.path.match, one.fix
+    slow = replace(match, leave_time_s=match.leave_time_s + 100 * PLACE_TAU_S)
+    slow = replace(slow, enter_time_s=slow.enter_time_s - 100 * PLACE_TAU_S)
+    one = replace(one, path=replace(one.path, match=slow))
+    n = len(match)
     stated = place_sigma(one.path, replace(fix, h_acc_m=np.linspace(2.0, 8.0, len(fix.time_s))))
     middle = 0.5 * (one.path.match.enter_time_s + one.path.match.leave_time_s)
     expected = np.interp(middle, fix.time_s, np.linspace(2.0, 8.0, len(fix.time_s))) / np.sqrt(2)
@@ -59,6 +66,14 @@ def test_place_is_as_sure_as_the_fixes_say_along_one_axis() -> None:
     for said, bound in ((0.01, PLACE_BOUNDS_M[0]), (500.0, PLACE_BOUNDS_M[1])):
         everywhere = place_sigma(one.path, replace(fix, h_acc_m=np.full(len(unknown), said)))
         assert everywhere.tolist() == [bound] * n
+
+
+def test_a_short_pass_lies_where_its_neighbours_do() -> None:
+    one = smoothed(drive_log("everything"), TABLE)
+    lasted_s = one.path.match.leave_time_s - one.path.match.enter_time_s
+    sigma = place_sigma(one.path, one.fix)
+    assert np.all(sigma < 2.0 / np.sqrt(2) * np.sqrt(lasted_s / PLACE_TAU_S))
+    assert np.all(sigma > 0.9 * 2.0 / np.sqrt(2) * np.sqrt(lasted_s / (lasted_s + PLACE_TAU_S)))
 
 
 def test_a_height_that_jumped_on_a_pass_tells_nothing_across() -> None:
