@@ -291,5 +291,4 @@ class DenseAdjustment:
 
     def heard(self) -> list[bool]:
         """Whether each pass is, in the order of drives and of driving."""
-        most = drives.REJECT_SIGMAS**2
-        return [self._misfit(p, e) <= most for _, p, e in self.passes]
+        return [self._misfit(p, e) <= drives.REJECT_SIGMAS**2 for _, p, e in self.passes]
