@@ -35,8 +35,11 @@ LOG_ROUGHNESS = (float(np.log(3e-5)), 1.5)
 """Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
 LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
 """... of the wander of the attitude: most vehicles are alike, and short drives can't tell it from the road's grades."""
-LOG_SPREAD = 1.5
-"""Sigma of the logs of all other levels about where they start: receivers differ by ten times."""
+LOG_SPREAD, LOG_RATE_SPREAD = 1.0, 1.5
+"""Sigma of the logs of white levels and of rates about where they start: receivers differ by ten times."""
+LEAST_HEIGHT_M = 0.1
+"""No height is surer than this, however smooth a receiver's filter makes it: where a vehicle is in its lane, across a
+crossfall of 2.5 %, and its springs."""
 _STEPS = 6
 """Of the optimisation, in each round."""
 _FARTHEST = 3.0
@@ -85,6 +88,7 @@ def expected_levels(
         for sensor, name in WHITE.items()
         if (measured.sensor == sensor).any()
     }
+    found |= {n: max(found[n], LEAST_HEIGHT_M) for n in ("altitude_m", "baro_m") if n in found}
     noise = noise.with_(**found)
     square = normalised_square(smoothed, variance, white_variance(measured, noise))
     return noise, (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
@@ -111,7 +115,7 @@ def _prior(name: str, start: Noise) -> tuple[float, float]:
         return LOG_ROUGHNESS
     if name == "wander":
         return LOG_WANDER
-    return float(np.log(getattr(start, name))), LOG_SPREAD
+    return float(np.log(getattr(start, name))), LOG_SPREAD if name in WHITE.values() else LOG_RATE_SPREAD
 
 
 def most_likely(
@@ -149,13 +153,16 @@ def most_likely(
         value = smoothed.log_likelihood - 0.5 * float(off @ off)
         return -value, -(np.array(gradient) - off / sigma) / scale
 
-    bound = _FARTHEST * scale
+    bound = np.column_stack([-_FARTHEST * scale, _FARTHEST * scale])
+    for k, name in enumerate(names):
+        if name in ("altitude_m", "baro_m"):
+            bound[k, 0] = max(bound[k, 0], scale[k] * (np.log(LEAST_HEIGHT_M) - begin[k]))
     best = optimize.minimize(
         loss,
         np.zeros(len(names)),
         jac=True,
         method="L-BFGS-B",
-        bounds=np.column_stack([-bound, bound]),
+        bounds=bound,
         options={"maxiter": _STEPS, "maxfun": 2 * _STEPS},
     )
     return at(best.x)
