@@ -47,6 +47,9 @@ OUTLIER_SIGMAS = 4.0
 CORRELATED_WITHIN_S = 0.8
 """Springs swing for about a second: errors farther apart than this are taken for independent (what is left between
 those of neighbouring seconds is mostly road that the knots have not followed)."""
+SHARED_START = 0.8
+"""The part of a pitch error in the force beside it, before anything is learned: begun at nothing, errors that both show
+are taken for road."""
 _SHARED_PRIOR_COUNT = 15.0
 """Imaginary pairs of pitch and force whose errors have nothing in common."""
 
@@ -66,7 +69,8 @@ class Learned:
 def learn(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> Learned:
     """Noise levels, sudden changes and the smoothed drive."""
     jumps: Jumps = ()
-    noise, weight = start, np.ones(len(measured))
+    paired = bool(np.any(pitch_partner(measured) >= 0))
+    noise, weight = start.with_(shared=SHARED_START if paired else 0.0), np.ones(len(measured))
     for _ in range(FIRST_ROUNDS):
         noise, weight = expected_levels(measured, epochs, noise, weight)
     for _ in range(ROUNDS):
