@@ -29,6 +29,7 @@ SQL_PLACES = {
     Path("app") / place
     for place in (
         "core/databases.py",
+        "drives/bulk.py",
         "drives/queue.py",
         "drives/store.py",
         "drives/tracks.py",

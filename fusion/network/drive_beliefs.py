@@ -171,7 +171,7 @@ class DriveBeliefs:
 def _scale(misfit: Floats) -> float:
     """How many times worse these passes of a drive fit than it believes; those that contradict the network have no
     part in it, unless they are the most."""
-    usual = np.ones(int(SCALE_PRIOR_COUNT))
+    usual = np.ones(min(int(SCALE_PRIOR_COUNT), len(misfit) + 1))  # with more of them the middle is 1 as well
     scale = max(float(np.median(np.concatenate([misfit, usual]))), 1.0)
     for _ in range(5):
         weight = _pass_weight(misfit, np.full(len(misfit), scale)) * scale

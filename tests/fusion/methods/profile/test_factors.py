@@ -215,7 +215,7 @@ def test_passes_before_and_after_a_mount_moved_do_not_share_it() -> None:
 def test_what_passes_say_alone_is_honest() -> None:
     """Each solved by itself lies within its own sigma of the truth."""
     inside, worth = [], []
-    for seed in range(8):
+    for seed in range(24):
         one = smoothed(drive_log("everything", seed), TABLE)
         for factor in factors_of(one):
             length = float(TABLE.length_m[factor.segment])
