@@ -95,7 +95,6 @@ CHANGES: tuple[Change, ...] = (
     Change(_LEVELS, "LOG_WANDER", "off: none", set_to((-12.0, 0.01))),
     Change(_LEVELS, "LOG_WANDER", "as free as others", set_to((-5.3, 1.5))),
     *_both(_LINEAR, "WANDER_TAU_S"),
-    *_both(_FACTORS, "PLACE_TAU_S"),
     Change(_FACTORS, "PLACE_BOUNDS_M", "off: 0", set_to((0.0, 1e-3))),
     Change(_FACTORS, "PLACE_BOUNDS_M", "as if nothing were stated", set_to((5.0, 5.0))),
     Change(_LEVELS, "ROBUST_INFORMATION_LOSS", "off: 1", set_to(1.0)),
@@ -109,6 +108,7 @@ CHANGES: tuple[Change, ...] = (
     Change(_NOISE, "JUMP_SCORE", "off: never", set_to(1e6)),
     Change(_NOISE, "CORRELATED_WITHIN_S", "off: 0", set_to(0.0)),
     *_both(_LINEAR, "DRIFT_TAU_S"),
+    *_both(_FACTORS, "DRIFT_TAU_S"),
     Change(_LINEAR, "ASKEW_SIGMA", "off: 0", set_to(0.0)),
     Change(_LINEAR, "SLOW_MPS", "off: 0", set_to(0.0)),
 )

@@ -17,7 +17,7 @@ from fusion.methods.profile.likelihood import (
     segment_lengths,
 )
 from fusion.methods.profile.measurements import Measurements
-from fusion.methods.profile.model import DRIFT, MOUNT, SmootherEpochs
+from fusion.methods.profile.model import DRIFT, DRIFT_TAU_S, MOUNT, SmootherEpochs
 from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath
 from fusion.network.pass_factor import PassFactor
@@ -27,9 +27,6 @@ MIN_CONFIDENCE = 0.5
 """A traversal that is less probably right than this says nothing."""
 PLACE_BOUNDS_M = (0.3, 30.0)
 """Between a lane's width and a match that is hardly one: stated accuracies are no better than the map."""
-PLACE_TAU_S = 30.0
-"""Within so long a position on the road changes by as much as it is wrong: a receiver wanders for a minute or two, its
-match onto the road jumps from bend to bend."""
 _SAME_INSTANT_S = 0.2
 
 
@@ -78,8 +75,8 @@ def pass_factors(
 def place_sigma(path: DrivenPath, fix: GnssFix) -> Floats:
     """One sigma of where each traversal lies along the road beside the ones before and after it, m.
 
-    Positions are wrong for minutes on end (``PLACE_TAU_S``): what they change by on the way is the traversal's own, by
-    one axis of the accuracy that its fixes state; what all have in common moves all heights alike.
+    Positions are wrong for as long as heights (``DRIFT_TAU_S``): what they change by on the way is the traversal's
+    own, by one axis of the accuracy that its fixes state; what all have in common moves all heights alike.
     """
     match = path.match
     stated = np.isfinite(fix.h_acc_m)
@@ -87,7 +84,7 @@ def place_sigma(path: DrivenPath, fix: GnssFix) -> Floats:
     if stated.any():
         middle = 0.5 * (match.enter_time_s + match.leave_time_s)
         radius = np.interp(middle, fix.time_s[stated], fix.h_acc_m[stated])
-    changed = -np.expm1(-np.maximum(match.leave_time_s - match.enter_time_s, 0.0) / PLACE_TAU_S)
+    changed = -np.expm1(-np.maximum(match.leave_time_s - match.enter_time_s, 0.0) / DRIFT_TAU_S)
     return np.asarray(np.clip(radius / np.sqrt(2), *PLACE_BOUNDS_M) * np.sqrt(changed))
 
 

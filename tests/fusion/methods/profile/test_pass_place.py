@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fusion.methods.profile.factors import PLACE_BOUNDS_M, PLACE_TAU_S, place_sigma
+from fusion.methods.profile.factors import PLACE_BOUNDS_M, place_sigma
 from fusion.methods.profile.likelihood import (
     PLACE_SIGMA_M,
 )
 from fusion.methods.profile.measurements import ALTITUDE, BARO
-from fusion.methods.profile.model import DRIFT, GRADE, decorrelated
+from fusion.methods.profile.model import DRIFT, DRIFT_TAU_S, GRADE, decorrelated
 from fusion.network.pass_factor import ENTRY, EXIT
 from profile_support import smoothed
 from street_drives import (
@@ -35,7 +35,7 @@ def test_a_pass_that_lies_elsewhere_sees_what_the_road_is_there(kind: str) -> No
     for k in range(len(path.match)):
         lasted_s = float(path.match.leave_time_s[k] - path.match.enter_time_s[k])
         # What every fix of this log states, along one axis, as far as it changes within the pass.
-        sigma_m = 2.0 / np.sqrt(2) * np.sqrt(1 - np.exp(-lasted_s / PLACE_TAU_S))
+        sigma_m = 2.0 / np.sqrt(2) * np.sqrt(1 - np.exp(-lasted_s / DRIFT_TAU_S))
         for at, i in enumerate(own_measurements(one, k).tolist(), start=int(data.first[k])):
             here = measured.along_m[i]
             if measured.sensor[i] in (ALTITUDE, BARO):
@@ -50,8 +50,8 @@ def test_place_is_as_sure_as_the_fixes_say_along_one_axis() -> None:
     """On passes that last so long that nothing is left of the place before them."""
     one = smoothed(drive_log("everything"), TABLE)
     match, fix = one.path.match, one.fix
-    slow = replace(match, leave_time_s=match.leave_time_s + 100 * PLACE_TAU_S)
-    slow = replace(slow, enter_time_s=slow.enter_time_s - 100 * PLACE_TAU_S)
+    slow = replace(match, leave_time_s=match.leave_time_s + 100 * DRIFT_TAU_S)
+    slow = replace(slow, enter_time_s=slow.enter_time_s - 100 * DRIFT_TAU_S)
     one = replace(one, path=replace(one.path, match=slow))
     n = len(match)
     stated = place_sigma(one.path, replace(fix, h_acc_m=np.linspace(2.0, 8.0, len(fix.time_s))))
@@ -72,8 +72,8 @@ def test_a_short_pass_lies_where_its_neighbours_do() -> None:
     one = smoothed(drive_log("everything"), TABLE)
     lasted_s = one.path.match.leave_time_s - one.path.match.enter_time_s
     sigma = place_sigma(one.path, one.fix)
-    assert np.all(sigma < 2.0 / np.sqrt(2) * np.sqrt(lasted_s / PLACE_TAU_S))
-    assert np.all(sigma > 0.9 * 2.0 / np.sqrt(2) * np.sqrt(lasted_s / (lasted_s + PLACE_TAU_S)))
+    assert np.all(sigma < 2.0 / np.sqrt(2) * np.sqrt(lasted_s / DRIFT_TAU_S))
+    assert np.all(sigma > 0.9 * 2.0 / np.sqrt(2) * np.sqrt(lasted_s / (lasted_s + DRIFT_TAU_S)))
 
 
 def test_a_height_that_jumped_on_a_pass_tells_nothing_across() -> None:
