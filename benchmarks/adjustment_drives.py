@@ -158,7 +158,7 @@ class Synthetic:
             rows, enter_s, leave_s,
             np.tile(variable, m)[order],
             np.concatenate([s[0] for s in sensors])[order],
-            np.concatenate([np.column_stack(s[1]) for s in sensors])[order],
+            np.concatenate([np.column_stack([*s[1], zero, zero]) for s in sensors])[order],
             WANDER_SIGMA * np.concatenate([s[2] for s in sensors])[order][:, None],
             np.repeat([s[3] for s in sensors], n)[order],
             value[order],

@@ -108,7 +108,8 @@ CHANGES: tuple[Change, ...] = (
     Change(_NOISE, "JUMP_SCORE", "off: never", set_to(1e6)),
     Change(_NOISE, "CORRELATED_WITHIN_S", "off: 0", set_to(0.0)),
     *_both(_LINEAR, "DRIFT_TAU_S"),
-    *_both(_FACTORS, "DRIFT_TAU_S"),
+    *_both(_FACTORS, "PLACE_TAU_S"),
+    *_both(_FACTORS, "PLACE_PART_S"),
     Change(_LINEAR, "ASKEW_SIGMA", "off: 0", set_to(0.0)),
     Change(_LINEAR, "SLOW_MPS", "off: 0", set_to(0.0)),
 )

@@ -11,9 +11,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fusion.network.equations import Blocks, Solution
-from fusion.network.pass_factor import CONSTANT_SIGMA, ENTRY, EXIT, HEIGHT_SENSORS, LAG, PassFactor
+from fusion.network.pass_factor import (
+    CONSTANT_SIGMA,
+    EAST,
+    ENTRY,
+    EXIT,
+    HEIGHT_SENSORS,
+    LAG,
+    NORTH,
+    PLACE_PART_S,
+    PLACE_TAU_S,
+    PassFactor,
+)
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
-from fusion.types import Floats
+from fusion.types import Floats, Ints
 
 PASS_FREEDOM = 4.0
 """Degrees of freedom of a pass's misfit for each of its measurements."""
@@ -57,9 +68,11 @@ class DriveBeliefs:
         out = []
         for u in self.unknowns.values():
             kinds = np.array(list(u.constants.items()), np.int64).reshape(-1, 2)
-            kinds = kinds[kinds[:, 1] != LAG]
+            kinds = kinds[~np.isin(kinds[:, 1], (LAG, EAST, NORTH))]
             sigma = np.array(CONSTANT_SIGMA)[kinds[:, 1]]
             out.append(Blocks.of_rows(kinds[:, :1], np.ones((len(kinds), 1)), 0.0, sigma**2))
+            for number, unknown in u.places():
+                out += _lasting(number, unknown)
             for s in range(len(HEIGHT_SENSORS)):
                 first = u.of_pass[u.of_pass[:, ENTRY.start + s] >= 0, ENTRY.start + s][:1]
                 out.append(
@@ -166,6 +179,17 @@ class DriveBeliefs:
             / rows
             for _, b, square, rows in self.groups
         ]
+
+
+def _lasting(number: Ints, unknown: Ints) -> list[Blocks]:
+    """Errors of positions in parts of a drive, in units of one sigma: an Ornstein-Uhlenbeck process."""
+    kept = np.exp(-PLACE_PART_S * np.diff(number) / PLACE_TAU_S)
+    pairs = np.column_stack([unknown[1:], unknown[:-1]])
+    steps = np.column_stack([np.ones(len(kept)), -kept])
+    return [
+        Blocks.of_rows(unknown[:1, None], np.ones((len(unknown[:1]), 1)), 0.0, 1.0),
+        Blocks.of_rows(pairs, steps, 0.0, 1 - kept**2),
+    ]
 
 
 def _scale(misfit: Floats) -> float:

@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from fusion.network.equations import Blocks
-from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, MOUNT, NUISANCES, PassFactor, symmetric
+from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, NUISANCES, SETTINGS, PassFactor, symmetric
 from fusion.network.road_beliefs import GRADE_SIGMA
 from fusion.network.unknowns import DriveUnknowns
 from fusion.types import Floats, Ints
@@ -26,9 +26,9 @@ FREE_INFORMATION = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ConstantsSaid:
-    """Information (n, n) and vector (n,) over constants of a drive: ``keys`` (n, 2), ascending, are (kind, mount).
+    """Information (n, n) and vector (n,) over constants of a drive: ``keys`` (n, 2), ascending, are (kind, setting).
 
-    ``kind`` is the number in ``CONSTANTS``; ``mount`` is the setting, 0 for constants that do not depend on it.
+    ``kind`` is the number in ``CONSTANTS``; the setting is 0 for constants that have none (``SETTINGS``).
     """
 
     keys: Ints
@@ -46,22 +46,22 @@ class ConstantsSaid:
         if not passes:
             return cls.nothing()
         weight = np.ones(len(passes)) if weight is None else weight
-        mount = np.array([p.mount for p in passes], np.int64)
-        mounts, number = np.unique(mount, return_inverse=True)
-        others = [kind for kind in range(len(CONSTANTS)) if kind != MOUNT]
-        keys = np.array([(MOUNT, m) for m in mounts] + [(kind, 0) for kind in others], np.int64)
+        setting = np.zeros((len(passes), len(CONSTANTS)), np.int64)
+        for kind, name in SETTINGS.items():
+            setting[:, kind] = [getattr(p, name) for p in passes]
+        every = np.stack([np.broadcast_to(np.arange(len(CONSTANTS)), setting.shape), setting], axis=2)
+        keys, number = np.unique(every.reshape(-1, 2), axis=0, return_inverse=True)
+        number = number.reshape(setting.shape)
         information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
         size = np.array([len(p.vector) for p in passes])
         for n in np.unique(size):
             mine = np.flatnonzero(size == n)
             said, right = _marginals([passes[k] for k in mine.tolist()], weight[mine])
-            at = np.empty((len(mine), len(CONSTANTS)), np.int64)
-            at[:, MOUNT] = number[mine]
-            at[:, others] = len(mounts) + np.arange(len(others))
+            at = number[mine]
             np.add.at(information, (at[:, :, None], at[:, None, :]), said)
             np.add.at(vector, at, right)
         kept = np.diagonal(information) > 0
-        order = np.flatnonzero(kept)[np.lexsort(keys[kept].T[::-1])]
+        order = np.flatnonzero(kept)
         return cls(keys[order], information[np.ix_(order, order)], vector[order])
 
     def __add__(self, other: ConstantsSaid) -> ConstantsSaid:
@@ -115,7 +115,7 @@ class ConstantsSaid:
 
 
 def _marginals(passes: Sequence[PassFactor], weight: Floats) -> tuple[Floats, Floats]:
-    """Information (m, 4, 4) and vector (m, 4) of each pass over ``CONSTANTS``; all over equally many knots."""
+    """Information (m, k, k) and vector (m, k) of each pass over the k ``CONSTANTS``; all over equally many knots."""
     whole = weight[:, None, None] * np.array([p.information for p in passes])
     right = weight[:, None] * np.array([p.vector for p in passes])
     n = whole.shape[1]

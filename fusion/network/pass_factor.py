@@ -17,30 +17,37 @@ import numpy as np
 
 from fusion.types import Bools, Floats
 
-CONSTANTS = ("mount pitch", "force bias", "squat", "altimeter lag")
-"""Unknowns of a drive: grade, grade, grade per m/s^2, seconds."""
-CONSTANT_SIGMA = (0.3, 0.03, 0.005, 4.0)
+CONSTANTS = ("mount pitch", "force bias", "squat", "altimeter lag", "place east", "place north")
+"""Unknowns of a drive: grade, grade, grade per m/s^2, seconds; and of a part of it, the error of its positions in units
+of one sigma."""
+CONSTANT_SIGMA = (0.3, 0.03, 0.005, 4.0, 1.0, 1.0)
 """What is believed of each before the drive: nothing worth the name of the mount and the lag; a bias of 0.3 m/s^2 and
 squat of half a degree a m/s^2 are large ones (spec 7)."""
+PLACE_PART_S, PLACE_TAU_S = 30.0, 120.0
+"""Parts of a drive over which the error of its positions is taken for one, and how long that error lasts: as long as
+that of GNSS heights (spec 7), so that it changes little within a part."""
 HEIGHT_SENSORS = ("altitude", "barometer")
 """Sensors of height whose errors walk at random, m: one unknown each where a pass begins and where it ends."""
-MOUNT, BIAS, SQUAT, LAG = range(4)
-ENTRY = slice(4, 6)
-EXIT = slice(6, 8)
-NUISANCES = 8
+MOUNT, BIAS, SQUAT, LAG, EAST, NORTH = range(6)
+SETTINGS = {MOUNT: "mount", EAST: "place", NORTH: "place"}
+"""Constants that hold for passes with equal numbers only, and the name of that number; the others for the drive."""
+ENTRY = slice(6, 8)
+EXIT = slice(8, 10)
+NUISANCES = 10
 """The drive's unknowns behind the knots: the constants, then the height errors at entry, then those at exit."""
 
-_HEAD = 12
+_HEAD = 13
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PassFactor:
     """A likelihood exp(-(square - 2 vector' x + x' information x) / 2) over the knots of ``segment`` and ``NUISANCES``.
 
-    ``rows`` is how many measurements it sums. ``sequence`` numbers the passes of a drive in the order of driving, and
-    ``mount`` its settings of the mount: passes with equal numbers share the unknown. ``walk_m2_per_s`` are the
-    variances by which the errors of ``HEIGHT_SENSORS`` move in a second. ``start_m`` to ``end_m`` is the driven part,
-    metres from from_node. ``roughness`` is the variance of the grade's change per metre that the drive learned (1/m).
+    ``rows`` is how many measurements it sums. ``sequence`` numbers the passes of a drive in the order of driving,
+    ``mount`` its settings of the mount, ``place`` the parts of the drive over which the error of its positions is taken
+    for one: passes with equal numbers share the unknown. ``walk_m2_per_s`` are the variances by which the errors of
+    ``HEIGHT_SENSORS`` move in a second. ``start_m`` to ``end_m`` is the driven part, metres from from_node.
+    ``roughness`` is the variance of the grade's change per metre that the drive learned (1/m).
     """
 
     segment: int
@@ -57,6 +64,7 @@ class PassFactor:
     observations: int
     first_time_s: float
     last_time_s: float
+    place: int = 0
     lag_s: float = 0.0
     """How late the altimeter was taken for when its heights were put in their places"""
 
@@ -66,7 +74,7 @@ class PassFactor:
 
     @property
     def used(self) -> Bools:
-        """Which of ``NUISANCES`` the factor speaks of, shape (8,)."""
+        """Which of ``NUISANCES`` the factor speaks of, shape (``NUISANCES``,)."""
         return np.asarray(np.diagonal(self.information)[-NUISANCES:] > 0, np.bool_)
 
     def encode(self) -> bytes:
@@ -75,9 +83,9 @@ class PassFactor:
         information = self.information[np.ix_(kept, kept)]
         numbers = [
             self.mount, self.square, self.rows, *self.walk_m2_per_s, self.start_m, self.end_m, self.roughness,
-            self.observations, self.first_time_s, self.last_time_s, self.lag_s,
+            self.observations, self.first_time_s, self.last_time_s, self.place, self.lag_s,
         ]  # fmt: skip
-        mask = float(np.packbits(self.used)[0])
+        mask = float(self.used @ _BITS)
         upper = information[np.triu_indices(len(information))]
         return np.concatenate([numbers, [mask], self.vector[kept], upper]).astype("<f8").tobytes()
 
@@ -96,23 +104,24 @@ class PassFactor:
         for members in alike.values():
             numbers, vector, information = _unpacked([stored[k][0] for k in members])
             for at, k in enumerate(members):
-                mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last, lag = (
-                    numbers[at]
-                )
+                (
+                    mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last, place, lag,
+                ) = numbers[at]  # fmt: skip
                 out[k] = cls(
                     stored[k][1], stored[k][2], int(mount), information[at], vector[at], square, int(rows),
-                    (walk_a, walk_b), start, end, roughness, int(observations), first, last, lag,
+                    (walk_a, walk_b), start, end, roughness, int(observations), first, last, int(place), lag,
                 )  # fmt: skip
         return [out[k] for k in range(len(stored))]
 
 
+_BITS = 1 << np.arange(NUISANCES)
 _BUT_SEGMENT = attrgetter(*(f.name for f in fields(PassFactor)[1:]))
 
 
 def _unpacked(data: Sequence[bytes]) -> tuple[list[list[float]], Floats, Floats]:
     """The leading numbers, the vectors and the information matrices of m stored factors of one shape."""
     values = np.frombuffer(b"".join(data), "<f8").astype(np.float64).reshape(len(data), -1)
-    used = np.unpackbits(np.array([int(values[0, _HEAD])], np.uint8)).astype(bool)
+    used = (int(values[0, _HEAD]) & _BITS) > 0
     left = values.shape[1] - _HEAD - 1
     count = int((np.sqrt(9 + 8 * left) - 3) / 2 + 0.5)  # count + count (count + 1) / 2 numbers are left
     kept = np.flatnonzero(np.concatenate([np.ones(count - int(used.sum()), bool), used]))

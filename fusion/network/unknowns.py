@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fusion.network.curve import interval_count, knot_length
-from fusion.network.pass_factor import CONSTANTS, ENTRY, LAG, MOUNT, NUISANCES, PassFactor
+from fusion.network.pass_factor import CONSTANTS, EAST, ENTRY, LAG, NORTH, NUISANCES, SETTINGS, PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
@@ -49,18 +49,22 @@ class DriveUnknowns:
     """The unknowns of one drive behind ``begin``: constants that its passes speak of, and height errors pass by pass.
 
     ``of_pass`` has shape (passes, ``NUISANCES``), -1 where a pass does not speak of the unknown. ``keys`` are the
-    unknowns of constants by (number in ``CONSTANTS``, setting of the mount), ``constants`` maps them to that number.
+    unknowns of constants by (number in ``CONSTANTS``, setting: ``SETTINGS``), ``constants`` maps them to that number.
     """
 
     def __init__(self, passes: Sequence[PassFactor], begin: int) -> None:
         self.begin = begin
         said = [p.information.diagonal()[-NUISANCES:] for p in passes]
         used = np.array(said, float).reshape(-1, NUISANCES) > 0
-        mount = np.array([p.mount for p in passes], np.int64)
+        setting_of = {
+            name: np.array([getattr(p, name) for p in passes], np.int64) for name in set(SETTINGS.values())
+        }
         new, first_of = used.copy(), {}
         for kind in range(len(CONSTANTS)):
             speak = np.flatnonzero(used[:, kind])
-            setting = mount[speak] if kind == MOUNT else np.zeros(len(speak), np.int64)
+            setting = (
+                setting_of[SETTINGS[kind]][speak] if kind in SETTINGS else np.zeros(len(speak), np.int64)
+            )
             _, first, which = np.unique(setting, return_index=True, return_inverse=True)
             new[:, kind] = False
             new[speak[first], kind] = True
@@ -70,7 +74,7 @@ class DriveUnknowns:
         for kind, (speak, first) in first_of.items():
             self.of_pass[speak, kind] = number[first, kind]
         self.keys = {
-            (kind, int(mount[k]) if kind == MOUNT else 0): int(number[k, kind])
+            (kind, int(setting_of[SETTINGS[kind]][k]) if kind in SETTINGS else 0): int(number[k, kind])
             for k, kind in np.argwhere(new[:, : len(CONSTANTS)]).tolist()
         }
         self.constants = {unknown: kind for (kind, _), unknown in self.keys.items()}
@@ -80,6 +84,15 @@ class DriveUnknowns:
     def lag(self) -> int | None:
         """The unknown that is the altimeter's lag, if any pass speaks of it."""
         return next((unknown for unknown, kind in self.constants.items() if kind == LAG), None)
+
+    def places(self) -> list[tuple[Ints, Ints]]:
+        """East and north: numbers of the parts of the drive, ascending, and the unknowns of each, (m,)."""
+        found = []
+        for kind in (EAST, NORTH):
+            mine = sorted((setting, unknown) for (k, setting), unknown in self.keys.items() if k == kind)
+            number, unknown = np.array(mine, np.int64).reshape(-1, 2).T
+            found.append((number, unknown))
+        return found
 
     def joints(self, sensor: int) -> tuple[Ints, Ints]:
         """Passes k and j, neighbours in the order of driving, that both know the error of a height sensor."""

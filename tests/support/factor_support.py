@@ -9,7 +9,7 @@ import numpy as np
 
 from fusion.frames import LocalProjection
 from fusion.network.curve import grade_rows, height_rows, knot_length, variable_count
-from fusion.network.pass_factor import BIAS, ENTRY, EXIT, LAG, MOUNT, NUISANCES, PassFactor
+from fusion.network.pass_factor import BIAS, EAST, ENTRY, EXIT, LAG, MOUNT, NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
 
 PLANE = LocalProjection(8.5, 49.0)
@@ -18,6 +18,7 @@ Profile = Callable[[int, np.ndarray], np.ndarray]
 """Height (m) or grade (1) of a row at distances along it, metres from from_node."""
 START_S = 1.7e9
 SPEED_MPS = 10.0
+POSITION_SIGMA_M = 3.0
 
 
 def roads(
@@ -114,7 +115,8 @@ class Sensors:
     """What a vehicle of ``driven`` carries: one sigma of each error (NaN: it has no such sensor), and what it hides.
 
     ``doppler``, ``pitch``, ``force``: grades; ``altitude_m``, ``pressure_m``: white errors of heights, which walk
-    besides by ``walk_m2_per_s``. ``mount``, ``bias``: of every pitch and every force; ``lag_s``: of the altitudes.
+    besides by ``walk_m2_per_s``. ``mount``, ``bias``: of every pitch and every force; ``lag_s``: of the altitudes;
+    ``farther_m``: of all positions, to the east, where every street leads (0: they are known to be right).
     """
 
     doppler: float = 0.02
@@ -126,6 +128,7 @@ class Sensors:
     mount: float = 0.0
     bias: float = 0.0
     lag_s: float = np.nan
+    farther_m: float = 0.0
     speed_mps: float = SPEED_MPS
     every_m: float = 8.0
 
@@ -186,6 +189,8 @@ def _slopes(
             if constant is not None:
                 design[:, knots + constant] = 1.0
             value = true_grade(height, row, at) + hidden + level * rng.normal(size=count)
+            design[:, knots + EAST] = POSITION_SIGMA_M * true_bend(height, row, at) * bool(sensors.farther_m)
+            value = value + design[:, knots + EAST] * sensors.farther_m / POSITION_SIGMA_M
             out.append((design, value, np.full(count, level)))
     return out
 
@@ -217,6 +222,8 @@ def _heights(
         if s == 0 and np.isfinite(sensors.lag_s):
             design[:, knots + LAG] = -true_grade(height, row, at) * sensors.speed_mps
             value = value + design[:, knots + LAG] * sensors.lag_s
+        design[:, knots + EAST] = POSITION_SIGMA_M * true_grade(height, row, at) * bool(sensors.farther_m)
+        value = value + design[:, knots + EAST] * sensors.farther_m / POSITION_SIGMA_M
         chain = np.concatenate([[knots + ENTRY.start + s], mine, [knots + EXIT.start + s]])
         steps = np.zeros((count + 1, design.shape[1]))
         steps[np.arange(count + 1), chain[:-1]] -= 1.0
@@ -228,6 +235,11 @@ def _heights(
 def true_grade(height: Profile, row: int, at: np.ndarray, step_m: float = 0.01) -> np.ndarray:
     """The derivative of a profile."""
     return (height(row, at + step_m) - height(row, at - step_m)) / (2 * step_m)
+
+
+def true_bend(height: Profile, row: int, at: np.ndarray, step_m: float = 0.1) -> np.ndarray:
+    """The derivative of its grade, 1/m."""
+    return (height(row, at + step_m) + height(row, at - step_m) - 2 * height(row, at)) / step_m**2
 
 
 def integrated(

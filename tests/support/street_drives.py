@@ -8,12 +8,12 @@ import numpy as np
 
 from factor_support import street
 from fusion.methods.profile.factors import MIN_CONFIDENCE, pass_factors, place_sigma
-from fusion.methods.profile.likelihood import (
+from fusion.methods.profile.measurements import TERRAIN
+from fusion.methods.profile.traversals import (
     Altimeter,
     OnTraversals,
     on_traversals,
 )
-from fusion.methods.profile.measurements import TERRAIN
 from fusion.network.pass_factor import PassFactor
 from fusion.types import DriveLog
 from profile_support import Levels, Smoothed, hills, pressure_of, street_log
@@ -55,8 +55,8 @@ def factors_of(one: Smoothed, altimeter: Altimeter = NONE) -> list[PassFactor]:
 
 
 def data_of(one: Smoothed, altimeter: Altimeter = NONE) -> OnTraversals:
-    place_m = place_sigma(one.path, one.fix)
-    return on_traversals(one.measured, one.epochs, one.learned, one.path, altimeter, place_m)
+    own_m, common_m = place_sigma(one.path, one.fix)
+    return on_traversals(one.measured, one.epochs, one.learned, one.path, altimeter, own_m, common_m)
 
 
 def traversals(one: Smoothed) -> list[int]:

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.methods.profile.likelihood import (
+from fusion.methods.profile.likelihood import likelihoods
+from fusion.methods.profile.measurements import Measurements
+from fusion.methods.profile.model import DRIFT, MOUNT, SmootherEpochs
+from fusion.methods.profile.noise import Learned
+from fusion.methods.profile.path import DrivenPath
+from fusion.methods.profile.traversals import (
     PLACE_SIGMA_M,
     Altimeter,
     OnTraversals,
-    likelihoods,
     on_traversals,
     segment_lengths,
 )
-from fusion.methods.profile.measurements import Measurements
-from fusion.methods.profile.model import DRIFT, DRIFT_TAU_S, MOUNT, SmootherEpochs
-from fusion.methods.profile.noise import Learned
-from fusion.methods.profile.path import DrivenPath
-from fusion.network.pass_factor import PassFactor
+from fusion.network.pass_factor import PLACE_PART_S, PLACE_TAU_S, PassFactor
 from fusion.types import Bools, Floats, GnssFix, Ints
 
 MIN_CONFIDENCE = 0.5
@@ -39,12 +39,13 @@ def pass_factors(
     fix: GnssFix,
 ) -> list[PassFactor]:
     """The factors of all traversals that are probably right and were recorded whole, in driving order."""
-    data = on_traversals(measured, epochs, learned, path, altimeter, place_sigma(path, fix))
+    own, common = place_sigma(path, fix)
+    data = on_traversals(measured, epochs, learned, path, altimeter, own, common)
     walk = (learned.noise.drift, learned.noise.baro_drift)
     summed = likelihoods(data, path, walk, _times_of(epochs, learned, DRIFT))
     mount = _mount(path, _times_of(epochs, learned, MOUNT))
     length, scale = segment_lengths(path)
-    match, found = path.match, []
+    match, found, place = path.match, [], _place(path)
     for k in np.flatnonzero(_usable(path)).tolist():
         information, vector = summed.of(k)
         weight = float(match.confidence[k])
@@ -66,17 +67,19 @@ def pass_factors(
                 observations=_instants(data, rows),
                 first_time_s=float(match.enter_time_s[k]),
                 last_time_s=float(match.leave_time_s[k]),
+                place=int(place[k]),
                 lag_s=altimeter.lag_s,
             )
         )
     return found
 
 
-def place_sigma(path: DrivenPath, fix: GnssFix) -> Floats:
-    """One sigma of where each traversal lies along the road beside the ones before and after it, m.
+def place_sigma(path: DrivenPath, fix: GnssFix) -> tuple[Floats, Floats]:
+    """How far the n traversals lie from where they are thought, m: (n,) by itself each, and (n, 2) farther along the
+    road for one sigma of what its part of the drive has in common, to the east and to the north.
 
-    Positions are wrong for as long as heights (``DRIFT_TAU_S``): what they change by on the way is the traversal's
-    own, by one axis of the accuracy that its fixes state; what all have in common moves all heights alike.
+    Positions are wrong for as long as heights (``PLACE_TAU_S``), by one axis of the accuracy that fixes state; what
+    they change by on the way is the traversal's own.
     """
     match = path.match
     stated = np.isfinite(fix.h_acc_m)
@@ -84,8 +87,18 @@ def place_sigma(path: DrivenPath, fix: GnssFix) -> Floats:
     if stated.any():
         middle = 0.5 * (match.enter_time_s + match.leave_time_s)
         radius = np.interp(middle, fix.time_s[stated], fix.h_acc_m[stated])
-    changed = -np.expm1(-np.maximum(match.leave_time_s - match.enter_time_s, 0.0) / DRIFT_TAU_S)
-    return np.asarray(np.clip(radius / np.sqrt(2), *PLACE_BOUNDS_M) * np.sqrt(changed))
+    axis = np.clip(radius / np.sqrt(2), *PLACE_BOUNDS_M)
+    kept = np.exp(-np.maximum(match.leave_time_s - match.enter_time_s, 0.0) / PLACE_TAU_S)
+    heading = path.network.heading_rad[match.segment] + np.where(match.forward, 0.0, np.pi)
+    along = np.column_stack([np.cos(heading), np.sin(heading)])
+    return np.asarray(axis * np.sqrt(1 - kept)), np.asarray((axis * np.sqrt(kept))[:, None] * along)
+
+
+def _place(path: DrivenPath) -> Ints:
+    """The number of the part of the drive, ``PLACE_PART_S`` long, in which each traversal has its middle."""
+    middle = 0.5 * (path.match.enter_time_s + path.match.leave_time_s)
+    begin_s = path.match.enter_time_s.min(initial=np.inf)
+    return np.asarray(np.floor((middle - begin_s) / PLACE_PART_S), np.int64)
 
 
 def _usable(path: DrivenPath) -> Bools:

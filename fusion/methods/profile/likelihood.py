@@ -13,125 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
-from fusion.methods.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN, Measurements
-from fusion.methods.profile.model import (
-    BIAS,
-    DRIFT,
-    GRADE,
-    JUMP_SIGMA,
-    MOUNT,
-    SQUAT,
-    SmootherEpochs,
-    decorrelated,
-    design,
-)
-from fusion.methods.profile.noise import Learned
+from fusion.methods.profile.model import DRIFT, JUMP_SIGMA
 from fusion.methods.profile.path import DrivenPath
-from fusion.network.curve import (
-    grade_variance,
-    grade_weights,
-    height_variance,
-    height_weights,
-    knot_length,
-    variable_count,
-)
+from fusion.methods.profile.traversals import OnTraversals, segment_lengths
+from fusion.network.curve import variable_count
 from fusion.network.pass_factor import NUISANCES
 from fusion.types import Floats, Ints
-
-PLACE_SIGMA_M = 5.0
-"""Error of a pass's place along the road where the log states none: an ordinary receiver's (spec 7)."""
-_BEND_OVER_M = 10.0
-"""Changes of grade with place are taken over so far to either side."""
-
-
-@dataclass(frozen=True)
-class Altimeter:
-    """The sensor of height that may be late: its code (-1: none is), and how late it was taken for, s."""
-
-    sensor: int = -1
-    lag_s: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class OnTraversals:
-    """The m measurements on a drive's traversals in the order of driving, ready to be summed; columns of shape (m,).
-
-    ``variable`` and ``weights`` (m, 4): the first of four knot variables in each and their weights. ``constants``
-    (m, 4): what each sees of ``fusion.network.pass_factor.CONSTANTS``; ``passing`` (m, 2): of the mount's wander and of
-    the place along the road, in units of one sigma, each of the pass alone.
-    ``height_sensor``: 0 or 1 for those of ``HEIGHT_SENSORS``, else -1. ``variance`` has robust weights in it and
-    what the knots leave open. ``first`` (n + 1,): where each traversal's measurements begin.
-    """
-
-    variable: Ints
-    weights: Floats
-    constants: Floats
-    passing: Floats
-    height_sensor: Ints
-    value: Floats
-    variance: Floats
-    time_s: Floats
-    first: Ints
-
-
-def on_traversals(
-    measured: Measurements,
-    epochs: SmootherEpochs,
-    learned: Learned,
-    path: DrivenPath,
-    altimeter: Altimeter,
-    place_sigma_m: Floats,
-) -> OnTraversals:
-    """Bring a drive's measurements to its traversals; terrain heights stay out, as the network has the DEM itself."""
-    clean, share = decorrelated(measured, learned.noise)
-    traversal, distance = path.match.position_on(measured.along_m)
-    keep = np.flatnonzero((measured.sensor != TERRAIN) & (traversal >= 0))
-    keep = keep[np.lexsort((measured.time_s[keep], traversal[keep]))]
-    sensor, traversal, share = measured.sensor[keep], traversal[keep], share[keep]
-    length, scale = segment_lengths(path)
-    length, distance = length[traversal], distance[keep] * scale[traversal]
-    is_height = np.isin(sensor, (ALTITUDE, BARO))
-    forward = np.where(path.match.forward[traversal], 1.0, -1.0)
-    variable, height = height_weights(distance, length)
-    _, grade = grade_weights(distance, length)
-    q = learned.noise.roughness
-    seen = design(measured, decorrelated(measured, learned.noise)[1])[keep]
-    # A height that is late by tau, taken for late by lag_s: y = H - climb (tau - lag_s). The unknown is tau.
-    smoothed, along = learned.smoothed.mean[:, GRADE], measured.along_m[keep]
-    grades = smoothed[epochs.of_measurement[keep]]
-    before, after = (np.interp(along + d, epochs.along_m, smoothed) for d in (-_BEND_OVER_M, _BEND_OVER_M))
-    bend = (after - before) / (2 * _BEND_OVER_M)
-    climb = grades * measured.speed_mps[keep]
-    late = np.where(sensor == altimeter.sensor, -climb, 0.0)
-    return OnTraversals(
-        variable=variable,
-        weights=np.where(is_height[:, None], height, (forward * (1 - share))[:, None] * grade),
-        constants=np.column_stack([seen[:, MOUNT], seen[:, BIAS], seen[:, SQUAT], late]),
-        passing=np.column_stack(
-            [
-                learned.noise.wander * np.select([sensor == PITCH, sensor == FORCE], [1.0, 1 - share], 0.0),
-                place_sigma_m[traversal] * np.where(is_height, grades, (1 - share) * bend),
-            ]
-        ),
-        height_sensor=np.select([sensor == ALTITUDE, sensor == BARO], [0, 1], -1),
-        value=clean.value[keep] + late * altimeter.lag_s,
-        variance=ROBUST_INFORMATION_LOSS * learned.variance[keep]
-        + np.where(
-            is_height,
-            height_variance(distance, length, q),
-            (1 - share) ** 2 * grade_variance(distance, length, q),
-        ),
-        time_s=measured.time_s[keep],
-        first=np.searchsorted(traversal, np.arange(len(path.match) + 1)),
-    )
-
-
-def segment_lengths(path: DrivenPath) -> tuple[Floats, Floats]:
-    """For each traversal the length that the knots assume, m, and that length over the network's; shape (n,)."""
-    segment = path.match.segment
-    length = knot_length(path.network.table.length_m[segment])
-    return length, length / np.maximum(path.network.length_m[segment], 1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,20 +84,20 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
 ) -> None:
     """Fill ``information``, ``vector`` and ``square`` (see ``Likelihoods``) from the measurements of each pass.
 
-    The unknowns of a pass are the knots, four constants, two height errors at entry and two now, which are those at
+    The unknowns of a pass are the knots, the constants, two height errors at entry and two now, which are those at
     exit when all is summed, and behind them the wander of the mount, which is integrated out.
     """
     present = np.zeros(2, np.bool_)
     for i in range(len(value)):
         if height_sensor[i] >= 0:
             present[height_sensor[i]] = True
-    own = passing.shape[1]
-    column, weight_of = np.empty(9 + own, np.int64), np.empty(9 + own)
+    own, shared = passing.shape[1], NUISANCES - 4
+    column, weight_of = np.empty(5 + shared + own, np.int64), np.empty(5 + shared + own)
     start = 0
     row = 0
     for k in range(len(size)):
         n = size[k]
-        knots = n - 8
+        knots = n - NUISANCES
         matrix, right = np.zeros((n + own, n + own)), np.zeros(n + own)
         for a in range(own):
             matrix[n + a, n + a] = 1.0
@@ -219,7 +106,7 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
         for s in range(2):
             if present[s]:
                 # Entry and now are one at first: a step that hardly moves joins them.
-                entry, now = knots + 4 + s, knots + 6 + s
+                entry, now = knots + shared + s, knots + shared + 2 + s
                 joined = 1.0 / 1e-8
                 matrix[entry, entry] = matrix[now, now] = joined
                 matrix[entry, now] = matrix[now, entry] = -joined
@@ -233,7 +120,7 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
                         for jump in jumps_s:
                             if last[s] < jump <= until:
                                 moved += jump_m2
-                    total = step(matrix, right, total, knots + 6 + s, moved)
+                    total = step(matrix, right, total, knots + shared + 2 + s, moved)
                     last[s] = max(last[s], until)
             if ending:
                 break
@@ -241,12 +128,12 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
             for a in range(4):
                 column[count], weight_of[count] = variable[i] + a, weights[i, a]
                 count += 1
-            for a in range(4):
+            for a in range(shared):
                 if constants[i, a] != 0.0:
                     column[count], weight_of[count] = knots + a, constants[i, a]
                     count += 1
             if height_sensor[i] >= 0:
-                column[count], weight_of[count] = knots + 6 + height_sensor[i], 1.0
+                column[count], weight_of[count] = knots + shared + 2 + height_sensor[i], 1.0
                 count += 1
             for a in range(own):
                 if passing[i, a] != 0.0:

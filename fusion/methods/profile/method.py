@@ -15,7 +15,6 @@ from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.profile.factors import pass_factors
 from fusion.methods.profile.levels import prior_noise
-from fusion.methods.profile.likelihood import Altimeter
 from fusion.methods.profile.measurements import (
     ALTITUDE,
     BARO,
@@ -29,6 +28,7 @@ from fusion.methods.profile.noise import Learned, learn
 from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.methods.profile.report import drive_report
 from fusion.methods.profile.track import build_track, drawn_measurements
+from fusion.methods.profile.traversals import Altimeter
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import heights_at

@@ -148,6 +148,48 @@ def test_drives_of_the_former_model_wait_for_another_run_and_stay_published(blan
     engine.dispose()
 
 
+_DATA_OF_0005 = (
+    _DATA_OF_0001
+    + """
+    UPDATE drive_segments SET in_network = true;
+    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, accepted)
+        SELECT id, 1, 0, 1.7e9, decode('00ff', 'hex'), true FROM drives;
+    INSERT INTO drive_constants (drive_id, passes, said, measurements, epoch_s)
+        SELECT id, 1, decode('00ff', 'hex'), 7, decode('00ff', 'hex') FROM drives;
+    INSERT INTO network_slopes (segment_id, slope_percent, slope_sigma_percent, drives, observations)
+        VALUES (1, 2.5, 0.5, 1, 7);
+    INSERT INTO drives (id, sha256, filename, size_bytes, blob_key, status, method, options)
+        VALUES ('00000000-0000-0000-0000-000000000002', 'y', 'g', 1, 'l', 'done', 'raw', '{}');
+"""
+)
+
+
+def test_passes_without_a_place_are_computed_again_and_their_slopes_stay(blank_database_url: str) -> None:
+    migrate.upgrade(blank_database_url, "0005")
+    engine = create_engine(blank_database_url)
+
+    def rows(query: str) -> list[tuple[object, ...]]:
+        with engine.connect() as connection:
+            return [tuple(row) for row in connection.execute(text(query))]
+
+    def assert_waiting(generation: int) -> None:
+        assert rows("SELECT method, status, generation FROM drives ORDER BY id") == [
+            ("particle", "queued", generation),
+            ("raw", "done", 1),
+        ]
+        assert rows("SELECT slope_percent, drives FROM segment_slopes") == [(2.5, 1)]
+        for table in ("network_slopes", "drive_passes", "drive_constants"):
+            assert rows(f"SELECT * FROM {table}") == []
+
+    with engine.begin() as connection:
+        connection.execute(text(_DATA_OF_0005))
+    migrate.upgrade(blank_database_url)
+    assert_waiting(2)
+    migrate.downgrade(blank_database_url, "0005")
+    assert_waiting(2)
+    engine.dispose()
+
+
 def test_tracks_from_before_measurements_were_kept_stay(blank_database_url: str) -> None:
     migrate.upgrade(blank_database_url, "0002")
     engine = create_engine(blank_database_url)

@@ -9,7 +9,7 @@ import pytest
 
 from accuracy.constants import CHANGES, LEFT_OUT, Change, changed, module_of, places, set_to, times
 from factor_support import street
-from fusion.methods.profile import levels, likelihood
+from fusion.methods.profile import levels, traversals
 from fusion.network import published
 from fusion.network.adjust import adjust
 from street_support import EVERYTHING, ride
@@ -47,7 +47,7 @@ def test_every_constant_of_the_model_is_tried_or_has_a_reason() -> None:
 
 def test_a_constant_is_changed_wherever_it_is_imported() -> None:
     (change,) = (c for c in CHANGES if c.label == "ROBUST_INFORMATION_LOSS off: 1")
-    assert set(places(change)) == {levels, likelihood}
+    assert set(places(change)) == {levels, traversals}
 
 
 def test_a_change_is_felt_and_its_end_too() -> None:

@@ -100,6 +100,17 @@ def test_a_mount_that_moved_between_two_passes() -> None:
     assert_as_dense(table, {0: moved})
 
 
+@pytest.mark.parametrize("parts", [(0, 0, 0, 0), (0, 0, 1, 5), (3, 0, 0, 2)])
+def test_positions_that_are_wrong_together(parts: tuple[int, ...]) -> None:
+    table = street(40.0, 50.0, 60.0, 30.0)
+    sensors = replace(EVERYTHING, farther_m=4.0)
+    drives = {
+        seed: [replace(p, place=part) for p, part in zip(ride(table, sensors, seed), parts, strict=True)]
+        for seed in (3, 7)
+    }
+    assert_as_dense(table, drives)
+
+
 def test_a_terrain_model_beside_drives() -> None:
     table = street(60.0, 45.0, 70.0, 30.0, 80.0, 55.0)
     drives = {0: ride(table, EVERYTHING, 1, (0, 1, 2)), 1: ride(table, EVERYTHING, 2, (2, 3))}
@@ -139,9 +150,12 @@ def test_any_small_network(seed: int) -> None:
             sensors = Sensors(
                 quality, *np.where(has, [0.01, 0.02, 0.4, 0.1], np.nan).tolist(),
                 mount=float(0.05 * rng.normal()), lag_s=2.0 if rng.random() < 0.5 else np.nan,
+                farther_m=3.0 if rng.random() < 0.5 else 0.0,
             )  # fmt: skip
             passes = driven(table, rows, lambda row, at: 100 + 2 * np.sin(row + at / 40), sensors, rng)
-            drives[number] = [replace(p, roughness=rough, mount=k // 3) for k, p in enumerate(passes)]
+            drives[number] = [
+                replace(p, roughness=rough, mount=k // 3, place=k // 2) for k, p in enumerate(passes)
+            ]
             continue
         drives[number] = []
         for k, row in enumerate(rows):

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from factor_support import Sensors, driven, graded, roads, steady, street
+from factor_support import POSITION_SIGMA_M, Sensors, driven, graded, roads, steady, street
 from fusion.network import published
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
@@ -280,9 +280,10 @@ def test_many_drives_over_a_long_hilly_road_stay_solvable() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [1, 4])
-def test_true_slopes_lie_within_sigma_as_often_as_sigma_says(count: int) -> None:
-    """Roads drawn from the prior, driven with known noise; the map's nodes lie where they are said to be not."""
+@pytest.mark.parametrize(("count", "wrong"), [(1, False), (4, False), (4, True)])
+def test_true_slopes_lie_within_sigma_as_often_as_sigma_says(count: int, wrong: bool) -> None:
+    """Roads drawn from the prior, driven with known noise; the map's nodes lie where they are said to be not, and so do
+    all positions of a drive where these are ``wrong``."""
     rng = np.random.default_rng(12)
     ratio = []
     for _ in range(30):
@@ -295,7 +296,10 @@ def test_true_slopes_lie_within_sigma_as_often_as_sigma_says(count: int) -> None
         drives = {
             d: driven(
                 table, range(12), lambda row, x, e=edge, a=at, h=height: np.interp(e[row] + x, a, h),  # type: ignore[misc]
-                replace(EVERYTHING, mount=float(0.05 * rng.normal()), bias=float(0.01 * rng.normal())), rng,
+                replace(
+                    EVERYTHING, mount=float(0.05 * rng.normal()), bias=float(0.01 * rng.normal()),
+                    farther_m=float(POSITION_SIGMA_M * rng.normal()) if wrong else 0.0,
+                ), rng,
             )
             for d in range(count)
         }  # fmt: skip

@@ -18,7 +18,7 @@ from fusion.network.drive_beliefs import (
     DriveBeliefs,
 )
 from fusion.network.equations import EquationSystem
-from fusion.network.pass_factor import ENTRY, EXIT, PassFactor
+from fusion.network.pass_factor import ENTRY, EXIT, NUISANCES, PassFactor
 from fusion.network.road_beliefs import RoadBeliefs
 from fusion.roads.table import RoadTable
 from street_support import EVERYTHING, true_percent
@@ -53,7 +53,8 @@ def lifted(passes: Sequence[PassFactor], sensor: int, metres: float) -> list[Pas
     out = []
     for one in passes:
         shift = np.zeros(len(one.vector))
-        shift[[len(shift) - 8 + ENTRY.start + sensor, len(shift) - 8 + EXIT.start + sensor]] = metres
+        own = len(shift) - NUISANCES
+        shift[[own + ENTRY.start + sensor, own + EXIT.start + sensor]] = metres
         moved = one.information @ shift
         square = one.square + 2 * one.vector @ shift + shift @ moved
         out.append(replace(one, vector=one.vector + moved, square=float(square)))

@@ -61,7 +61,7 @@ def assert_same(left: PassFactor, right: PassFactor) -> None:
     walk=st.tuples(numbers, numbers),
     lag_s=st.floats(0, 10),
     time_s=st.floats(0, 4e9),
-    counts=st.tuples(*[st.integers(0, 10**9)] * 3),
+    counts=st.tuples(*[st.integers(0, 10**9)] * 4),
 )
 def test_what_is_encoded_comes_back_bit_by_bit(
     seed: int,
@@ -71,11 +71,11 @@ def test_what_is_encoded_comes_back_bit_by_bit(
     walk: tuple[float, float],
     lag_s: float,
     time_s: float,
-    counts: tuple[int, int, int],
+    counts: tuple[int, int, int, int],
 ) -> None:
     factor = factor_of(
         seed, 2 * (intervals + 1), used, square=square, walk_m2_per_s=walk, lag_s=lag_s, first_time_s=time_s,
-        observations=counts[0], rows=counts[1], mount=counts[2],
+        observations=counts[0], rows=counts[1], mount=counts[2], place=counts[3],
     )  # fmt: skip
     data = factor.encode()
     again = PassFactor.decode(data, 7, 3)
@@ -94,9 +94,9 @@ def test_the_place_of_a_pass_is_not_in_its_bytes() -> None:
 
 @given(used=masks)
 def test_a_factor_is_as_large_as_what_it_speaks_of(used: list[bool]) -> None:
-    """What a thousand drives over a road cost on disk: thirteen numbers, the vector, half of the matrix."""
+    """What a thousand drives over a road cost on disk: fourteen numbers, the vector, half of the matrix."""
     size = 4 + sum(used)
-    assert len(factor_of(1, 4, used).encode()) == 8 * (13 + size + size * (size + 1) // 2)
+    assert len(factor_of(1, 4, used).encode()) == 8 * (14 + size + size * (size + 1) // 2)
 
 
 def test_a_decoded_factor_may_be_changed_like_any_other() -> None:

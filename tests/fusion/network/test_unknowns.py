@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from factor_support import PLANE, Sensors, block_of_streets, driven, graded, roads, street
-from fusion.network.pass_factor import BIAS, ENTRY, EXIT, LAG, MOUNT, SQUAT, PassFactor
+from factor_support import PLANE, Profile, Sensors, block_of_streets, driven, graded, roads, street
+from fusion.network.pass_factor import BIAS, EAST, ENTRY, EXIT, LAG, MOUNT, SQUAT, PassFactor
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns, knot_positions
 
 EVERYTHING = Sensors(0.02, 0.01, 0.02, altitude_m=0.5, pressure_m=0.1)
@@ -20,9 +20,13 @@ def flat(_: int, at: np.ndarray) -> np.ndarray:
     return np.full(len(at), 100.0)
 
 
-def passes_of(sensors: Sensors, count: int = 4) -> list[PassFactor]:
+def hilly(_: int, at: np.ndarray) -> np.ndarray:
+    return 100 + np.sin(at / 10)
+
+
+def passes_of(sensors: Sensors, height: Profile = flat, count: int = 4) -> list[PassFactor]:
     table = street(*[30.0] * count)
-    return driven(table, range(count), flat, sensors, np.random.default_rng(1))
+    return driven(table, range(count), height, sensors, np.random.default_rng(1))
 
 
 def test_segments_share_the_heights_of_their_nodes_and_nothing_else() -> None:
@@ -87,6 +91,17 @@ def test_passes_with_one_setting_of_the_mount_share_it() -> None:
     assert mount[0] == mount[1] == mount[3] != mount[2]
     assert len(set(bias.tolist())) == 1
     assert sorted(u.constants.values()) == [MOUNT, MOUNT, BIAS]
+
+
+def test_passes_of_one_part_of_a_drive_share_the_error_of_its_positions() -> None:
+    wrong = passes_of(replace(EVERYTHING, farther_m=2.0), hilly)
+    u = DriveUnknowns([replace(p, place=part) for p, part in zip(wrong, (4, 4, 1, 4), strict=True)], 0)
+    first, second, third, fourth = u.of_pass[:, EAST].tolist()
+    assert first == second == fourth != third
+    (east, unknown), (north, _) = u.places()
+    assert east.tolist() == [1, 4]
+    assert unknown.tolist() == [third, first]
+    assert not len(north)  # the street leads east
 
 
 def test_errors_go_on_from_a_pass_to_the_next_one_that_knows_them() -> None:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
-from fusion.methods.profile.likelihood import (
+from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN
+from fusion.methods.profile.model import MOUNT, decorrelated
+from fusion.methods.profile.traversals import (
     Altimeter,
     segment_lengths,
 )
-from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN
-from fusion.methods.profile.model import MOUNT, decorrelated
 from fusion.network.adjust import adjust
 from fusion.network.curve import (
     grade_rows,
@@ -24,7 +24,7 @@ from fusion.network.curve import (
     knot_length,
     variable_count,
 )
-from fusion.network.pass_factor import BIAS, CONSTANTS, ENTRY, EXIT, LAG, SQUAT, PassFactor
+from fusion.network.pass_factor import BIAS, CONSTANTS, EAST, ENTRY, EXIT, LAG, NUISANCES, SQUAT, PassFactor
 from fusion.network.pass_factor import MOUNT as MOUNT_PITCH
 from fusion.pipeline import run_drive
 from fusion.simulate.write.csv_file import csv_columns
@@ -93,7 +93,7 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
                 constants[BIAS] = 1.0
             squat = {PITCH: 1.0, FORCE: -share[i]}.get(sensor, 0.0)
             constants[SQUAT] = squat * measured.acceleration_mps2[i]
-            assert data.constants[at] == pytest.approx(constants, abs=1e-15)
+            assert data.constants[at, :EAST] == pytest.approx(constants[:EAST], abs=1e-15)
             leans = left if sensor in (PITCH, FORCE) else 0.0
             assert data.passing[at, 0] == pytest.approx(one.learned.noise.wander * leans, abs=1e-15)
             assert data.height_sensor[at] == {ALTITUDE: 0, BARO: 1}.get(sensor, -1)
@@ -150,7 +150,7 @@ def test_a_factor_speaks_of_its_own_passage(drive: tuple[Smoothed, list[PassFact
         assert factor.roughness == one.learned.noise.roughness
         assert factor.walk_m2_per_s == (one.learned.noise.drift, one.learned.noise.baro_drift)
         knots = 2 * (int(interval_count(knot_length(lengths[factor.segment]))) + 1)
-        assert len(factor.vector) == knots + 8
+        assert len(factor.vector) == knots + NUISANCES
         sensors = set(one.measured.sensor[mine].tolist())
         assert factor.used[MOUNT_PITCH] == bool(sensors & {PITCH, FORCE})
         assert factor.used[BIAS] == (FORCE in sensors)

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dense_equations import inverted
-from fusion.methods.profile.likelihood import Likelihoods, OnTraversals, likelihoods
+from fusion.methods.profile.likelihood import Likelihoods, likelihoods
 from fusion.methods.profile.model import DRIFT, JUMP_SIGMA
+from fusion.methods.profile.traversals import OnTraversals
 from fusion.network.curve import height_weights, variable_count
 from fusion.network.pass_factor import CONSTANTS, ENTRY, EXIT, NUISANCES
 
