@@ -6,14 +6,16 @@
 
 Each seed is a road (``accuracy.model_draws``): segments of random lengths, a grade that walks at random with random
 roughness, changes of grade at plain nodes as ``fusion.network.joints`` believes in. As many drives as the largest
-of ``--drives`` go over it, with exact positions and horizontal velocities and with sensors that err as method
-``profile`` assumes, at random levels; half of them have Gaussian noise in pitch and force, half Student's t. For each
+of ``--drives`` go over it, with exact horizontal velocities and with sensors that err as method ``profile`` assumes, at random levels; half of them have Gaussian noise in pitch and force, half Student's t. For each
 set of sensors each log goes through ``run_drive``, with the others switched off by the method's options, and groups of
 drives through ``solve_network``; a draw is one such group, and a road gives ``GROUPS`` of each size at most.
 
+Places are wrong as they are believed to be: the map has its nodes elsewhere along the road than they are
+(``published.PLACE_SIGMA_M``), the same for all drives, and slopes are true between where they are; positions wander
+along the road by the accuracy that they state.
+
 What the network believes in beyond that and the data do not have: steps of height at nodes, and a lag of altimeters
-of some seconds (``--lags`` draws lags from that belief). The network also adds an uncertainty for the map's place
-along the road, which exact places do not have: it is SET TO 0 here (``exact_places``).
+of some seconds (``--lags`` draws lags from that belief).
 
 Printed for each set, number of drives and class of length: slopes, RMSE, mean stated sigma, share within 1.96 sigma and
 the root mean square of error over sigma; ``low`` and ``high`` mark shares outside 93 to 97 % of at least 300 slopes.
@@ -28,9 +30,8 @@ force, is 0 in truth; it raises the force's level, which is of what is left of t
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,7 +42,7 @@ from accuracy.model_draws import FREEDOM, DrawnDrive, DrawnRoad, draw_drive, dra
 from accuracy.scoring import show_progress, write_json
 from fusion.errors import FusionError
 from fusion.methods.base import DriveResult
-from fusion.network import drive_beliefs, published
+from fusion.network import drive_beliefs
 from fusion.pipeline import run_drive, solve_network
 from fusion.roads.table import rows_of
 from fusion.types import Floats, Ints
@@ -60,17 +61,6 @@ class _Fused(NamedTuple):
     rows: Ints
     result: DriveResult
     epoch_s: Floats
-
-
-@contextlib.contextmanager
-def exact_places() -> Iterator[None]:
-    """Within this the network takes places along the road for exact: it changes a constant of ``fusion.network``."""
-    before = published.PLACE_SIGMA_M
-    published.PLACE_SIGMA_M = 0.0
-    try:
-        yield
-    finally:
-        published.PLACE_SIGMA_M = before
 
 
 GAUSSIAN_SCALE = gaussian_scale(FREEDOM)
@@ -156,13 +146,12 @@ def main() -> None:
         parser.error(f"no such sets of sensors: {', '.join(unknown)}; there are: {', '.join(SENSOR_SETS)}")
     draws: dict[Cell, list[Draw]] = {Cell(name, count): [] for name in sets for count in counts}
     ratios: list[Ratio] = []
-    with exact_places():
-        for seed in range(args.first, args.first + args.seeds):
-            show_progress(f"seed {seed}")
-            of_seed, learned = run_seed(seed, args.segments, counts, sets, args.lags)
-            for cell, of_cell in of_seed.items():
-                draws[cell] += of_cell
-            ratios += learned
+    for seed in range(args.first, args.first + args.seeds):
+        show_progress(f"seed {seed}")
+        of_seed, learned = run_seed(seed, args.segments, counts, sets, args.lags)
+        for cell, of_cell in of_seed.items():
+            draws[cell] += of_cell
+        ratios += learned
     show_progress("")
     write_json(args.json, show(draws, ratios, sets))
 

@@ -1,7 +1,8 @@
 """Roads and logs drawn from the very model that method ``profile`` and the network believe in.
 
 The grade is a random walk along the road, with a change of its own at each node; every sensor errs as
-``fusion.methods.profile.model`` and ``likelihood`` say. What is drawn is returned beside what was made of it.
+``fusion.methods.profile.model`` and ``likelihood`` say. The map's nodes are not where the road's are, and positions
+wander along the road by the accuracy that they state. What is drawn is returned beside what was made of it.
 """
 
 from __future__ import annotations
@@ -11,10 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.frames import GRAVITY_MPS2, LocalProjection
+from fusion.methods.profile.factors import PLACE_BOUNDS_M, PLACE_TAU_S
+from fusion.methods.profile.levels import LEAST_HEIGHT_M
 from fusion.methods.profile.measurements import BARO, PERIOD_S
 from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, WANDER_SIGMA, Noise
 from fusion.network.joints import couplings
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, SQUAT
+from fusion.network.published import PLACE_SIGMA_M
 from fusion.roads.table import RoadTable
 from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pressure, SpecificForce
 
@@ -28,6 +32,8 @@ SPRINGS = (0.005, 0.02)
 """Noise of pitch and force as grades: sigma where it is Gaussian, scale where it is Student's t."""
 BARO_M = (0.1, 0.5)
 BARO_DRIFT_M2_PER_S = (0.001, 0.1)
+H_ACC_M = (0.4, 4.0)
+"""Stated accuracy of positions (horizontal 2-D)."""
 MOUNT_DEG = 2.0
 TURN_DEG = 3.0
 """One sigma of the turn at a node, on the half of the roads that turn."""
@@ -42,19 +48,22 @@ _STEP_M = 0.5
 _PLANE = LocalProjection(8.5, 49.0)
 _FIRST_S, _HOUR_S = 1.7e9, 3600.0
 _POSITION_M = 0.01
+_SHORTEST_M = 1.0
+"""A map whose nodes would lie closer together on the road, or in another order, is drawn anew."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnRoad:
     """A road of n segments whose grade is linear on each of m short steps.
 
-    ``table`` has the segments in order; ``node_m`` (n + 1,) and ``node_xy_m`` (n + 1, 2): where its nodes are along it
-    and in the plane. ``step_m``, ``height_m``, ``grade`` and ``bend`` (m,): where steps begin, height and grade there,
+    ``table`` has the segments in order; ``node_m`` (n + 1,) and ``node_xy_m`` (n + 1, 2): where the map has its nodes,
+    along it and in the plane; ``true_node_m`` (n + 1,): where they are. ``step_m``, ``height_m``, ``grade`` and ``bend`` (m,): where steps begin, height and grade there,
     and the change of grade per metre.
     """
 
     table: RoadTable
     node_m: Floats
+    true_node_m: Floats
     node_xy_m: Floats
     step_m: Floats
     height_m: Floats
@@ -70,18 +79,19 @@ class DrawnRoad:
         return height, self.grade[k] + d * self.bend[k]
 
     def slopes_percent(self) -> Floats:
-        """For each segment the slope of the regression of height on distance over all of it, percent."""
+        """For each segment the slope of the regression of height on distance between where its nodes are, percent."""
         nodes, weights = np.polynomial.legendre.leggauss(3)
-        bounds = np.append(self.step_m, self.node_m[-1])
+        bounds = np.union1d(np.append(self.step_m, self.node_m[-1]), self.true_node_m)
+        bounds = bounds[(bounds >= self.true_node_m[0]) & (bounds <= self.true_node_m[-1])]
         half, middle = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
         along = middle[:, None] + half[:, None] * nodes  # exact: heights are parabolas on each step
         height, _ = self.height_and_grade(along.ravel())
-        segment = np.searchsorted(self.node_m, middle, side="right") - 1
-        centre = 0.5 * (self.node_m[1:] + self.node_m[:-1])
+        segment = np.searchsorted(self.true_node_m, middle, side="right") - 1
+        centre = 0.5 * (self.true_node_m[1:] + self.true_node_m[:-1])
         moment = np.sum(
             height.reshape(along.shape) * (along - centre[segment, None]) * half[:, None] * weights, axis=1
         )
-        length = np.diff(self.node_m)
+        length = np.diff(self.true_node_m)
         return np.asarray(100 * np.bincount(segment, moment) * 12 / length**3)
 
 
@@ -115,7 +125,17 @@ def _road(rng: np.random.Generator, segments: int) -> DrawnRoad:
     grade = start + np.cumsum(change) + np.concatenate([[0.0], np.cumsum(inside)[:-1]])
     climb = width * (grade + 0.5 * inside)
     height = 200.0 + np.concatenate([[0.0], np.cumsum(climb)[:-1]])
-    return DrawnRoad(table, node, place, np.concatenate(parts), height, grade, inside / width, roughness)
+    true = _misplaced(rng, node)
+    return DrawnRoad(table, node, true, place, np.concatenate(parts), height, grade, inside / width, roughness)
+
+
+def _misplaced(rng: np.random.Generator, node_m: Floats) -> Floats:
+    """Where the nodes of a map are, of which it is believed how well it knows them."""
+    true = node_m + PLACE_SIGMA_M * rng.normal(size=len(node_m))
+    while len(near := np.flatnonzero(np.diff(true) < _SHORTEST_M)):
+        again = np.union1d(near, near + 1)
+        true[again] = node_m[again] + PLACE_SIGMA_M * rng.normal(size=len(again))
+    return np.asarray(true)
 
 
 def _table(place_m: Floats) -> RoadTable:
@@ -153,11 +173,16 @@ class DrawnDrive:
     def level(self, name: str) -> float:
         """A noise level (a field of ``Noise``) as the method meets it, once it has averaged dense samples."""
         level: float = getattr(self.noise, name)
-        period = {"altitude_m": PERIOD_S[0], "baro_m": PERIOD_S[BARO]}.get(name, PERIOD_S[1])
-        if name in ("roughness", "drift", "baro_drift") or 1 / self.rate_hz >= 0.95 * period:
-            return level
-        slot = np.floor(np.arange(1000) / self.rate_hz / period + 1e-6).astype(np.int64)
-        return level * float(np.sqrt(np.mean(1 / np.bincount(slot)[:-1])))
+        return level if name in ("roughness", "drift", "baro_drift") else level * _left(self.rate_hz, name)
+
+
+def _left(rate_hz: float, name: str) -> float:
+    """What the mean over the method's slots leaves of the noise of samples."""
+    period = {"altitude_m": PERIOD_S[0], "baro_m": PERIOD_S[BARO]}.get(name, PERIOD_S[1])
+    if 1 / rate_hz >= 0.95 * period:
+        return 1.0
+    slot = np.floor(np.arange(1000) / rate_hz / period + 1e-6).astype(np.int64)
+    return float(np.sqrt(np.mean(1 / np.bincount(slot)[:-1])))
 
 
 def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: float = 0.0) -> DrawnDrive:
@@ -169,12 +194,12 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
     forward, heavy = bool(rng.random() < 0.5), bool(rng.random() < 0.5)
     noise = Noise(
         roughness=road.roughness,
-        altitude_m=float(_log_uniform(rng, ALTITUDE_M)),
+        altitude_m=_height_level(rng, ALTITUDE_M, rate, "altitude_m"),
         drift=float(_log_uniform(rng, DRIFT_M2_PER_S)),
         doppler=1.0,
         pitch=float(_log_uniform(rng, SPRINGS)),
         force=float(_log_uniform(rng, SPRINGS)),
-        baro_m=float(_log_uniform(rng, BARO_M)),
+        baro_m=_height_level(rng, BARO_M, rate, "baro_m"),
         baro_drift=float(_log_uniform(rng, BARO_DRIFT_M2_PER_S)),
     )
     t, gone, speed, acceleration = _motion(rng, float(road.node_m[-1]), 1 / rate)
@@ -204,7 +229,7 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
     squat = CONSTANT_SIGMA[SQUAT] * rng.normal() * acceleration
     pitch = np.arctan(mounted + wander + squat + noise.pitch * level * pitch_noise)
     bias = CONSTANT_SIGMA[BIAS] * rng.normal()
-    felt = np.sin(np.arctan(mounted + bias + noise.force * level * force_noise))
+    felt = np.sin(np.arctan(mounted + wander + bias + noise.force * level * force_noise))
     walk = 30 * rng.normal() + np.cumsum(np.sqrt(noise.baro_drift / rate) * rng.normal(size=n))
     shown = height + walk + noise.baro_m * rng.normal(size=n)
     log = DriveLog(
@@ -216,6 +241,11 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
         pressure=Pressure.assemble(time, pressure_pa=101_325.0 * (1 - shown / 44_330.77) ** (1 / 0.190263)),
     )
     return DrawnDrive(log, noise, rate, heavy)
+
+
+def _height_level(rng: np.random.Generator, bounds: tuple[float, float], rate_hz: float, name: str) -> float:
+    """The noise of samples whose means are not surer than it is believed of any height."""
+    return max(float(_log_uniform(rng, bounds)), LEAST_HEIGHT_M / _left(rate_hz, name))
 
 
 def _motion(
@@ -243,31 +273,42 @@ def _fixes(
     height_m: Floats,
     noise: Noise,
 ) -> tuple[GnssFix, Floats]:
-    """Positions to a centimetre with drifting altitudes, and the course. Half of them state how good altitudes are."""
+    """Positions on the road, wrong along it by what they state, with drifting altitudes, and the course.
+
+    Half of them state how good altitudes are.
+    """
     n = len(time_s)
+    h_acc = float(_log_uniform(rng, H_ACC_M))
+    sigma = float(np.clip(h_acc / np.sqrt(2), *PLACE_BOUNDS_M))
+    shown = along_m + _wander(rng, time_s, sigma, PLACE_TAU_S)
     x, y = (
-        np.interp(along_m, road.node_m, road.node_xy_m[:, k]) + _POSITION_M * rng.normal(size=n)
-        for k in (0, 1)
+        np.interp(shown, road.node_m, road.node_xy_m[:, k]) + _POSITION_M * rng.normal(size=n) for k in (0, 1)
     )
     lon, lat = _PLANE.to_lonlat(x, y)
     segment = np.clip(np.searchsorted(road.node_m, along_m, side="right") - 1, 0, len(road.table) - 1)
     east, north = np.diff(road.node_xy_m, axis=0)[segment].T
     course = np.mod(np.arctan2(east, north) + (0.0 if forward else np.pi), 2 * np.pi)
     variance = 0.5 * noise.drift * DRIFT_TAU_S
-    kept = np.exp(-np.diff(time_s) / DRIFT_TAU_S)
-    drift = np.sqrt(variance) * rng.normal(size=n)
-    for k in range(1, n):
-        drift[k] = kept[k - 1] * drift[k - 1] + np.sqrt(1 - kept[k - 1] ** 2) * drift[k]
+    drift = _wander(rng, time_s, float(np.sqrt(variance)), DRIFT_TAU_S)
     stated = np.sqrt(variance + noise.altitude_m**2) if rng.random() < 0.5 else np.nan
     fix = GnssFix.assemble(
         time_s,
         lat_deg=lat,
         lon_deg=lon,
         alt_msl_m=height_m + drift + noise.altitude_m * rng.normal(size=n),
-        h_acc_m=np.full(n, 1.0),
+        h_acc_m=np.full(n, h_acc),
         v_acc_m=np.full(n, stated),
     )
     return fix, course
+
+
+def _wander(rng: np.random.Generator, time_s: Floats, sigma: float, tau_s: float) -> Floats:
+    """A Gauss-Markov process of this size and correlation time."""
+    kept = np.exp(-np.diff(time_s) / tau_s)
+    out = sigma * rng.normal(size=len(time_s))
+    for k in range(1, len(out)):
+        out[k] = kept[k - 1] * out[k - 1] + np.sqrt(1 - kept[k - 1] ** 2) * out[k]
+    return np.asarray(out)
 
 
 def _log_uniform(rng: np.random.Generator, bounds: tuple[float, float], size: int | None = None) -> Floats:
