@@ -4,9 +4,10 @@
     python benchmarks/calibration.py [--seeds 10] [--first 0] [--segments 24] [--drives 1,3,10,40]
                                      [--sets all,altitude only] [--lags] [--json FILE]
 
-Each seed is a road (``accuracy.model_draws``): segments of random lengths, a grade that walks at random with random
+Each seed is a road (``accuracy.road_draws``): segments of random lengths, a grade that walks at random with random
 roughness, changes of grade at plain nodes as ``fusion.network.joints`` believes in. As many drives as the largest
-of ``--drives`` go over it, with exact horizontal velocities and with sensors that err as method ``profile`` assumes, at random levels; half of them have Gaussian noise in pitch and force, half Student's t. For each
+of ``--drives`` go over it, with exact horizontal velocities and with sensors that err as method ``profile`` assumes, at
+random levels; half of them have Gaussian noise in pitch and force, half Student's t. For each
 set of sensors each log goes through ``run_drive``, with the others switched off by the method's options, and groups of
 drives through ``solve_network``; a draw is one such group, and a road gives ``GROUPS`` of each size at most.
 
@@ -38,7 +39,8 @@ from typing import NamedTuple
 import numpy as np
 
 from accuracy.calibration_tables import LEVELS, Cell, Draw, Ratio, gaussian_scale, show
-from accuracy.model_draws import FREEDOM, DrawnDrive, DrawnRoad, draw_drive, draw_road
+from accuracy.model_draws import FREEDOM, RATES, DrawnDrive, draw_drive
+from accuracy.road_draws import DrawnRoad, draw_road
 from accuracy.scoring import show_progress, write_json
 from fusion.errors import FusionError
 from fusion.methods.base import DriveResult
@@ -101,7 +103,7 @@ def _ratios(name: str, drive: DrawnDrive, result: DriveResult) -> list[Ratio]:
         if sensor is not None and sensor not in SENSOR_SETS[name]:
             continue
         true, label = drive.level(level), level
-        if level not in ("roughness", "drift", "baro_drift"):
+        if level not in RATES:
             heavy = drive.heavy and level in ("pitch", "force")
             true *= 1.0 if heavy else GAUSSIAN_SCALE
             label += " (t)" if heavy else ""

@@ -155,7 +155,7 @@ def grade_errors(stretches: Iterable[Stretch], slopes: Slopes) -> Floats:
 
 
 def grade_differences(stretches: Iterable[Stretch], some: Slopes, others: Slopes) -> Floats:
-    """Difference over its sigma of the mean grades of every stretch that both know, of results without a common ride."""
+    """Difference over its sigma of the mean grades of every stretch that two results know; no ride is in both."""
     found = []
     for one in stretches:
         first, second = one.grade_percent(some), one.grade_percent(others)
@@ -237,7 +237,9 @@ def main() -> None:
     """Parse the command line, run, print."""
     parser = parser_of(__doc__, tool="stretches")
     parser.add_argument("--rides", type=parse_ranges, default=parse_ranges("1-16"), metavar="1-16")
-    parser.add_argument("--subsets", type=int, default=4, metavar="N", help="so many random sets of rides (default 4)")
+    parser.add_argument(
+        "--subsets", type=int, default=4, metavar="N", help="so many random sets of rides (default 4)"
+    )
     parser.add_argument("--of", type=int, default=6, help="rides in each set (default 6)")
     parser.add_argument("--method", default=DEFAULT_METHOD)
     args = parser.parse_args()

@@ -181,7 +181,7 @@ class SolvedNetwork(NamedTuple):
     repeated: dict[int, int]
     """Drives that another log is of too, each with that one: they are not heard a second time."""
     remarks: list[str]
-    """Sentences on control points that have no road, or that the drives contradict."""
+    """Sentences on control points that have no road, or that the drives contradict, and on a wrong elevation model."""
 
 
 def solve_network(
@@ -297,8 +297,9 @@ def _solved(
         for name, row in zip(surveyed.names, surveyed.row.tolist(), strict=True)
         if not solved[row]
     ]
+    remarks = [*undriven, *result.remarks, *(result.model.remarks(table) if result.model else ())]
     lags = {names[k]: lag for k, lag in result.lag_s.items()}
     counted = [drives_on[row] for row in rows.tolist()]
     said = zip(rows.tolist(), result.parts(counted), strict=True)
     parts = {row: [part] for row, part in said if part is not None}
-    return _Solved(parts, heard, lags, undriven + result.remarks)
+    return _Solved(parts, heard, lags, remarks)

@@ -1,8 +1,7 @@
-"""Roads and logs drawn from the very model that method ``profile`` and the network believe in.
+"""Logs drawn from the very model that method ``profile`` and the network believe in.
 
-The grade is a random walk along the road, with a change of its own at each node; every sensor errs as
-``fusion.methods.profile.model`` and ``likelihood`` say. The map's nodes are not where the road's are, and positions
-wander along the road by the accuracy that they state. What is drawn is returned beside what was made of it.
+Every sensor errs as ``fusion.methods.profile.model`` and ``likelihood`` say, and positions wander along the road by the
+accuracy that they state. What is drawn is returned beside what was made of it.
 """
 
 from __future__ import annotations
@@ -11,19 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.frames import GRAVITY_MPS2, LocalProjection
+from accuracy.road_draws import PLANE, DrawnRoad, log_uniform
+from fusion.frames import GRAVITY_MPS2
 from fusion.methods.profile.factors import PLACE_BOUNDS_M, PLACE_TAU_S
-from fusion.methods.profile.levels import LEAST_HEIGHT_M
+from fusion.methods.profile.levels import LEAST_HEIGHT_M, LOG_WANDER
 from fusion.methods.profile.measurements import BARO, PERIOD_S
-from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, WANDER_SIGMA, Noise
-from fusion.network.joints import couplings
+from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, SQUAT
-from fusion.network.published import PLACE_SIGMA_M
-from fusion.roads.table import RoadTable
 from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pressure, SpecificForce
 
-LENGTHS_M = (5.0, 300.0)
-ROUGHNESS_PER_M = (1e-6, 1e-4)
 SPEEDS_MPS = (5.0, 20.0)
 ALTITUDE_M = (0.1, 1.5)
 DRIFT_M2_PER_S = (0.01, 1.0)
@@ -35,127 +30,15 @@ BARO_DRIFT_M2_PER_S = (0.001, 0.1)
 H_ACC_M = (0.4, 4.0)
 """Stated accuracy of positions (horizontal 2-D)."""
 MOUNT_DEG = 2.0
-TURN_DEG = 3.0
-"""One sigma of the turn at a node, on the half of the roads that turn."""
-STEEPEST = 0.35
-"""A road that becomes steeper anywhere is drawn anew: sensors of slopes are not used on far steeper ones."""
 FREEDOM = 5.0
 """Degrees of freedom of the noise of pitch and force on half of the drives."""
 FAST_SHARE, FAST_HZ = 0.25, 5.0
 """Share of the drives that are recorded at more than 1 Hz, and at how much."""
+RATES = ("roughness", "drift", "baro_drift", "wander")
+"""Levels that no averaging of samples changes."""
 _DOPPLER_FLOOR = 0.002
-_STEP_M = 0.5
-_PLANE = LocalProjection(8.5, 49.0)
 _FIRST_S, _HOUR_S = 1.7e9, 3600.0
 _POSITION_M = 0.01
-_SHORTEST_M = 1.0
-"""A map whose nodes would lie closer together on the road, or in another order, is drawn anew."""
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnRoad:
-    """A road of n segments whose grade is linear on each of m short steps.
-
-    ``table`` has the segments in order; ``node_m`` (n + 1,) and ``node_xy_m`` (n + 1, 2): where the map has its nodes,
-    along it and in the plane; ``true_node_m`` (n + 1,): where they are. ``step_m``, ``height_m``, ``grade`` and ``bend`` (m,): where steps begin, height and grade there,
-    and the change of grade per metre.
-    """
-
-    table: RoadTable
-    node_m: Floats
-    true_node_m: Floats
-    node_xy_m: Floats
-    step_m: Floats
-    height_m: Floats
-    grade: Floats
-    bend: Floats
-    roughness: float
-
-    def height_and_grade(self, along_m: Floats) -> tuple[Floats, Floats]:
-        """The road's height (m) and grade at distances along it."""
-        k = np.clip(np.searchsorted(self.step_m, along_m, side="right") - 1, 0, len(self.step_m) - 1)
-        d = along_m - self.step_m[k]
-        height = self.height_m[k] + d * self.grade[k] + 0.5 * d**2 * self.bend[k]
-        return height, self.grade[k] + d * self.bend[k]
-
-    def slopes_percent(self) -> Floats:
-        """For each segment the slope of the regression of height on distance between where its nodes are, percent."""
-        nodes, weights = np.polynomial.legendre.leggauss(3)
-        bounds = np.union1d(np.append(self.step_m, self.node_m[-1]), self.true_node_m)
-        bounds = bounds[(bounds >= self.true_node_m[0]) & (bounds <= self.true_node_m[-1])]
-        half, middle = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
-        along = middle[:, None] + half[:, None] * nodes  # exact: heights are parabolas on each step
-        height, _ = self.height_and_grade(along.ravel())
-        segment = np.searchsorted(self.true_node_m, middle, side="right") - 1
-        centre = 0.5 * (self.true_node_m[1:] + self.true_node_m[:-1])
-        moment = np.sum(
-            height.reshape(along.shape) * (along - centre[segment, None]) * half[:, None] * weights, axis=1
-        )
-        length = np.diff(self.true_node_m)
-        return np.asarray(100 * np.bincount(segment, moment) * 12 / length**3)
-
-
-def draw_road(rng: np.random.Generator, segments: int) -> DrawnRoad:
-    """A straight or gently turning road of one way, without junctions."""
-    while True:
-        road = _road(rng, segments)
-        if np.max(np.abs(road.grade)) <= STEEPEST:
-            return road
-
-
-def _road(rng: np.random.Generator, segments: int) -> DrawnRoad:
-    length = _log_uniform(rng, LENGTHS_M, segments)
-    turns = rng.random() < 0.5
-    heading = rng.uniform(0, 2 * np.pi) + turns * np.cumsum(np.radians(TURN_DEG) * rng.normal(size=segments))
-    step = length[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
-    place = np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
-    place -= 0.5 * (place.min(axis=0) + place.max(axis=0))
-    table = _table(place)
-    roughness = float(_log_uniform(rng, ROUGHNESS_PER_M))
-    node = np.concatenate([[0.0], np.cumsum(table.length_m)])
-    counts = np.ceil(table.length_m / _STEP_M).astype(np.int64)
-    parts = [
-        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(node[:-1], node[1:], counts, strict=True)
-    ]
-    width = np.repeat(table.length_m / counts, counts)
-    inside = np.sqrt(roughness * width) * rng.normal(size=len(width))
-    change = np.zeros(len(width))
-    change[np.cumsum(counts)[:-1]] = couplings(table).sigma * rng.normal(size=segments - 1)
-    start = 0.03 * rng.normal()
-    grade = start + np.cumsum(change) + np.concatenate([[0.0], np.cumsum(inside)[:-1]])
-    climb = width * (grade + 0.5 * inside)
-    height = 200.0 + np.concatenate([[0.0], np.cumsum(climb)[:-1]])
-    true = _misplaced(rng, node)
-    return DrawnRoad(table, node, true, place, np.concatenate(parts), height, grade, inside / width, roughness)
-
-
-def _misplaced(rng: np.random.Generator, node_m: Floats) -> Floats:
-    """Where the nodes of a map are, of which it is believed how well it knows them."""
-    true = node_m + PLACE_SIGMA_M * rng.normal(size=len(node_m))
-    while len(near := np.flatnonzero(np.diff(true) < _SHORTEST_M)):
-        again = np.union1d(near, near + 1)
-        true[again] = node_m[again] + PLACE_SIGMA_M * rng.normal(size=len(again))
-    return np.asarray(true)
-
-
-def _table(place_m: Floats) -> RoadTable:
-    lon, lat = _PLANE.to_lonlat(place_m[:, 0], place_m[:, 1])
-    n = len(lon) - 1
-    return RoadTable.from_columns(
-        osm_way_id=np.ones(n),
-        from_node=np.arange(1, n + 1),
-        to_node=np.arange(2, n + 2),
-        lon0_deg=lon[:-1],
-        lat0_deg=lat[:-1],
-        lon1_deg=lon[1:],
-        lat1_deg=lat[1:],
-        oneway=np.zeros(n),
-        bridge=np.zeros(n, bool),
-        tunnel=np.zeros(n, bool),
-        layer=np.zeros(n),
-        highway=["residential"] * n,
-        name=[None] * n,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +56,7 @@ class DrawnDrive:
     def level(self, name: str) -> float:
         """A noise level (a field of ``Noise``) as the method meets it, once it has averaged dense samples."""
         level: float = getattr(self.noise, name)
-        return level if name in ("roughness", "drift", "baro_drift") else level * _left(self.rate_hz, name)
+        return level if name in RATES else level * _left(self.rate_hz, name)
 
 
 def _left(rate_hz: float, name: str) -> float:
@@ -195,12 +78,13 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
     noise = Noise(
         roughness=road.roughness,
         altitude_m=_height_level(rng, ALTITUDE_M, rate, "altitude_m"),
-        drift=float(_log_uniform(rng, DRIFT_M2_PER_S)),
+        drift=float(log_uniform(rng, DRIFT_M2_PER_S)),
         doppler=1.0,
-        pitch=float(_log_uniform(rng, SPRINGS)),
-        force=float(_log_uniform(rng, SPRINGS)),
+        pitch=float(log_uniform(rng, SPRINGS)),
+        force=float(log_uniform(rng, SPRINGS)),
+        wander=float(np.exp(rng.normal(*LOG_WANDER))),
         baro_m=_height_level(rng, BARO_M, rate, "baro_m"),
-        baro_drift=float(_log_uniform(rng, BARO_DRIFT_M2_PER_S)),
+        baro_drift=float(log_uniform(rng, BARO_DRIFT_M2_PER_S)),
     )
     t, gone, speed, acceleration = _motion(rng, float(road.node_m[-1]), 1 / rate)
     along = gone if forward else road.node_m[-1] - gone
@@ -212,7 +96,7 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
     time = _FIRST_S + _HOUR_S * number + t
     n = len(t)
     fix, course = _fixes(rng, road, time, along, forward, height, noise)
-    white = float(_log_uniform(rng, DOPPLER_MPS))
+    white = float(log_uniform(rng, DOPPLER_MPS))
     climb = speed * grade + np.hypot(white, _DOPPLER_FLOOR * speed) * rng.normal(size=n)
     velocity = GnssVelocity.assemble(
         time,
@@ -225,7 +109,7 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
     pitch_noise, force_noise = (rng.standard_t(FREEDOM, n) if heavy else rng.normal(size=n) for _ in range(2))
     mounted = grade + np.tan(np.radians(MOUNT_DEG)) * rng.normal()
     segment = np.clip(np.searchsorted(road.node_m, along, side="right") - 1, 0, len(road.table) - 1)
-    wander = (WANDER_SIGMA * rng.normal(size=len(road.table)))[segment]
+    wander = (noise.wander * rng.normal(size=len(road.table)))[segment]
     squat = CONSTANT_SIGMA[SQUAT] * rng.normal() * acceleration
     pitch = np.arctan(mounted + wander + squat + noise.pitch * level * pitch_noise)
     bias = CONSTANT_SIGMA[BIAS] * rng.normal()
@@ -245,7 +129,7 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
 
 def _height_level(rng: np.random.Generator, bounds: tuple[float, float], rate_hz: float, name: str) -> float:
     """The noise of samples whose means are not surer than it is believed of any height."""
-    return max(float(_log_uniform(rng, bounds)), LEAST_HEIGHT_M / _left(rate_hz, name))
+    return max(float(log_uniform(rng, bounds)), LEAST_HEIGHT_M / _left(rate_hz, name))
 
 
 def _motion(
@@ -278,13 +162,13 @@ def _fixes(
     Half of them state how good altitudes are.
     """
     n = len(time_s)
-    h_acc = float(_log_uniform(rng, H_ACC_M))
+    h_acc = float(log_uniform(rng, H_ACC_M))
     sigma = float(np.clip(h_acc / np.sqrt(2), *PLACE_BOUNDS_M))
     shown = along_m + _wander(rng, time_s, sigma, PLACE_TAU_S)
     x, y = (
         np.interp(shown, road.node_m, road.node_xy_m[:, k]) + _POSITION_M * rng.normal(size=n) for k in (0, 1)
     )
-    lon, lat = _PLANE.to_lonlat(x, y)
+    lon, lat = PLANE.to_lonlat(x, y)
     segment = np.clip(np.searchsorted(road.node_m, along_m, side="right") - 1, 0, len(road.table) - 1)
     east, north = np.diff(road.node_xy_m, axis=0)[segment].T
     course = np.mod(np.arctan2(east, north) + (0.0 if forward else np.pi), 2 * np.pi)
@@ -309,7 +193,3 @@ def _wander(rng: np.random.Generator, time_s: Floats, sigma: float, tau_s: float
     for k in range(1, len(out)):
         out[k] = kept[k - 1] * out[k - 1] + np.sqrt(1 - kept[k - 1] ** 2) * out[k]
     return np.asarray(out)
-
-
-def _log_uniform(rng: np.random.Generator, bounds: tuple[float, float], size: int | None = None) -> Floats:
-    return np.asarray(np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size)))

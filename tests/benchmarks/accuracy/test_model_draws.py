@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from accuracy.model_draws import FAST_HZ, STEEPEST, DrawnDrive, DrawnRoad, draw_drive, draw_road
+from accuracy.model_draws import FAST_HZ, DrawnDrive, draw_drive
+from accuracy.road_draws import STEEPEST, DrawnRoad, draw_road
 from fusion.frames import LocalProjection
 from fusion.methods.profile.model import Noise
 from fusion.network.published import PLACE_SIGMA_M
