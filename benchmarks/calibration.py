@@ -2,7 +2,7 @@
 """Simulation-based calibration: do slopes err as their sigmas say, on data drawn from the very model?
 
     python benchmarks/calibration.py [--seeds 10] [--first 0] [--segments 24] [--drives 1,3,10,40]
-                                     [--sets all,altitude only] [--lags] [--json FILE]
+                                     [--sets all,altitude only] [--json FILE]
 
 Each seed is a road (``accuracy.road_draws``): segments of random lengths, a grade that walks at random with random
 roughness, changes of grade at plain nodes as ``fusion.network.joints`` believes in. As many drives as the largest
@@ -15,8 +15,8 @@ Places are wrong as they are believed to be: the map has its nodes elsewhere alo
 (``published.PLACE_SIGMA_M``), the same for all drives, and slopes are true between where they are; positions wander
 along the road by the accuracy that they state.
 
-What the network believes in beyond that and the data do not have: steps of height at nodes, and a lag of altimeters
-of some seconds (``--lags`` draws lags from that belief).
+Altimeters are late as it is believed of them. What the network believes in beyond that and the data do not have: steps
+of height at nodes, which the drive's own model does not know either.
 
 Printed for each set, number of drives and class of length: slopes, RMSE, mean stated sigma, share within 1.96 sigma and
 the root mean square of error over sigma; ``low`` and ``high`` mark shares outside 93 to 97 % of at least 300 slopes.
@@ -69,15 +69,14 @@ GAUSSIAN_SCALE = gaussian_scale(FREEDOM)
 
 
 def run_seed(
-    seed: int, segments: int, counts: Sequence[int], sets: Sequence[str], lags: bool
+    seed: int, segments: int, counts: Sequence[int], sets: Sequence[str]
 ) -> tuple[dict[Cell, list[Draw]], list[Ratio]]:
     """All draws on the road of a seed, and what its drives learned."""
     rng = np.random.default_rng([seed, 1])
     road = draw_road(rng, segments)
-    fleet_s = rng.normal(*drive_beliefs.LAG_MEAN_S) if lags else 0.0
+    fleet_s = rng.normal(*drive_beliefs.LAG_MEAN_S)
     drives = [
-        draw_drive(rng, road, k, rng.normal(fleet_s, drive_beliefs.LAG_SIGMA_S) if lags else 0.0)
-        for k in range(max(counts))
+        draw_drive(rng, road, k, rng.normal(fleet_s, drive_beliefs.LAG_SIGMA_S)) for k in range(max(counts))
     ]
     draws: dict[Cell, list[Draw]] = {}
     ratios: list[Ratio] = []
@@ -138,7 +137,6 @@ def main() -> None:
     parser.add_argument("--segments", type=int, default=24, help="of each road")
     parser.add_argument("--drives", default="1,3,10,40", metavar="N[,N...]")
     parser.add_argument("--sets", default=",".join(SENSOR_SETS), help="only these, separated by commas")
-    parser.add_argument("--lags", action="store_true", help="altimeters lag, as the network believes")
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
@@ -150,7 +148,7 @@ def main() -> None:
     ratios: list[Ratio] = []
     for seed in range(args.first, args.first + args.seeds):
         show_progress(f"seed {seed}")
-        of_seed, learned = run_seed(seed, args.segments, counts, sets, args.lags)
+        of_seed, learned = run_seed(seed, args.segments, counts, sets)
         for cell, of_cell in of_seed.items():
             draws[cell] += of_cell
         ratios += learned

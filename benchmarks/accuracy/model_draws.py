@@ -15,6 +15,7 @@ from fusion.frames import GRAVITY_MPS2
 from fusion.methods.profile.factors import PLACE_BOUNDS_M, PLACE_TAU_S
 from fusion.methods.profile.levels import LEAST_HEIGHT_M, LOG_WANDER
 from fusion.methods.profile.measurements import BARO, PERIOD_S
+from fusion.methods.profile.method import BAROMETRIC_DRIFT
 from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, SQUAT
 from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pressure, SpecificForce
@@ -22,6 +23,10 @@ from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pres
 SPEEDS_MPS = (5.0, 20.0)
 ALTITUDE_M = (0.1, 1.5)
 DRIFT_M2_PER_S = (0.01, 1.0)
+RECEIVER_DRIFT_M2_PER_S, ALTIMETER_DRIFT_M2_PER_S = (3 * BAROMETRIC_DRIFT, 1.0), (0.001, BAROMETRIC_DRIFT / 3)
+"""Of altitudes whose accuracy is not stated: such as drift slowly are taken for an altimeter's, which is late."""
+ALTIMETER_SHARE = 0.5
+"""Share of altimeters among the altitudes whose accuracy is not stated."""
 DOPPLER_MPS = (0.05, 0.4)
 SPRINGS = (0.005, 0.02)
 """Noise of pitch and force as grades: sigma where it is Gaussian, scale where it is Student's t."""
@@ -45,13 +50,14 @@ _POSITION_M = 0.01
 class DrawnDrive:
     """A log, and the noise levels that it was made with: those of a sample, at ``rate_hz``.
 
-    ``heavy``: pitch and force have Student's t noise, and their levels are its scale.
+    ``heavy``: pitch and force have Student's t noise, and their levels are its scale. ``late``: altitudes are late.
     """
 
     log: DriveLog
     noise: Noise
     rate_hz: float
     heavy: bool
+    late: bool = False
 
     def level(self, name: str) -> float:
         """A noise level (a field of ``Noise``) as the method meets it, once it has averaged dense samples."""
@@ -71,14 +77,18 @@ def _left(rate_hz: float, name: str) -> float:
 def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: float = 0.0) -> DrawnDrive:
     """A drive over the whole road in either direction; drives of different ``number`` are an hour apart.
 
-    Height sensors show where the vehicle was ``lag_s`` ago; beyond its ends the road goes on as it is there.
+    Altitudes that are an altimeter's show where the vehicle was ``lag_s`` ago; beyond its ends the road goes on as it
+    is there. Those of a receiver are not late, nor is the air's pressure.
     """
     rate = FAST_HZ if rng.random() < FAST_SHARE else 1.0
     forward, heavy = bool(rng.random() < 0.5), bool(rng.random() < 0.5)
+    stated = bool(rng.random() < 0.5)
+    late = not stated and bool(rng.random() < ALTIMETER_SHARE)
+    unstated = ALTIMETER_DRIFT_M2_PER_S if late else RECEIVER_DRIFT_M2_PER_S
     noise = Noise(
         roughness=road.roughness,
         altitude_m=_height_level(rng, ALTITUDE_M, rate, "altitude_m"),
-        drift=float(log_uniform(rng, DRIFT_M2_PER_S)),
+        drift=float(log_uniform(rng, DRIFT_M2_PER_S if stated else unstated)),
         doppler=1.0,
         pitch=float(log_uniform(rng, SPRINGS)),
         force=float(log_uniform(rng, SPRINGS)),
@@ -90,12 +100,11 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
     along = gone if forward else road.node_m[-1] - gone
     height, grade = road.height_and_grade(along)
     grade = grade if forward else -grade
-    if lag_s:
-        behind = lag_s * speed - 0.5 * lag_s**2 * acceleration
-        height, _ = road.height_and_grade(along - behind if forward else along + behind)
+    behind = late * (lag_s * speed - 0.5 * lag_s**2 * acceleration)
+    altitude, _ = road.height_and_grade(along - behind if forward else along + behind)
     time = _FIRST_S + _HOUR_S * number + t
     n = len(t)
-    fix, course = _fixes(rng, road, time, along, forward, height, noise)
+    fix, course = _fixes(rng, road, time, along, forward, altitude, noise, stated)
     white = float(log_uniform(rng, DOPPLER_MPS))
     climb = speed * grade + np.hypot(white, _DOPPLER_FLOOR * speed) * rng.normal(size=n)
     velocity = GnssVelocity.assemble(
@@ -124,7 +133,7 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
         force=SpecificForce.assemble(time, acc_x_mps2=GRAVITY_MPS2 * felt + acceleration),
         pressure=Pressure.assemble(time, pressure_pa=101_325.0 * (1 - shown / 44_330.77) ** (1 / 0.190263)),
     )
-    return DrawnDrive(log, noise, rate, heavy)
+    return DrawnDrive(log, noise, rate, heavy, late)
 
 
 def _height_level(rng: np.random.Generator, bounds: tuple[float, float], rate_hz: float, name: str) -> float:
@@ -156,11 +165,9 @@ def _fixes(
     forward: bool,
     height_m: Floats,
     noise: Noise,
+    stated: bool,
 ) -> tuple[GnssFix, Floats]:
-    """Positions on the road, wrong along it by what they state, with drifting altitudes, and the course.
-
-    Half of them state how good altitudes are.
-    """
+    """Positions on the road, wrong along it by what they state, with drifting altitudes, and the course."""
     n = len(time_s)
     h_acc = float(log_uniform(rng, H_ACC_M))
     sigma = float(np.clip(h_acc / np.sqrt(2), *PLACE_BOUNDS_M))
@@ -174,14 +181,14 @@ def _fixes(
     course = np.mod(np.arctan2(east, north) + (0.0 if forward else np.pi), 2 * np.pi)
     variance = 0.5 * noise.drift * DRIFT_TAU_S
     drift = _wander(rng, time_s, float(np.sqrt(variance)), DRIFT_TAU_S)
-    stated = np.sqrt(variance + noise.altitude_m**2) if rng.random() < 0.5 else np.nan
+    v_acc = np.sqrt(variance + noise.altitude_m**2) if stated else np.nan
     fix = GnssFix.assemble(
         time_s,
         lat_deg=lat,
         lon_deg=lon,
         alt_msl_m=height_m + drift + noise.altitude_m * rng.normal(size=n),
         h_acc_m=np.full(n, h_acc),
-        v_acc_m=np.full(n, stated),
+        v_acc_m=np.full(n, v_acc),
     )
     return fix, course
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
+from fusion.network.displaced import Displaced, displaced
 from fusion.network.equations import Blocks, Solution
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
-from fusion.terrain.displaced import Displaced, displaced
 from fusion.types import Bools, Floats
 
 DEFAULT_SIGMA_M, DEFAULT_LENGTH_M = 6.0, 300.0

@@ -11,7 +11,7 @@ from accuracy.calibration_tables import Cell
 
 @pytest.mark.slow
 def test_a_road_goes_through_the_whole() -> None:
-    draws, ratios = calibration.run_seed(1, 8, [1, 3], ["all", "altitude only"], lags=True)
+    draws, ratios = calibration.run_seed(1, 8, [1, 3], ["all", "altitude only"])
     assert {cell: len(of_cell) for cell, of_cell in draws.items()} == {
         Cell("all", 1): 3,
         Cell("all", 3): 1,

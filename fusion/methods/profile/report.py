@@ -32,8 +32,8 @@ from fusion.methods.profile.measurements import (
 from fusion.methods.profile.model import DRIFT, GRADE, HEIGHT, MOUNT, SmootherEpochs, linear_model
 from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath, ground_speed
+from fusion.network.displaced import displaced
 from fusion.network.pass_factor import PassFactor
-from fusion.terrain.displaced import displaced
 from fusion.types import DriveLog, Floats
 
 WHOLE_SHARE = 0.98
