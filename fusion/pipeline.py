@@ -193,7 +193,7 @@ def solve_network(
     # In the order of driving, so that the order in which logs are named changes no digit.
     numbers = sorted(
         (k for k, one in enumerate(drives) if one.result.factors and k not in again),
-        key=lambda k: _begin(drives[k]),
+        key=lambda k: float(drives[k].result.track.time_s[0]),
     )
     if not numbers:
         return SolvedNetwork({}, rejected, again, [])
@@ -242,10 +242,6 @@ def _witness(one: FusedDrive) -> Witness:
 def _in_file(one: FusedDrive, factors: Sequence[PassFactor]) -> list[PassFactor]:
     """Factors of a log over the rows of the road file."""
     return [f.over(int(one.rows[f.segment])) for f in factors]
-
-
-def _begin(one: FusedDrive) -> float:
-    return float(one.result.track.time_s[0])
 
 
 def _relinearised(
@@ -301,5 +297,4 @@ def _solved(
     lags = {names[k]: lag for k, lag in result.lag_s.items()}
     counted = [drives_on[row] for row in rows.tolist()]
     said = zip(rows.tolist(), result.parts(counted), strict=True)
-    parts = {row: [part] for row, part in said if part is not None}
-    return _Solved(parts, heard, lags, remarks)
+    return _Solved({row: [part] for row, part in said if part is not None}, heard, lags, remarks)

@@ -35,7 +35,7 @@ class Displaced(NamedTuple):
         return (
             f"The elevation model is about {abs(self.off_m):.0f} m too {side} along {self.length_m:.0f} m of the roads "
             f"driven (at {lat_deg:.5f}, {lon_deg:.5f} for one), against its height on the others. Look whether its "
-            "tiles have one datum and whether it has filled voids there."
+            "tiles have one datum and whether it has filled voids there, or whether the altitudes recorded are wrong."
         )
 
 
