@@ -2,18 +2,21 @@
 """Simulation-based calibration: do slopes err as their sigmas say, on data drawn from the very model?
 
     python benchmarks/calibration.py [--seeds 10] [--first 0] [--segments 24] [--drives 1,3,10,40]
-                                     [--sets all,altitude only] [--lags] [--json FILE]
+                                     [--sets all,altitude only] [--json FILE]
 
-Each seed is a road (``accuracy.model_draws``): segments of random lengths, a grade that walks at random with random
+Each seed is a road (``accuracy.road_draws``): segments of random lengths, a grade that walks at random with random
 roughness, changes of grade at plain nodes as ``fusion.network.joints`` believes in. As many drives as the largest
-of ``--drives`` go over it, with exact positions and horizontal velocities and with sensors that err as method
-``profile`` assumes, at random levels; half of them have Gaussian noise in pitch and force, half Student's t. For each
+of ``--drives`` go over it, with exact horizontal velocities and with sensors that err as method ``profile`` assumes, at
+random levels; half of them have Gaussian noise in pitch and force, half Student's t. For each
 set of sensors each log goes through ``run_drive``, with the others switched off by the method's options, and groups of
 drives through ``solve_network``; a draw is one such group, and a road gives ``GROUPS`` of each size at most.
 
-What the network believes in beyond that and the data do not have: steps of height at nodes, and a lag of altimeters
-of some seconds (``--lags`` draws lags from that belief). The network also adds an uncertainty for the map's place
-along the road, which exact places do not have: it is SET TO 0 here (``exact_places``).
+Places are wrong as they are believed to be: the map has its nodes elsewhere along the road than they are
+(``published.PLACE_SIGMA_M``), the same for all drives, and slopes are true between where they are; positions wander
+along the road by the accuracy that they state.
+
+Altimeters are late as it is believed of them. What the network believes in beyond that and the data do not have: steps
+of height at nodes, which the drive's own model does not know either.
 
 Printed for each set, number of drives and class of length: slopes, RMSE, mean stated sigma, share within 1.96 sigma and
 the root mean square of error over sigma; ``low`` and ``high`` mark shares outside 93 to 97 % of at least 300 slopes.
@@ -28,20 +31,20 @@ force, is 0 in truth; it raises the force's level, which is of what is left of t
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from accuracy.calibration_tables import LEVELS, Cell, Draw, Ratio, gaussian_scale, show
-from accuracy.model_draws import FREEDOM, DrawnDrive, DrawnRoad, draw_drive, draw_road
+from accuracy.model_draws import FREEDOM, RATES, DrawnDrive, draw_drive
+from accuracy.road_draws import DrawnRoad, draw_road
 from accuracy.scoring import show_progress, write_json
 from fusion.errors import FusionError
 from fusion.methods.base import DriveResult
-from fusion.network import drive_beliefs, published
+from fusion.network import drive_beliefs
 from fusion.pipeline import run_drive, solve_network
 from fusion.roads.table import rows_of
 from fusion.types import Floats, Ints
@@ -62,30 +65,18 @@ class _Fused(NamedTuple):
     epoch_s: Floats
 
 
-@contextlib.contextmanager
-def exact_places() -> Iterator[None]:
-    """Within this the network takes places along the road for exact: it changes a constant of ``fusion.network``."""
-    before = published.PLACE_SIGMA_M
-    published.PLACE_SIGMA_M = 0.0
-    try:
-        yield
-    finally:
-        published.PLACE_SIGMA_M = before
-
-
 GAUSSIAN_SCALE = gaussian_scale(FREEDOM)
 
 
 def run_seed(
-    seed: int, segments: int, counts: Sequence[int], sets: Sequence[str], lags: bool
+    seed: int, segments: int, counts: Sequence[int], sets: Sequence[str]
 ) -> tuple[dict[Cell, list[Draw]], list[Ratio]]:
     """All draws on the road of a seed, and what its drives learned."""
     rng = np.random.default_rng([seed, 1])
     road = draw_road(rng, segments)
-    fleet_s = rng.normal(*drive_beliefs.LAG_MEAN_S) if lags else 0.0
+    fleet_s = rng.normal(*drive_beliefs.LAG_MEAN_S)
     drives = [
-        draw_drive(rng, road, k, rng.normal(fleet_s, drive_beliefs.LAG_SIGMA_S) if lags else 0.0)
-        for k in range(max(counts))
+        draw_drive(rng, road, k, rng.normal(fleet_s, drive_beliefs.LAG_SIGMA_S)) for k in range(max(counts))
     ]
     draws: dict[Cell, list[Draw]] = {}
     ratios: list[Ratio] = []
@@ -111,7 +102,7 @@ def _ratios(name: str, drive: DrawnDrive, result: DriveResult) -> list[Ratio]:
         if sensor is not None and sensor not in SENSOR_SETS[name]:
             continue
         true, label = drive.level(level), level
-        if level not in ("roughness", "drift", "baro_drift"):
+        if level not in RATES:
             heavy = drive.heavy and level in ("pitch", "force")
             true *= 1.0 if heavy else GAUSSIAN_SCALE
             label += " (t)" if heavy else ""
@@ -146,7 +137,6 @@ def main() -> None:
     parser.add_argument("--segments", type=int, default=24, help="of each road")
     parser.add_argument("--drives", default="1,3,10,40", metavar="N[,N...]")
     parser.add_argument("--sets", default=",".join(SENSOR_SETS), help="only these, separated by commas")
-    parser.add_argument("--lags", action="store_true", help="altimeters lag, as the network believes")
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
@@ -156,13 +146,12 @@ def main() -> None:
         parser.error(f"no such sets of sensors: {', '.join(unknown)}; there are: {', '.join(SENSOR_SETS)}")
     draws: dict[Cell, list[Draw]] = {Cell(name, count): [] for name in sets for count in counts}
     ratios: list[Ratio] = []
-    with exact_places():
-        for seed in range(args.first, args.first + args.seeds):
-            show_progress(f"seed {seed}")
-            of_seed, learned = run_seed(seed, args.segments, counts, sets, args.lags)
-            for cell, of_cell in of_seed.items():
-                draws[cell] += of_cell
-            ratios += learned
+    for seed in range(args.first, args.first + args.seeds):
+        show_progress(f"seed {seed}")
+        of_seed, learned = run_seed(seed, args.segments, counts, sets)
+        for cell, of_cell in of_seed.items():
+            draws[cell] += of_cell
+        ratios += learned
     show_progress("")
     write_json(args.json, show(draws, ratios, sets))
 

@@ -1,19 +1,23 @@
 #!/usr/bin/env python3
 """Mean grades over about a kilometre from bicycle rides that know heights only, against heights by LiDAR.
 
-    python benchmarks/long_stretches.py DATA_DIR [--rides 1-16] [--subsets N] [--of 6] [--method NAME]
+    python benchmarks/long_stretches.py DATA_DIR [--rides 1-16] [--subsets 4] [--of 6] [--method NAME]
                                         [--stretches PATH] [--json FILE]
 
 DATA_DIR is the folder ``storuman``, or the one that holds it: ``ride_XX.csv``, ``roads.osm`` and ``heights.csv``. The
 rides are fused together as ``versant fuse`` does, and scored by the tool ``stretches.py`` (by default ``../tools``
 beside the parent of the folder): RMSE and median of the absolute error of mean grades between neighbouring heights, of
 the slopes added up along the way, and of the rides' own height differences, one by one, their mean and their median.
-``--rides`` takes only some (``1-6,9``). With ``--subsets N`` the same of N random sets of ``--of`` rides; the sets are
-the same in every run.
+``--rides`` takes only some (``1-6,9``). Then the same of ``--subsets`` random sets of ``--of`` rides; the sets are the
+same in every run.
 
 ``in 1.96s`` and ``z-rms`` are of the mean grades by the slopes: the share of errors within 1.96 sigma, and the root
 mean square of error over sigma, of every stretch all of whose slopes are known (the tool leaves those out that no ride
-passes as a whole). What a mean grade's sigma is, ``accuracy.stretches.grade_sigma_percent`` says.
+passes as a whole). What a mean grade's sigma is, ``accuracy.stretches.grade_sigma_percent`` says. That takes slopes'
+errors as independent, which those of heights that only drives know are not: by how much it is too small shows without
+any truth where two halves of the rides are fused apart and disagree. ``halves z-rms`` is the root mean square of their
+differences over the sigmas of these, of ``HALVES`` random halvings; ``scaled`` is the share within 1.96 sigma, and its
+z-rms, after all sigmas have been multiplied by it.
 """
 
 from __future__ import annotations
@@ -22,15 +26,25 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
 from accuracy.scoring import TWO_SIDED_95, Row, rms, show_progress, text_table, write_json
-from accuracy.sequences import Slopes, folder_of, load_tool, parser_of, quietly, slopes_of, tool_beside
+from accuracy.sequences import (
+    Slopes,
+    folder_of,
+    load_tool,
+    parser_of,
+    quietly,
+    slopes_among,
+    slopes_of,
+    tool_beside,
+)
 from accuracy.stretches import Stretch, find_stretches, grade_sigma_percent
 from app.cli.fuse_files import FusedLog, Fusion
 from fusion.errors import FusionError
@@ -52,8 +66,43 @@ COLUMNS = {
     "median_median_abs": ("median", ".3f"),
     "within_95": ("in 1.96s", ".1%"),
     "z_rms": ("z-rms", ".2f"),
+    "halves_z_rms": ("halves z-rms", ".2f"),
+    "scaled_within_95": ("scaled: in 1.96s", ".1%"),
+    "scaled_z_rms": ("z-rms", ".2f"),
 }
-FIGURES = tuple(name for name in COLUMNS if name != "rides")
+OF_SIGMA = ("within_95", "z_rms", "halves_z_rms", "scaled_within_95", "scaled_z_rms")
+FIGURES = tuple(name for name in COLUMNS if name not in ("rides", *OF_SIGMA))
+HALVES = 3
+"""So many times a set of rides is halved at random."""
+
+
+class Scored(NamedTuple):
+    """Errors over sigmas of one set of rides, and the differences of its halves over theirs, halving by halving."""
+
+    z: Floats
+    halves: list[Floats]
+
+    def scale(self) -> float:
+        """By how much sigmas are too small, without truth."""
+        return rms(np.concatenate(self.halves))
+
+    def row(self) -> Row:
+        """Shares as stated and scaled."""
+        return pooled([self])
+
+
+def pooled(scored: Sequence[Scored]) -> Row:
+    """Of several sets of rides, each scaled by its own halves."""
+    raw, scaled = (
+        coverage(np.concatenate(parts))
+        for parts in ([s.z for s in scored], [s.z / s.scale() for s in scored])
+    )
+    scale = rms(np.concatenate([d for s in scored for d in s.halves]))
+    return raw | {
+        "halves_z_rms": scale,
+        "scaled_within_95": scaled["within_95"],
+        "scaled_z_rms": scaled["z_rms"],
+    }
 
 
 @dataclass(frozen=True)
@@ -66,14 +115,22 @@ class Bench:
     fusion: Fusion
     rides: dict[int, FusedLog]
 
-    def score(self, numbers: Sequence[int]) -> tuple[Row, Floats]:
+    def score(self, numbers: Sequence[int]) -> tuple[Row, Scored]:
         """The figures of some rides together, and errors over sigmas of the mean grades."""
+        features = self._together(numbers).features()
+        row = {"rides": ranges(numbers), **self._by_tool([f.geojson() for f in features], numbers)}
+        errors = grade_errors(self.stretches, slopes_among(features))
+        scored = Scored(errors, [self._disagreement(*two) for two in halvings(numbers, HALVES)])
+        return row | scored.row(), scored
+
+    def _together(self, numbers: Sequence[int]) -> Fusion:
         together = Fusion(self.fusion.method, self.fusion.options, self.fusion.roads, None)
         together.fused = [self.rides[number] for number in numbers]
-        features = together.features()
-        row = {"rides": ranges(numbers), **self._by_tool([f.geojson() for f in features], numbers)}
-        z = grade_errors(self.stretches, slopes_of(together))
-        return row | coverage(z), z
+        return together
+
+    def _disagreement(self, some: Sequence[int], others: Sequence[int]) -> Floats:
+        first, second = (slopes_of(self._together(half)) for half in (some, others))
+        return grade_differences(self.stretches, first, second)
 
     def _by_tool(self, features: list[dict[str, object]], numbers: Sequence[int]) -> Row:
         with tempfile.TemporaryDirectory() as folder:
@@ -95,6 +152,17 @@ def grade_errors(stretches: Iterable[Stretch], slopes: Slopes) -> Floats:
     errors = np.array([grade - s.true_grade_percent() for s, grade in found])
     sigmas = np.array([grade_sigma_percent(s, slopes) for s, _ in found])
     return np.asarray(errors / sigmas)
+
+
+def grade_differences(stretches: Iterable[Stretch], some: Slopes, others: Slopes) -> Floats:
+    """Difference over its sigma of the mean grades of every stretch that two results know; no ride is in both."""
+    found = []
+    for one in stretches:
+        first, second = one.grade_percent(some), one.grade_percent(others)
+        if first is not None and second is not None:
+            sigma = np.hypot(grade_sigma_percent(one, some), grade_sigma_percent(one, others))
+            found.append((first - second) / sigma)
+    return np.array(found, float)
 
 
 def coverage(z: Floats) -> Row:
@@ -128,6 +196,15 @@ def subsets(numbers: Sequence[int], count: int, size: int) -> list[list[int]]:
     return [sorted(rng.choice(numbers, size, replace=False).tolist()) for _ in range(count)]
 
 
+def halvings(numbers: Sequence[int], count: int) -> Iterator[tuple[list[int], list[int]]]:
+    """Random halves of a set of rides, the same in every run."""
+    rng = np.random.default_rng(len(numbers))
+    for _ in range(count):
+        order = rng.permutation(numbers).tolist()
+        middle = len(order) // 2
+        yield sorted(order[:middle]), sorted(order[middle:])
+
+
 def prepare(folder: Path, tool: ModuleType, method: str, numbers: Sequence[int]) -> Bench:
     """Read and fuse every ride by itself."""
     fusion = Fusion(method, parse_options(method), read_roads(folder / "roads.osm"), None)
@@ -147,20 +224,22 @@ def run_subsets(bench: Bench, sets: Sequence[Sequence[int]]) -> list[Row]:
     rows, every = [], []
     for number, rides in enumerate(sets, 1):
         show_progress(f"set {number}/{len(sets)}")
-        row, z = bench.score(rides)
+        row, scored = bench.score(rides)
         rows.append(row)
-        every.append(z)
+        every.append(scored)
     show_progress("")
     means = {name: float(np.mean([row[name] for row in rows if name in row])) for name in FIGURES}
     total = {"rides": "mean of sets", **means, "stretches": round(means["stretches"])}
-    return [*rows, total | coverage(np.concatenate(every))]
+    return [*rows, total | pooled(every)]
 
 
 def main() -> None:
     """Parse the command line, run, print."""
     parser = parser_of(__doc__, tool="stretches")
     parser.add_argument("--rides", type=parse_ranges, default=parse_ranges("1-16"), metavar="1-16")
-    parser.add_argument("--subsets", type=int, default=0, metavar="N", help="so many random sets of rides")
+    parser.add_argument(
+        "--subsets", type=int, default=4, metavar="N", help="so many random sets of rides (default 4)"
+    )
     parser.add_argument("--of", type=int, default=6, help="rides in each set (default 6)")
     parser.add_argument("--method", default=DEFAULT_METHOD)
     args = parser.parse_args()

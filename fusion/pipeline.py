@@ -181,7 +181,7 @@ class SolvedNetwork(NamedTuple):
     repeated: dict[int, int]
     """Drives that another log is of too, each with that one: they are not heard a second time."""
     remarks: list[str]
-    """Sentences on control points that have no road, or that the drives contradict."""
+    """Sentences on control points that have no road, or that the drives contradict, and on a wrong elevation model."""
 
 
 def solve_network(
@@ -193,7 +193,7 @@ def solve_network(
     # In the order of driving, so that the order in which logs are named changes no digit.
     numbers = sorted(
         (k for k, one in enumerate(drives) if one.result.factors and k not in again),
-        key=lambda k: _begin(drives[k]),
+        key=lambda k: float(drives[k].result.track.time_s[0]),
     )
     if not numbers:
         return SolvedNetwork({}, rejected, again, [])
@@ -242,10 +242,6 @@ def _witness(one: FusedDrive) -> Witness:
 def _in_file(one: FusedDrive, factors: Sequence[PassFactor]) -> list[PassFactor]:
     """Factors of a log over the rows of the road file."""
     return [f.over(int(one.rows[f.segment])) for f in factors]
-
-
-def _begin(one: FusedDrive) -> float:
-    return float(one.result.track.time_s[0])
 
 
 def _relinearised(
@@ -297,8 +293,8 @@ def _solved(
         for name, row in zip(surveyed.names, surveyed.row.tolist(), strict=True)
         if not solved[row]
     ]
+    remarks = [*undriven, *result.remarks, *(result.model.remarks(table) if result.model else ())]
     lags = {names[k]: lag for k, lag in result.lag_s.items()}
     counted = [drives_on[row] for row in rows.tolist()]
     said = zip(rows.tolist(), result.parts(counted), strict=True)
-    parts = {row: [part] for row, part in said if part is not None}
-    return _Solved(parts, heard, lags, undriven + result.remarks)
+    return _Solved({row: [part] for row, part in said if part is not None}, heard, lags, remarks)

@@ -47,7 +47,7 @@ class Together(NamedTuple):
     repeated: dict[int, int]
     """Logs of a drive that another log is of too, each with that one, by their places in ``Fusion.fused``."""
     remarks: list[str]
-    """Sentences on control points."""
+    """Sentences on control points and the elevation model."""
     height_datum: str | None
     """What the heights refer to; None where there are none."""
 

@@ -23,6 +23,7 @@ LEVELS = {
     "doppler": "doppler",
     "pitch": "pitch",
     "force": "force",
+    "wander": "pitch",
     "baro_m": "barometer",
     "baro_drift": "barometer",
 }

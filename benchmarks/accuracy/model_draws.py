@@ -1,7 +1,7 @@
-"""Roads and logs drawn from the very model that method ``profile`` and the network believe in.
+"""Logs drawn from the very model that method ``profile`` and the network believe in.
 
-The grade is a random walk along the road, with a change of its own at each node; every sensor errs as
-``fusion.methods.profile.model`` and ``likelihood`` say. What is drawn is returned beside what was made of it.
+Every sensor errs as ``fusion.methods.profile.model`` and ``likelihood`` say, and positions wander along the road by the
+accuracy that they state. What is drawn is returned beside what was made of it.
 """
 
 from __future__ import annotations
@@ -10,184 +10,102 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.frames import GRAVITY_MPS2, LocalProjection
+from accuracy.road_draws import PLANE, DrawnRoad, log_uniform
+from fusion.frames import GRAVITY_MPS2
+from fusion.methods.profile.factors import PLACE_BOUNDS_M, PLACE_TAU_S
+from fusion.methods.profile.levels import LEAST_HEIGHT_M, LOG_WANDER
 from fusion.methods.profile.measurements import BARO, PERIOD_S
-from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, WANDER_SIGMA, Noise
-from fusion.network.joints import couplings
+from fusion.methods.profile.method import BAROMETRIC_DRIFT
+from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, SQUAT
-from fusion.roads.table import RoadTable
 from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pressure, SpecificForce
 
-LENGTHS_M = (5.0, 300.0)
-ROUGHNESS_PER_M = (1e-6, 1e-4)
 SPEEDS_MPS = (5.0, 20.0)
 ALTITUDE_M = (0.1, 1.5)
 DRIFT_M2_PER_S = (0.01, 1.0)
+RECEIVER_DRIFT_M2_PER_S, ALTIMETER_DRIFT_M2_PER_S = (3 * BAROMETRIC_DRIFT, 1.0), (0.001, BAROMETRIC_DRIFT / 3)
+"""Of altitudes whose accuracy is not stated: such as drift slowly are taken for an altimeter's, which is late."""
+ALTIMETER_SHARE = 0.5
+"""Share of altimeters among the altitudes whose accuracy is not stated."""
 DOPPLER_MPS = (0.05, 0.4)
 SPRINGS = (0.005, 0.02)
 """Noise of pitch and force as grades: sigma where it is Gaussian, scale where it is Student's t."""
 BARO_M = (0.1, 0.5)
 BARO_DRIFT_M2_PER_S = (0.001, 0.1)
+H_ACC_M = (0.4, 4.0)
+"""Stated accuracy of positions (horizontal 2-D)."""
 MOUNT_DEG = 2.0
-TURN_DEG = 3.0
-"""One sigma of the turn at a node, on the half of the roads that turn."""
-STEEPEST = 0.35
-"""A road that becomes steeper anywhere is drawn anew: sensors of slopes are not used on far steeper ones."""
 FREEDOM = 5.0
 """Degrees of freedom of the noise of pitch and force on half of the drives."""
 FAST_SHARE, FAST_HZ = 0.25, 5.0
 """Share of the drives that are recorded at more than 1 Hz, and at how much."""
+RATES = ("roughness", "drift", "baro_drift", "wander")
+"""Levels that no averaging of samples changes."""
 _DOPPLER_FLOOR = 0.002
-_STEP_M = 0.5
-_PLANE = LocalProjection(8.5, 49.0)
 _FIRST_S, _HOUR_S = 1.7e9, 3600.0
 _POSITION_M = 0.01
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnRoad:
-    """A road of n segments whose grade is linear on each of m short steps.
-
-    ``table`` has the segments in order; ``node_m`` (n + 1,) and ``node_xy_m`` (n + 1, 2): where its nodes are along it
-    and in the plane. ``step_m``, ``height_m``, ``grade`` and ``bend`` (m,): where steps begin, height and grade there,
-    and the change of grade per metre.
-    """
-
-    table: RoadTable
-    node_m: Floats
-    node_xy_m: Floats
-    step_m: Floats
-    height_m: Floats
-    grade: Floats
-    bend: Floats
-    roughness: float
-
-    def height_and_grade(self, along_m: Floats) -> tuple[Floats, Floats]:
-        """The road's height (m) and grade at distances along it."""
-        k = np.clip(np.searchsorted(self.step_m, along_m, side="right") - 1, 0, len(self.step_m) - 1)
-        d = along_m - self.step_m[k]
-        height = self.height_m[k] + d * self.grade[k] + 0.5 * d**2 * self.bend[k]
-        return height, self.grade[k] + d * self.bend[k]
-
-    def slopes_percent(self) -> Floats:
-        """For each segment the slope of the regression of height on distance over all of it, percent."""
-        nodes, weights = np.polynomial.legendre.leggauss(3)
-        bounds = np.append(self.step_m, self.node_m[-1])
-        half, middle = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
-        along = middle[:, None] + half[:, None] * nodes  # exact: heights are parabolas on each step
-        height, _ = self.height_and_grade(along.ravel())
-        segment = np.searchsorted(self.node_m, middle, side="right") - 1
-        centre = 0.5 * (self.node_m[1:] + self.node_m[:-1])
-        moment = np.sum(
-            height.reshape(along.shape) * (along - centre[segment, None]) * half[:, None] * weights, axis=1
-        )
-        length = np.diff(self.node_m)
-        return np.asarray(100 * np.bincount(segment, moment) * 12 / length**3)
-
-
-def draw_road(rng: np.random.Generator, segments: int) -> DrawnRoad:
-    """A straight or gently turning road of one way, without junctions."""
-    while True:
-        road = _road(rng, segments)
-        if np.max(np.abs(road.grade)) <= STEEPEST:
-            return road
-
-
-def _road(rng: np.random.Generator, segments: int) -> DrawnRoad:
-    length = _log_uniform(rng, LENGTHS_M, segments)
-    turns = rng.random() < 0.5
-    heading = rng.uniform(0, 2 * np.pi) + turns * np.cumsum(np.radians(TURN_DEG) * rng.normal(size=segments))
-    step = length[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
-    place = np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
-    place -= 0.5 * (place.min(axis=0) + place.max(axis=0))
-    table = _table(place)
-    roughness = float(_log_uniform(rng, ROUGHNESS_PER_M))
-    node = np.concatenate([[0.0], np.cumsum(table.length_m)])
-    counts = np.ceil(table.length_m / _STEP_M).astype(np.int64)
-    parts = [
-        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(node[:-1], node[1:], counts, strict=True)
-    ]
-    width = np.repeat(table.length_m / counts, counts)
-    inside = np.sqrt(roughness * width) * rng.normal(size=len(width))
-    change = np.zeros(len(width))
-    change[np.cumsum(counts)[:-1]] = couplings(table).sigma * rng.normal(size=segments - 1)
-    start = 0.03 * rng.normal()
-    grade = start + np.cumsum(change) + np.concatenate([[0.0], np.cumsum(inside)[:-1]])
-    climb = width * (grade + 0.5 * inside)
-    height = 200.0 + np.concatenate([[0.0], np.cumsum(climb)[:-1]])
-    return DrawnRoad(table, node, place, np.concatenate(parts), height, grade, inside / width, roughness)
-
-
-def _table(place_m: Floats) -> RoadTable:
-    lon, lat = _PLANE.to_lonlat(place_m[:, 0], place_m[:, 1])
-    n = len(lon) - 1
-    return RoadTable.from_columns(
-        osm_way_id=np.ones(n),
-        from_node=np.arange(1, n + 1),
-        to_node=np.arange(2, n + 2),
-        lon0_deg=lon[:-1],
-        lat0_deg=lat[:-1],
-        lon1_deg=lon[1:],
-        lat1_deg=lat[1:],
-        oneway=np.zeros(n),
-        bridge=np.zeros(n, bool),
-        tunnel=np.zeros(n, bool),
-        layer=np.zeros(n),
-        highway=["residential"] * n,
-        name=[None] * n,
-    )
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnDrive:
     """A log, and the noise levels that it was made with: those of a sample, at ``rate_hz``.
 
-    ``heavy``: pitch and force have Student's t noise, and their levels are its scale.
+    ``heavy``: pitch and force have Student's t noise, and their levels are its scale. ``late``: altitudes are late.
     """
 
     log: DriveLog
     noise: Noise
     rate_hz: float
     heavy: bool
+    late: bool = False
 
     def level(self, name: str) -> float:
         """A noise level (a field of ``Noise``) as the method meets it, once it has averaged dense samples."""
         level: float = getattr(self.noise, name)
-        period = {"altitude_m": PERIOD_S[0], "baro_m": PERIOD_S[BARO]}.get(name, PERIOD_S[1])
-        if name in ("roughness", "drift", "baro_drift") or 1 / self.rate_hz >= 0.95 * period:
-            return level
-        slot = np.floor(np.arange(1000) / self.rate_hz / period + 1e-6).astype(np.int64)
-        return level * float(np.sqrt(np.mean(1 / np.bincount(slot)[:-1])))
+        return level if name in RATES else level * _left(self.rate_hz, name)
+
+
+def _left(rate_hz: float, name: str) -> float:
+    """What the mean over the method's slots leaves of the noise of samples."""
+    period = {"altitude_m": PERIOD_S[0], "baro_m": PERIOD_S[BARO]}.get(name, PERIOD_S[1])
+    if 1 / rate_hz >= 0.95 * period:
+        return 1.0
+    slot = np.floor(np.arange(1000) / rate_hz / period + 1e-6).astype(np.int64)
+    return float(np.sqrt(np.mean(1 / np.bincount(slot)[:-1])))
 
 
 def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: float = 0.0) -> DrawnDrive:
     """A drive over the whole road in either direction; drives of different ``number`` are an hour apart.
 
-    Height sensors show where the vehicle was ``lag_s`` ago; beyond its ends the road goes on as it is there.
+    Altitudes that are an altimeter's show where the vehicle was ``lag_s`` ago; beyond its ends the road goes on as it
+    is there. Those of a receiver are not late, nor is the air's pressure.
     """
     rate = FAST_HZ if rng.random() < FAST_SHARE else 1.0
     forward, heavy = bool(rng.random() < 0.5), bool(rng.random() < 0.5)
+    stated = bool(rng.random() < 0.5)
+    late = not stated and bool(rng.random() < ALTIMETER_SHARE)
+    unstated = ALTIMETER_DRIFT_M2_PER_S if late else RECEIVER_DRIFT_M2_PER_S
     noise = Noise(
         roughness=road.roughness,
-        altitude_m=float(_log_uniform(rng, ALTITUDE_M)),
-        drift=float(_log_uniform(rng, DRIFT_M2_PER_S)),
+        altitude_m=_height_level(rng, ALTITUDE_M, rate, "altitude_m"),
+        drift=float(log_uniform(rng, DRIFT_M2_PER_S if stated else unstated)),
         doppler=1.0,
-        pitch=float(_log_uniform(rng, SPRINGS)),
-        force=float(_log_uniform(rng, SPRINGS)),
-        baro_m=float(_log_uniform(rng, BARO_M)),
-        baro_drift=float(_log_uniform(rng, BARO_DRIFT_M2_PER_S)),
+        pitch=float(log_uniform(rng, SPRINGS)),
+        force=float(log_uniform(rng, SPRINGS)),
+        wander=float(np.exp(rng.normal(*LOG_WANDER))),
+        baro_m=_height_level(rng, BARO_M, rate, "baro_m"),
+        baro_drift=float(log_uniform(rng, BARO_DRIFT_M2_PER_S)),
     )
     t, gone, speed, acceleration = _motion(rng, float(road.node_m[-1]), 1 / rate)
     along = gone if forward else road.node_m[-1] - gone
     height, grade = road.height_and_grade(along)
     grade = grade if forward else -grade
-    if lag_s:
-        behind = lag_s * speed - 0.5 * lag_s**2 * acceleration
-        height, _ = road.height_and_grade(along - behind if forward else along + behind)
+    behind = late * (lag_s * speed - 0.5 * lag_s**2 * acceleration)
+    altitude, _ = road.height_and_grade(along - behind if forward else along + behind)
     time = _FIRST_S + _HOUR_S * number + t
     n = len(t)
-    fix, course = _fixes(rng, road, time, along, forward, height, noise)
-    white = float(_log_uniform(rng, DOPPLER_MPS))
+    fix, course = _fixes(rng, road, time, along, forward, altitude, noise, stated)
+    white = float(log_uniform(rng, DOPPLER_MPS))
     climb = speed * grade + np.hypot(white, _DOPPLER_FLOOR * speed) * rng.normal(size=n)
     velocity = GnssVelocity.assemble(
         time,
@@ -200,11 +118,11 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
     pitch_noise, force_noise = (rng.standard_t(FREEDOM, n) if heavy else rng.normal(size=n) for _ in range(2))
     mounted = grade + np.tan(np.radians(MOUNT_DEG)) * rng.normal()
     segment = np.clip(np.searchsorted(road.node_m, along, side="right") - 1, 0, len(road.table) - 1)
-    wander = (WANDER_SIGMA * rng.normal(size=len(road.table)))[segment]
+    wander = (noise.wander * rng.normal(size=len(road.table)))[segment]
     squat = CONSTANT_SIGMA[SQUAT] * rng.normal() * acceleration
     pitch = np.arctan(mounted + wander + squat + noise.pitch * level * pitch_noise)
     bias = CONSTANT_SIGMA[BIAS] * rng.normal()
-    felt = np.sin(np.arctan(mounted + bias + noise.force * level * force_noise))
+    felt = np.sin(np.arctan(mounted + wander + bias + noise.force * level * force_noise))
     walk = 30 * rng.normal() + np.cumsum(np.sqrt(noise.baro_drift / rate) * rng.normal(size=n))
     shown = height + walk + noise.baro_m * rng.normal(size=n)
     log = DriveLog(
@@ -215,7 +133,12 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
         force=SpecificForce.assemble(time, acc_x_mps2=GRAVITY_MPS2 * felt + acceleration),
         pressure=Pressure.assemble(time, pressure_pa=101_325.0 * (1 - shown / 44_330.77) ** (1 / 0.190263)),
     )
-    return DrawnDrive(log, noise, rate, heavy)
+    return DrawnDrive(log, noise, rate, heavy, late)
+
+
+def _height_level(rng: np.random.Generator, bounds: tuple[float, float], rate_hz: float, name: str) -> float:
+    """The noise of samples whose means are not surer than it is believed of any height."""
+    return max(float(log_uniform(rng, bounds)), LEAST_HEIGHT_M / _left(rate_hz, name))
 
 
 def _motion(
@@ -242,33 +165,38 @@ def _fixes(
     forward: bool,
     height_m: Floats,
     noise: Noise,
+    stated: bool,
 ) -> tuple[GnssFix, Floats]:
-    """Positions to a centimetre with drifting altitudes, and the course. Half of them state how good altitudes are."""
+    """Positions on the road, wrong along it by what they state, with drifting altitudes, and the course."""
     n = len(time_s)
+    h_acc = float(log_uniform(rng, H_ACC_M))
+    sigma = float(np.clip(h_acc / np.sqrt(2), *PLACE_BOUNDS_M))
+    shown = along_m + _wander(rng, time_s, sigma, PLACE_TAU_S)
     x, y = (
-        np.interp(along_m, road.node_m, road.node_xy_m[:, k]) + _POSITION_M * rng.normal(size=n)
-        for k in (0, 1)
+        np.interp(shown, road.node_m, road.node_xy_m[:, k]) + _POSITION_M * rng.normal(size=n) for k in (0, 1)
     )
-    lon, lat = _PLANE.to_lonlat(x, y)
+    lon, lat = PLANE.to_lonlat(x, y)
     segment = np.clip(np.searchsorted(road.node_m, along_m, side="right") - 1, 0, len(road.table) - 1)
     east, north = np.diff(road.node_xy_m, axis=0)[segment].T
     course = np.mod(np.arctan2(east, north) + (0.0 if forward else np.pi), 2 * np.pi)
     variance = 0.5 * noise.drift * DRIFT_TAU_S
-    kept = np.exp(-np.diff(time_s) / DRIFT_TAU_S)
-    drift = np.sqrt(variance) * rng.normal(size=n)
-    for k in range(1, n):
-        drift[k] = kept[k - 1] * drift[k - 1] + np.sqrt(1 - kept[k - 1] ** 2) * drift[k]
-    stated = np.sqrt(variance + noise.altitude_m**2) if rng.random() < 0.5 else np.nan
+    drift = _wander(rng, time_s, float(np.sqrt(variance)), DRIFT_TAU_S)
+    v_acc = np.sqrt(variance + noise.altitude_m**2) if stated else np.nan
     fix = GnssFix.assemble(
         time_s,
         lat_deg=lat,
         lon_deg=lon,
         alt_msl_m=height_m + drift + noise.altitude_m * rng.normal(size=n),
-        h_acc_m=np.full(n, 1.0),
-        v_acc_m=np.full(n, stated),
+        h_acc_m=np.full(n, h_acc),
+        v_acc_m=np.full(n, v_acc),
     )
     return fix, course
 
 
-def _log_uniform(rng: np.random.Generator, bounds: tuple[float, float], size: int | None = None) -> Floats:
-    return np.asarray(np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size)))
+def _wander(rng: np.random.Generator, time_s: Floats, sigma: float, tau_s: float) -> Floats:
+    """A Gauss-Markov process of this size and correlation time."""
+    kept = np.exp(-np.diff(time_s) / tau_s)
+    out = sigma * rng.normal(size=len(time_s))
+    for k in range(1, len(out)):
+        out[k] = kept[k - 1] * out[k - 1] + np.sqrt(1 - kept[k - 1] ** 2) * out[k]
+    return np.asarray(out)

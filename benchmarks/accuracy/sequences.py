@@ -21,6 +21,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
 
 from app.cli.fuse_files import Fusion
+from app.map.segment import Segment
 from fusion.errors import MissingSensorError, NoMatchError
 from fusion.pipeline import parse_options
 from fusion.roads.osm import read_roads
@@ -198,9 +199,14 @@ def fuse(
 
 def slopes_of(fusion: Fusion) -> Slopes:
     """Slope and sigma of every segment that has them."""
+    return slopes_among(fusion.features() if fusion.fused else ())
+
+
+def slopes_among(features: Iterable[Segment]) -> Slopes:
+    """The same of a result."""
     return {
         (f.osm_way_id, f.from_node, f.to_node): (f.slope_percent, f.slope_sigma_percent)
-        for f in (fusion.features() if fusion.fused else ())
+        for f in features
         if f.slope_percent is not None and f.slope_sigma_percent is not None
     }
 

@@ -11,9 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
+from fusion.network.displaced import Displaced, displaced
 from fusion.network.equations import Blocks, Solution
 from fusion.network.unknowns import RoadUnknowns
+from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats
 
 DEFAULT_SIGMA_M, DEFAULT_LENGTH_M = 6.0, 300.0
@@ -71,6 +74,8 @@ class TerrainBlocks:
         self.steps.weight, self.level.weight = zero.copy(), np.zeros(2 * len(rows))
         self.sigma_m, self.length_m = terrain.sigma_m, terrain.length_m
         self.tail = np.ones(len(rows))
+        self.displaced: tuple[int, Displaced] | None = None
+        """A driven segment on which the model stands out from itself, and how"""
 
     def blocks(self) -> list[Blocks]:
         """Differences from knot to knot, and heights."""
@@ -82,6 +87,7 @@ class TerrainBlocks:
             return
         if first:
             self._measure(solution)
+            self.displaced = self._displaced(solution)
         error, own = self._step_errors(solution)
         usual = self._step_variance()
         # The first solution is without the model: both are uncertain of each other.
@@ -90,17 +96,43 @@ class TerrainBlocks:
         spacing = self.spacing_m / self.length_m
         self.steps.weight = self.tail / (self._step_variance() * (STEP_FREEDOM + 3) / (STEP_FREEDOM + 1))
         ends = np.repeat((1 / np.tanh(spacing) - 1 / np.sinh(spacing)) / (2 * self.sigma_m**2), 2)
-        self.level.weight = ends * self._level_tail(solution)
+        self.level.weight = ends * self._level_tail(solution, first)
 
-    def _level_tail(self, solution: Solution) -> Floats:
-        """Where the model is far from the drives, its height counts less than its differences may."""
+    def _level_tail(self, solution: Solution, first: bool) -> Floats:
+        """Where the model is far from the roads, its height counts less than its differences may.
+
+        The ``first`` solution, which is without the model, does not know how high roads are that nobody drove.
+        """
         driven = np.repeat(self._driven[self._row], 2)
         error = self.level.vector[:, 0] - solution.x[self.level.variables[:, 0]]
         if not driven.any():
             return np.ones(len(error))
         error -= np.median(error[driven])
-        misfit = np.where(driven, np.square(error / self.sigma_m), 0.0)
+        misfit = np.where(driven | (not first), np.square(error / self.sigma_m), 0.0)
         return np.asarray((STEP_FREEDOM + 1) / (STEP_FREEDOM + np.maximum(misfit, 1.0)))
+
+    def remarks(self, network: RoadTable) -> list[str]:
+        """A sentence where the model stands out from itself."""
+        if self.displaced is None:
+            return []
+        row, found = self.displaced
+        return [found.said(float(network.lat0_deg[row]), float(network.lon0_deg[row]))]
+
+    def _displaced(self, solution: Solution) -> tuple[int, Displaced] | None:
+        """The worst of all networks of driven roads that hang together: heights do not carry from one to another."""
+        u, above = self._unknowns, self.level.vector[::2, 0] - solution.x[self.level.variables[::2, 0]]
+        node = np.column_stack([u.start_node, u.end_node])[self._driven]
+        joined = sparse.coo_matrix((np.ones(len(node)), node.T), shape=(u.nodes, u.nodes))
+        _, part = sparse.csgraph.connected_components(joined, directed=False)
+        driven = np.flatnonzero(self._driven[self._row])
+        part = part[u.start_node[self._row[driven]]]
+        found = []
+        for number in np.unique(part).tolist():
+            mine = driven[part == number]
+            one = displaced(above[mine], self.spacing_m[mine])
+            if one is not None:
+                found.append((int(self._row[mine[one.where][0]]), one))
+        return max(found, key=lambda one: one[1].length_m, default=None)
 
     def _step_variance(self) -> Floats:
         return np.asarray(2 * self.sigma_m**2 * np.sinh(self.spacing_m / self.length_m))

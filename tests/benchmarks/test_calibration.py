@@ -1,4 +1,4 @@
-"""The calibration: a road goes through it whole, and places are exact only meanwhile."""
+"""The calibration: a road goes through it whole."""
 
 from __future__ import annotations
 
@@ -7,20 +7,11 @@ import pytest
 
 import calibration
 from accuracy.calibration_tables import Cell
-from fusion.network import published
-
-
-def test_places_are_exact_only_within() -> None:
-    before = published.PLACE_SIGMA_M
-    with calibration.exact_places():
-        assert published.PLACE_SIGMA_M == 0
-    assert before == published.PLACE_SIGMA_M > 0
 
 
 @pytest.mark.slow
 def test_a_road_goes_through_the_whole() -> None:
-    with calibration.exact_places():
-        draws, ratios = calibration.run_seed(1, 8, [1, 3], ["all", "altitude only"], lags=True)
+    draws, ratios = calibration.run_seed(1, 8, [1, 3], ["all", "altitude only"])
     assert {cell: len(of_cell) for cell, of_cell in draws.items()} == {
         Cell("all", 1): 3,
         Cell("all", 3): 1,

@@ -67,5 +67,5 @@ class DenseTerrain:
             [up for up, (row, *_) in zip(above, self.levels, strict=True) if row in driven] or [0]
         )
         for up, (row, equation, _, end) in zip(above, self.levels, strict=True):
-            far = ((up - usual) / self.sigma_m) ** 2 if row in driven else 0.0
+            far = ((up - usual) / self.sigma_m) ** 2 if row in driven or not first else 0.0
             equation.weight = end * (free + 1) / (free + max(far, 1.0))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fusion.frames import LocalProjection
+from accuracy.road_draws import PLANE, road_through
 from fusion.network.curve import grade_rows, height_rows, variable_count
 from fusion.network.pass_factor import ENTRY, EXIT, NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
@@ -14,7 +14,6 @@ from fusion.roads.table import RoadTable
 Height = Callable[[np.ndarray], np.ndarray]
 """Height (m) of the street at distances from its beginning."""
 T0_S = 1_700_000_000.0
-PLANE = LocalProjection(8.5, 49.0)
 
 
 def street_east(*lengths_m: float, loop: bool = False) -> RoadTable:
@@ -22,21 +21,8 @@ def street_east(*lengths_m: float, loop: bool = False) -> RoadTable:
     n = len(lengths_m)
     east = np.concatenate([[0.0], np.cumsum(lengths_m)])
     lon, lat = PLANE.to_lonlat(east, np.zeros(n + 1))
-    return RoadTable.from_columns(
-        osm_way_id=np.arange(1, n + 1),
-        from_node=np.arange(n),
-        to_node=np.arange(1, n + 1) % n if loop else np.arange(1, n + 1),
-        lon0_deg=lon[:-1],
-        lat0_deg=lat[:-1],
-        lon1_deg=lon[1:],
-        lat1_deg=lat[1:],
-        oneway=np.zeros(n),
-        bridge=np.zeros(n, bool),
-        tunnel=np.zeros(n, bool),
-        layer=np.zeros(n),
-        highway=["residential"] * n,
-        name=[None] * n,
-    )
+    node = np.append(np.arange(n), 0 if loop else n)
+    return road_through(lon, lat, np.arange(1, n + 1), node)
 
 
 def drive_along(

@@ -5,29 +5,34 @@ Nothing is estimated here; the smoother runs again only to show what each sensor
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
+from fusion.filters.smoother import Smoothed
 from fusion.methods.profile.barometer import set_right_share, speed_pressure
 from fusion.methods.profile.blocks import Estimate
 from fusion.methods.profile.factors import MIN_CONFIDENCE
 from fusion.methods.profile.inertia import set_right
 from fusion.methods.profile.measurements import (
+    ALTITUDE,
     BARO,
+    DEM_SPACING_M,
     DOPPLER,
     FORCE,
     PITCH,
     SENSORS,
+    TERRAIN,
     Measurements,
     speeds,
 )
-from fusion.methods.profile.model import DRIFT, GRADE, MOUNT, SmootherEpochs, linear_model
+from fusion.methods.profile.model import DRIFT, GRADE, HEIGHT, MOUNT, SmootherEpochs, linear_model
 from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath, ground_speed
+from fusion.network.displaced import displaced
 from fusion.network.pass_factor import PassFactor
 from fusion.types import DriveLog, Floats
 
@@ -53,6 +58,9 @@ def drive_report(
 ) -> dict[str, Any]:
     """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds."""
     match, lengths = path.match, path.network.table.length_m
+    without = {
+        code: _without(measured, epochs, learned, code) for code in np.unique(measured.sensor).tolist()
+    }
     whole = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segment] for f in factors]
     report = {
         "matched_share": float(np.mean(path.matched)),
@@ -66,9 +74,10 @@ def drive_report(
         "inertia": _inertia(log, measured),
         "speed_pressure": _speed_pressure(log, path, measured),
         "height_jumps_s": [float(epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
-        "sensors": _contributions(measured, epochs, learned),
+        "sensors": _contributions(measured, learned, without),
     }
-    return {**report, "warnings": _warnings(log, measured, report)}
+    said = _elevation_model(path, measured, epochs, without.get(TERRAIN))
+    return {**report, "warnings": [*_warnings(log, measured, report), *said]}
 
 
 def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> dict[str, Any] | None:
@@ -119,26 +128,42 @@ def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:
     return {"value": unit * estimate.value, "sigma": unit * estimate.sigma} if known else None
 
 
+def _without(measured: Measurements, epochs: SmootherEpochs, learned: Learned, sensor: int) -> Smoothed:
+    """The drive without a sensor: as if its errors were beyond all measure. The epochs stay the same."""
+    variance = np.where(measured.sensor == sensor, 1e12, learned.variance)
+    return linear_model(measured, epochs, learned.noise, variance, learned.jumps).smooth()
+
+
 def _contributions(
-    measured: Measurements, epochs: SmootherEpochs, learned: Learned
+    measured: Measurements, learned: Learned, without: Mapping[int, Smoothed]
 ) -> dict[str, dict[str, float]]:
     """For each sensor: measurements, outliers, and the median sigma of the grade with all and without this one."""
     everything = _grade_sigma(learned.smoothed.covariance)
-    out = {}
-    for code, name in enumerate(SENSORS):
-        mine = measured.sensor == code
-        if not mine.any():
-            continue
-        # Without a sensor: as if its errors were beyond all measure. The epochs stay the same.
-        variance = np.where(mine, 1e12, learned.variance)
-        without = linear_model(measured, epochs, learned.noise, variance, learned.jumps).smooth()
-        out[name] = {
-            "measurements": int(mine.sum()),
-            "outliers": int(learned.outlier[mine].sum()),
+    return {
+        SENSORS[code]: {
+            "measurements": int(np.count_nonzero(measured.sensor == code)),
+            "outliers": int(learned.outlier[measured.sensor == code].sum()),
             "grade_sigma_percent": everything,
-            "grade_sigma_percent_without": _grade_sigma(without.covariance),
+            "grade_sigma_percent_without": _grade_sigma(smoothed.covariance),
         }
-    return out
+        for code, smoothed in without.items()
+    }
+
+
+def _elevation_model(
+    path: DrivenPath, measured: Measurements, epochs: SmootherEpochs, without: Smoothed | None
+) -> list[str]:
+    """Where the elevation model stands out, by the drive's own heights; nothing where it has none."""
+    if without is None or not np.isin(measured.sensor, (ALTITUDE, BARO)).any():
+        return []
+    mine = np.flatnonzero(measured.sensor == TERRAIN)
+    above = measured.value[mine] - without.mean[epochs.of_measurement[mine], HEIGHT]
+    found = displaced(above, np.full(len(mine), DEM_SPACING_M))
+    if found is None:
+        return []
+    row, _ = path.match.position_on(measured.along_m[mine[found.where][:1]])
+    table, segment = path.network.table, int(path.match.segment[row[0]])
+    return [found.said(float(table.lat0_deg[segment]), float(table.lon0_deg[segment]))]
 
 
 def _grade_sigma(covariance: Floats) -> float:

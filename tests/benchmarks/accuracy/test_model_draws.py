@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from accuracy.model_draws import FAST_HZ, STEEPEST, DrawnDrive, DrawnRoad, draw_drive, draw_road
+from accuracy.model_draws import FAST_HZ, DrawnDrive, draw_drive
+from accuracy.road_draws import STEEPEST, DrawnRoad, draw_road
 from fusion.frames import LocalProjection
 from fusion.methods.profile.model import Noise
+from fusion.network.published import PLACE_SIGMA_M
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +29,7 @@ def test_heights_are_the_integral_of_the_grade(road: DrawnRoad) -> None:
 def test_true_slopes_are_regressions(road: DrawnRoad) -> None:
     slopes = road.slopes_percent()
     for k in (0, 7, 19):
-        along = np.linspace(road.node_m[k], road.node_m[k + 1], 5001)[1:-1]
+        along = np.linspace(road.true_node_m[k], road.true_node_m[k + 1], 5001)[1:-1]
         height, _ = road.height_and_grade(along)
         assert slopes[k] == pytest.approx(100 * np.polyfit(along, height, 1)[0], abs=0.01)
 
@@ -41,6 +43,27 @@ def test_the_walk_has_the_roughness_drawn() -> None:
 def test_segments_are_in_the_order_of_the_road(road: DrawnRoad) -> None:
     assert np.diff(road.node_m) == pytest.approx(road.table.length_m)
     assert np.array_equal(road.table.from_node, np.arange(1, 21))
+
+
+def test_maps_have_their_nodes_elsewhere() -> None:
+    roads = [draw_road(np.random.default_rng(k), 20) for k in range(10)]
+    moved = np.concatenate([r.true_node_m - r.node_m for r in roads])
+    assert np.std(moved) == pytest.approx(PLACE_SIGMA_M, rel=0.2)
+    assert all(np.min(np.diff(r.true_node_m)) >= 1.0 for r in roads)
+
+
+def test_positions_wander_by_what_they_state(road: DrawnRoad) -> None:
+    plane = LocalProjection(8.5, 49.0)
+    errors = []
+    for k in range(40):
+        drive = draw_drive(np.random.default_rng(k), road, k)
+        fix, velocity = drive.log.fix, drive.log.velocity
+        x, y = plane.to_xy(fix.lon_deg, fix.lat_deg)
+        way = np.hypot(x - x[0], y - y[0])
+        gone = np.concatenate([[0.0], np.cumsum(np.hypot(velocity.vel_n_mps, velocity.vel_e_mps))[:-1]])
+        off = (way - gone / drive.rate_hz)[1 : int(60 * drive.rate_hz)]
+        errors.append(np.std(off) / fix.h_acc_m[0])
+    assert 0.2 < np.median(errors) < 1.5  # a minute of a wander that lasts half a minute: 0.7 in the long run
 
 
 def test_logs_lie_on_the_road(road: DrawnRoad) -> None:
@@ -59,7 +82,10 @@ def test_logs_lie_on_the_road(road: DrawnRoad) -> None:
 
 
 def test_a_lag_shows_earlier_heights(road: DrawnRoad) -> None:
-    plain, late = (draw_drive(np.random.default_rng(5), road, 0, lag) for lag in (0.0, 1.0))
+    seed = next(k for k in range(50) if draw_drive(np.random.default_rng(k), road, 0).late)
+    plain, late = (draw_drive(np.random.default_rng(seed), road, 0, lag) for lag in (0.0, 1.0))
+    assert np.array_equal(plain.log.pressure.pressure_pa, late.log.pressure.pressure_pa)
+    assert not plain.log.fix.has("v_acc_m")
     shift = plain.log.fix.alt_msl_m - late.log.fix.alt_msl_m
     climb = -plain.log.velocity.vel_d_mps
     assert np.corrcoef(shift, climb)[0, 1] > 0.9

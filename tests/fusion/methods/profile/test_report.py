@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+import re
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from factor_support import street
-from fusion.pipeline import run_drive
+from fusion.pipeline import run_drive, solve_network
+from fusion.roads.table import rows_of
 from fusion.simulate.write.csv_file import csv_columns
+from fusion.terrain.dem import Dem
 from fusion.types import DriveLog
 from profile_support import Levels, World, hills, log_of, street_log
 
@@ -162,3 +166,39 @@ def test_a_tilt_hardly_known() -> None:
     """Pitch alone cannot tell a tilted sensor from a hill."""
     found = report(drive_log(without=["velocity", "altitude"]))
     assert [w for w in found["warnings"] if "mount's tilt is known to" in w]
+
+
+@dataclass
+class Raster:
+    """An elevation model of the street, ``off_m`` too high in its second quarter."""
+
+    off_m: float
+    description: str = "made"
+    datum: str = "EGM96"
+
+    def heights(self, lon: np.ndarray, lat: np.ndarray) -> np.ndarray:
+        first, last = TABLE.lon0_deg[0], TABLE.lon1_deg[-1]
+        along = (lon - first) / (last - first) * TABLE.length_m.sum()
+        return np.asarray(hills(along) + np.where((along > 450) & (along < 900), self.off_m, 0.0))
+
+
+@pytest.mark.parametrize("off_m", [30.0, -30.0])
+def test_an_elevation_model_that_is_off_is_named(off_m: float) -> None:
+    found, fine = (run_drive(drive_log(), TABLE, cast(Dem, Raster(off)))[1].report for off in (off_m, 0.0))
+    (sentence,) = [one for one in found["warnings"] if one.startswith("The elevation model")]
+    said = re.search(r"about (\d+) m too (high|low) along (\d+) m", sentence)
+    assert said is not None
+    assert abs(int(said[1]) - 30) <= 2
+    assert said[2] == ("high" if off_m > 0 else "low")
+    assert abs(int(said[3]) - 450) <= 50
+    assert not [one for one in fine["warnings"] if one.startswith("The elevation model")]
+
+
+def test_drives_together_name_it_as_well() -> None:
+    """What ``versant fuse`` says beside the reports of each log."""
+    log, dem = drive_log(), cast(Dem, Raster(30.0))
+    network, result = run_drive(log, TABLE, dem)
+    one = SimpleNamespace(rows=rows_of(TABLE, network.table), result=result, epoch_s=log.fix.time_s)
+    (sentence,) = solve_network(TABLE, dem, [one]).remarks
+    assert sentence.startswith("The elevation model is about ")
+    assert solve_network(TABLE, cast(Dem, Raster(0.0)), [one]).remarks == []
