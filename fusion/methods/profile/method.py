@@ -14,11 +14,14 @@ from fusion.errors import MissingSensorError, NoMatchError
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.profile.factors import pass_factors
+from fusion.methods.profile.inertia import set_right
 from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.likelihood import Altimeter
 from fusion.methods.profile.measurements import (
     ALTITUDE,
     BARO,
+    FORCE,
+    PITCH,
     SENSORS,
     Lags,
     Measurements,
@@ -108,20 +111,21 @@ class ProfileMethod:
                 "positions are a drive's and not a parked vehicle's."
             )
         progress("smooth", 0.3)
-        drive = _smooth(log, path, dem, options, Altimeter())
+        right = set_right(log)[0] if options.sensors() & {PITCH, FORCE} else log
+        drive = _smooth(right, path, dem, options, Altimeter())
         late = _altimeter(log, drive)
         if late.sensor >= 0:
-            drive = _smooth(log, path, dem, options, late)
+            drive = _smooth(right, path, dem, options, late)
         progress("factors", 0.7)
         factors = _factors(drive, log.fix)
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
-        track = build_track(path, drive.measured, drive.epochs, drive.learned)
+        track = build_track(path, drive.epochs, drive.learned)
         report = drive_report(log, path, drive.measured, drive.epochs, drive.learned, factors)
         drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
 
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
-            return _factors(_smooth(log, path, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
+            return _factors(_smooth(right, path, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
 
         return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
 
