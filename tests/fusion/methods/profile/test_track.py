@@ -9,7 +9,7 @@ import numpy as np
 from factor_support import street
 from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.measurements import ALTITUDE, Lags, build_measurements
-from fusion.methods.profile.model import build_smoother_epochs
+from fusion.methods.profile.model import GRADE, HEIGHT, build_smoother_epochs
 from fusion.methods.profile.noise import learn
 from fusion.methods.profile.track import build_track
 from profile_support import Levels, hills, smoothed, street_log
@@ -47,10 +47,13 @@ def test_heights_that_are_late_leave_the_rows_at_the_positions() -> None:
     measured = build_measurements(log, path, None, frozenset({ALTITUDE}), Lags(altitude_s=1.5))
     epochs = build_smoother_epochs(measured, path)
     assert not np.isin(epochs.time_s, TIME_S).any()
-    track = build_track(path, epochs, learn(measured, epochs, prior_noise(measured)))
+    learned = learn(measured, epochs, prior_noise(measured))
+    track = build_track(path, epochs, learned)
     np.testing.assert_array_equal(track.time_s, TIME_S)
-    miss = track.alt_m - hills(ALONG_M)  # the level is half the receiver's error
-    np.testing.assert_allclose(miss, np.mean(miss), atol=0.5)
+    height, grade = learned.smoothed.mean[:, HEIGHT], learned.smoothed.mean[:, GRADE]
+    expected = np.append(np.interp(TIME_S[:-1], epochs.time_s, height), height[-1] + 15.0 * grade[-1])
+    np.testing.assert_allclose(track.alt_m[1:-2], expected[1:-2])
+    np.testing.assert_allclose(track.alt_m[-1], expected[-1], atol=0.05)
 
 
 def test_through_an_outage_rows_lie_where_anything_was_measured() -> None:
