@@ -53,9 +53,9 @@ LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
 """... of the wander of the attitude: most vehicles are alike, and short drives can't tell it from the road's grades."""
 LOG_SPREAD, LOG_RATE_SPREAD = 1.0, 1.5
 """Sigma of the logs of white levels and of rates about where they start: receivers differ by ten times."""
-LEAST_HEIGHT_M = 0.1
-"""No height is surer than this, however smooth a receiver's filter makes it: where a vehicle is in its lane, across a
-crossfall of 2.5 %, and its springs."""
+LEAST_HEIGHT_M = 0.05
+"""No height is surer than this, however smooth a filter makes it: the decimetres that receivers state it in (NMEA 0183;
+0.03 m), the body's heave on its springs (0.03 m), the place in the lane across a crossfall of 2.5 % (0.01 m)."""
 _STEPS = 10
 _CLOSE = 0.05
 """The optimisation ends after so many steps, or so near by its gradient, in sigmas of the levels."""

@@ -137,12 +137,13 @@ def _factors(drive: _Smoothed, fix: GnssFix) -> tuple[PassFactor, ...]:
 def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:
     """Whether the heights are an altimeter's, whose filter makes them late: they err like a barometer.
 
-    A receiver's height that states its accuracy is its own fix, and pressure is a sensor's own sample: neither is late.
+    A receiver's height that states its accuracy, or is above the ellipsoid, of which no altimeter knows, is its own
+    fix, and pressure is a sensor's own sample: neither is late.
     """
     sensors = drive.measured.sensor
-    stated = log.fix.has("v_acc_m")
+    own = log.fix.has("v_acc_m") or log.fix.has("height_ell_m")
     steady = drive.learned.noise.drift < BAROMETRIC_DRIFT
-    if (sensors == ALTITUDE).any() and not stated and (steady or _in_steps(log.fix.alt_msl_m)):
+    if (sensors == ALTITUDE).any() and not own and (steady or _in_steps(log.fix.alt_msl_m)):
         return Altimeter(ALTITUDE, USUAL_LAG_S)
     return Altimeter()
 
@@ -168,7 +169,8 @@ def _smooth(
             f"{', '.join(SENSORS)}). Record altitudes, Doppler velocity, attitude or pressure, while driving."
         )
     epochs = build_smoother_epochs(measured, path)
-    learned = learn(measured, epochs, prior_noise(measured))
+    by_satellites = not _in_steps(log.fix.alt_msl_m)
+    learned = learn(measured, epochs, prior_noise(measured), by_satellites=by_satellites)
     return _Smoothed(path, measured, epochs, learned, altimeter)
 
 

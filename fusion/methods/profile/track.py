@@ -8,6 +8,7 @@ from fusion.methods.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, SE
 from fusion.methods.profile.model import BARO_DRIFT, BIAS, GRADE, HEIGHT, MOUNT, SQUAT, SmootherEpochs
 from fusion.methods.profile.noise import Learned
 from fusion.methods.profile.path import DrivenPath
+from fusion.methods.profile.sampling import spaced
 from fusion.types import LONGEST_BRIDGED_GAP_S, DrawnMeasurements, Floats, Ints, Track
 
 PERIOD_S = 0.5
@@ -63,7 +64,7 @@ def _row_times(path: DrivenPath, epochs: SmootherEpochs) -> Floats:
     alone = epochs.time_s[_since_fix(path, epochs.time_s) >= _FIX_WITHIN_S]
     _, run = path.at(path.fix_time_s)
     time = np.union1d(path.fix_time_s[run >= 0], alone)
-    return time[_spaced(time, 0.95 * PERIOD_S)]
+    return time[spaced(time, 0.95 * PERIOD_S)]
 
 
 def _smoothed_at(time: Floats, along: Floats, run: Ints, epochs: SmootherEpochs, learned: Learned) -> Floats:
@@ -81,16 +82,6 @@ def _smoothed_at(time: Floats, along: Floats, run: Ints, epochs: SmootherEpochs,
         reached = np.clip(along[here], *epochs.along_m[mine][[0, -1]])
         out[here, 0] += out[here, 2] * (along[here] - reached)
     return out
-
-
-def _spaced(time: Floats, period_s: float) -> Ints:
-    """Indices of times at least ``period_s`` apart, the first included."""
-    keep, last = [], -np.inf
-    for k, t in enumerate(time.tolist()):
-        if t - last >= period_s:
-            keep.append(k)
-            last = t
-    return np.array(keep, np.int64)
 
 
 def _since_fix(path: DrivenPath, time: Floats) -> Floats:
