@@ -54,8 +54,11 @@ LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
 LOG_SPREAD, LOG_RATE_SPREAD = 1.0, 1.5
 """Sigma of the logs of white levels and of rates about where they start: receivers differ by ten times."""
 LEAST_HEIGHT_M = 0.05
-"""No height is surer than this, however smooth a filter makes it: the decimetres that receivers state it in (NMEA 0183;
-0.03 m), the body's heave on its springs (0.03 m), the place in the lane across a crossfall of 2.5 % (0.01 m)."""
+"""No receiver's height is surer than this, however smooth a filter makes it: the decimetres that it is stated in (NMEA
+0183; 0.03 m), the body's heave on its springs (0.03 m), the place in the lane across a crossfall of 2.5 % (0.01 m)."""
+LEAST_PRESSURE_HEIGHT_M = 0.1
+"""... and no barometer's on the road: a gust of 1 m/s at 15 m/s changes the dynamic pressure by 18 Pa or 1.5 m, of
+which a sensor in a cabin feels 7 % (``barometer.USUAL_SPEED_PRESSURE``)."""
 _STEPS = 10
 _CLOSE = 0.05
 """The optimisation ends after so many steps, or so near by its gradient, in sigmas of the levels."""
@@ -63,6 +66,10 @@ _FARTHEST = 3.0
 """How far a log moves in a round at most."""
 _SHARE_TOLD = 0.3
 """Of a white level's information under known states, what is left as states are not known: scales the first step."""
+
+
+def _least() -> dict[str, float]:
+    return {"altitude_m": LEAST_HEIGHT_M, "baro_m": LEAST_PRESSURE_HEIGHT_M}
 
 
 def prior_noise(measured: Measurements) -> Noise:
@@ -105,7 +112,7 @@ def expected_levels(
         for sensor, name in WHITE.items()
         if (measured.sensor == sensor).any()
     }
-    found |= {n: max(found[n], LEAST_HEIGHT_M) for n in ("altitude_m", "baro_m") if n in found}
+    found |= {name: max(found[name], least) for name, least in _least().items() if name in found}
     noise = noise.with_(**found)
     square = normalised_square(smoothed, variance, white_variance(measured, noise))
     return noise, (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
@@ -160,8 +167,8 @@ def most_likely(
 
     bound = np.column_stack([-_FARTHEST * scale, _FARTHEST * scale])
     for k, name in enumerate(names):
-        if name in ("altitude_m", "baro_m"):
-            bound[k, 0] = max(bound[k, 0], scale[k] * (np.log(LEAST_HEIGHT_M) - begin[k]))
+        if name in _least():
+            bound[k, 0] = max(bound[k, 0], scale[k] * (np.log(_least()[name]) - begin[k]))
     best = optimize.minimize(
         loss,
         np.zeros(len(names)),

@@ -84,26 +84,24 @@ def on_traversals(
     place_sigma_m: Floats,
 ) -> OnTraversals:
     """Bring a drive's measurements to its traversals; terrain heights stay out, as the network has the DEM itself."""
-    clean, share = decorrelated(measured, learned.noise)
+    clean, beyond = decorrelated(measured, learned.noise)
     traversal, distance = path.match.position_on(measured.along_m)
     keep = np.flatnonzero((measured.sensor != TERRAIN) & (traversal >= 0))
     keep = keep[np.lexsort((measured.time_s[keep], traversal[keep]))]
-    sensor, traversal, share = measured.sensor[keep], traversal[keep], share[keep]
+    sensor, traversal, share = measured.sensor[keep], traversal[keep], beyond[keep]
     length, scale = segment_lengths(path)
     length, distance = length[traversal], distance[keep] * scale[traversal]
     is_height = np.isin(sensor, (ALTITUDE, BARO))
     forward = np.where(path.match.forward[traversal], 1.0, -1.0)
     variable, height = height_weights(distance, length)
-    _, grade = grade_weights(distance, length)
-    q = learned.noise.roughness
-    seen = design(measured, decorrelated(measured, learned.noise)[1])[keep]
+    grade, q = grade_weights(distance, length)[1], learned.noise.roughness
+    seen = design(measured, beyond)[keep]
     # A height that is late by tau, taken for late by lag_s: y = H - climb (tau - lag_s). The unknown is tau.
     smoothed, along = learned.smoothed.mean[:, GRADE], measured.along_m[keep]
     grades = smoothed[epochs.of_measurement[keep]]
     before, after = (np.interp(along + d, epochs.along_m, smoothed) for d in (-_BEND_OVER_M, _BEND_OVER_M))
     bend = (after - before) / (2 * _BEND_OVER_M)
-    climb = grades * measured.speed_mps[keep]
-    late = np.where(sensor == altimeter.sensor, -climb, 0.0)
+    late = np.where(sensor == altimeter.sensor, -grades * measured.speed_mps[keep], 0.0)
     return OnTraversals(
         variable=variable,
         weights=np.where(is_height[:, None], height, (forward * (1 - share))[:, None] * grade),
@@ -206,8 +204,7 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
             present[height_sensor[i]] = True
     own = passing.shape[1]
     column, weight_of = np.empty(9 + own, np.int64), np.empty(9 + own)
-    start = 0
-    row = 0
+    start = row = 0
     for k in range(len(size)):
         n = size[k]
         knots = n - 8

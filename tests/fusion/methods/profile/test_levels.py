@@ -61,6 +61,10 @@ def test_the_gradient_is_that_of_the_likelihood(
 ) -> None:
     """The loss that is minimised and its gradient, against differences of the likelihood by each log of a level."""
     one = simulate(4, TRUTHS[1], sensors=sensors, seconds=80)
+    turn = np.random.default_rng(2).uniform(
+        0, 0.2, len(one.measured)
+    )  # a part of the variance that no level has
+    one = replace(one, measured=replace(one.measured, turn=turn))
     weight = np.random.default_rng(1).uniform(0.3, 1.0, len(one.measured))
     caught: list[Callable[[np.ndarray], tuple[float, np.ndarray]]] = []
 
