@@ -17,6 +17,7 @@ from fusion.formats import read_log
 from fusion.frames import GRAVITY_MPS2, LocalProjection
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult
+from fusion.methods.profile.inertia import set_right
 from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.measurements import Measurements, build_measurements
 from fusion.methods.profile.method import MIN_MEASUREMENTS, ProfileOptions
@@ -220,7 +221,7 @@ def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options:
     middle = LocalProjection.around(log.fix.lon_deg, log.fix.lat_deg)
     path = find_path(log, RoadNetwork.project(roads, middle), MatchOptions(radius_m=50.0))
     assert path is not None
-    measured = build_measurements(log, path, dem, ProfileOptions(**options).sensors())
+    measured = build_measurements(set_right(log)[0], path, dem, ProfileOptions(**options).sensors())
     assert len(measured) >= MIN_MEASUREMENTS
     epochs = build_smoother_epochs(measured, path)
     return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)), log.fix)

@@ -33,8 +33,9 @@ PLAUSIBLE_K = (223.15, 323.15)
 SPAN_S = 8.0
 """Changes of height are compared over this long: a vehicle brakes and pulls away in less, and neither the errors of
 heights nor those of Doppler, added up, have grown beyond what a braking shows."""
-BLOCK_S = 20.0
-"""In this time a barometer drifts evenly, and each block holds some braking or pulling away."""
+BLOCK_S = 60.0
+"""In this time a barometer drifts evenly, and changes of speed have their beginning and end: half a minute of pulling
+away, cut by shorter blocks, would go into their levels."""
 LEAST_GAIN = 0.3
 """Where heights follow the barometer less than this they are no measure of it."""
 HOLE_S = 2.5

@@ -6,20 +6,36 @@ outliers, and where the drive changed suddenly, is given here and found in ``noi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import optimize
 
-from fusion.filters.smoother import Smoothed
-from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
+from fusion.filters.smoother import LinearModel, Smoothed, StepNoise
+from fusion.methods.profile.measurements import (
+    ALTITUDE,
+    BARO,
+    DOPPLER,
+    FORCE,
+    PITCH,
+    SENSORS,
+    TERRAIN,
+    Measurements,
+)
 from fusion.methods.profile.model import (
     DRIFT_TAU_S,
+    RATES,
     WANDER_SIGMA,
     Jumps,
     Noise,
     SmootherEpochs,
+    add_noise,
+    askew_variance,
     linear_model,
-    noise_derivative,
+    step_noise,
+    steps_noise,
     variance_unit,
+    white_level,
     white_variance,
 )
 from fusion.types import Floats
@@ -37,15 +53,23 @@ LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
 """... of the wander of the attitude: most vehicles are alike, and short drives can't tell it from the road's grades."""
 LOG_SPREAD, LOG_RATE_SPREAD = 1.0, 1.5
 """Sigma of the logs of white levels and of rates about where they start: receivers differ by ten times."""
-LEAST_HEIGHT_M = 0.1
-"""No height is surer than this, however smooth a receiver's filter makes it: where a vehicle is in its lane, across a
-crossfall of 2.5 %, and its springs."""
-_STEPS = 6
-"""Of the optimisation, in each round."""
+LEAST_HEIGHT_M = 0.05
+"""No receiver's height is surer than this, however smooth a filter makes it: the decimetres that it is stated in (NMEA
+0183; 0.03 m), the body's heave on its springs (0.03 m), the place in the lane across a crossfall of 2.5 % (0.01 m)."""
+LEAST_PRESSURE_HEIGHT_M = 0.1
+"""... and no barometer's on the road: a gust of 1 m/s at 15 m/s changes the dynamic pressure by 18 Pa or 1.5 m, of
+which a sensor in a cabin feels 7 % (``barometer.USUAL_SPEED_PRESSURE``)."""
+_STEPS = 10
+_CLOSE = 0.05
+"""The optimisation ends after so many steps, or so near by its gradient, in sigmas of the levels."""
 _FARTHEST = 3.0
 """How far a log moves in a round at most."""
 _SHARE_TOLD = 0.3
 """Of a white level's information under known states, what is left as states are not known: scales the first step."""
+
+
+def _least() -> dict[str, float]:
+    return {"altitude_m": LEAST_HEIGHT_M, "baro_m": LEAST_PRESSURE_HEIGHT_M}
 
 
 def prior_noise(measured: Measurements) -> Noise:
@@ -88,7 +112,7 @@ def expected_levels(
         for sensor, name in WHITE.items()
         if (measured.sensor == sensor).any()
     }
-    found |= {n: max(found[n], LEAST_HEIGHT_M) for n in ("altitude_m", "baro_m") if n in found}
+    found |= {name: max(found[name], least) for name, least in _least().items() if name in found}
     noise = noise.with_(**found)
     square = normalised_square(smoothed, variance, white_variance(measured, noise))
     return noise, (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
@@ -122,11 +146,7 @@ def most_likely(
     measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
 ) -> Noise:
     """Levels near the most likely ones, from ``noise`` on, held by weak priors about ``start``."""
-    white = {sensor: name for sensor, name in WHITE.items() if (measured.sensor == sensor).any()}
-    rates = ["roughness"]
-    rates += ["drift"] if ALTITUDE in white else []
-    rates += ["baro_drift"] if BARO in white else []
-    rates += ["wander"] if PITCH in white or FORCE in white else []
+    white, rates = _learned(measured)
     names = [*white.values(), *rates]
     priors = [_prior(n, start) for n in names]
     mean, sigma = np.array(priors).T
@@ -135,34 +155,88 @@ def most_likely(
         len(epochs.time_s) / 8
     ] * len(rates)
     scale = np.sqrt(_SHARE_TOLD * np.array(told) + sigma**-2)
+    likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
 
     def at(step: Floats) -> Noise:
         return noise.with_(**dict(zip(names, np.exp(begin + step / scale).tolist(), strict=True)))
 
     def loss(step: Floats) -> tuple[float, Floats]:
-        here = at(step)
-        variance = gaussian_variance(measured, here) / weight
-        smoothed = linear_model(measured, epochs, here, variance, jumps).smooth()
-        score = smoothed.level_score(variance)
-        gradient = [2 * float(np.sum(score[measured.sensor == sensor])) for sensor in white]
-        gradient += [
-            (2 if name == "wander" else 1) * smoothed.noise_score(noise_derivative(epochs, here, name))
-            for name in rates
-        ]
+        value, gradient = likelihood.at(at(step))
         off = (begin + step / scale - mean) / sigma
-        value = smoothed.log_likelihood - 0.5 * float(off @ off)
-        return -value, -(np.array(gradient) - off / sigma) / scale
+        return 0.5 * float(off @ off) - value, (off / sigma - gradient) / scale
 
     bound = np.column_stack([-_FARTHEST * scale, _FARTHEST * scale])
     for k, name in enumerate(names):
-        if name in ("altitude_m", "baro_m"):
-            bound[k, 0] = max(bound[k, 0], scale[k] * (np.log(LEAST_HEIGHT_M) - begin[k]))
+        if name in _least():
+            bound[k, 0] = max(bound[k, 0], scale[k] * (np.log(_least()[name]) - begin[k]))
     best = optimize.minimize(
         loss,
         np.zeros(len(names)),
         jac=True,
         method="L-BFGS-B",
         bounds=bound,
-        options={"maxiter": _STEPS, "maxfun": 2 * _STEPS},
+        options={"maxiter": _STEPS, "maxfun": 2 * _STEPS, "gtol": _CLOSE},
     )
     return at(best.x)
+
+
+def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:
+    """The white levels, by sensor, and the rates that a drive's measurements tell."""
+    white = {sensor: name for sensor, name in WHITE.items() if (measured.sensor == sensor).any()}
+    rates = ["roughness"]
+    rates += ["drift"] if ALTITUDE in white else []
+    rates += ["baro_drift"] if BARO in white else []
+    rates += ["wander"] if PITCH in white or FORCE in white else []
+    return white, rates
+
+
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """The likelihood of a drive's levels, with all that stays as it is while they are sought.
+
+    ``unit`` and ``askew`` (m,): parts of the variances, with weights; ``fixed``: of the steps' noise what is not
+    learned; ``parts``: what is, at the levels ``noise``.
+    """
+
+    measured: Measurements
+    noise: Noise
+    unit: Floats
+    askew: Floats
+    model: LinearModel
+    fixed: Floats
+    parts: dict[str, StepNoise]
+
+    @classmethod
+    def about(
+        cls, measured: Measurements, epochs: SmootherEpochs, noise: Noise, weight: Floats, jumps: Jumps
+    ) -> _Likelihood:
+        """Near the levels ``noise``."""
+        _, rates = _learned(measured)
+        unit, askew = (
+            ROBUST_INFORMATION_LOSS * v / weight for v in (variance_unit(measured), askew_variance(measured))
+        )
+        model = linear_model(measured, epochs, noise, unit, jumps)
+        others = [name for name in RATES if name not in rates]
+        fixed = steps_noise(epochs, noise, jumps, others)
+        parts = {name: step_noise(epochs, noise, name) for name in rates}
+        return cls(measured, noise, unit, askew, model, fixed, parts)
+
+    def at(self, noise: Noise) -> tuple[float, Floats]:
+        """The log-likelihood, and its derivatives by the logs of the levels, white ones and then rates."""
+        sensor = self.measured.sensor
+        variance = white_level(sensor, noise) ** 2 * self.unit + self.askew
+        total, factors = self.fixed.copy(), {}
+        for name, part in self.parts.items():
+            factors[name] = (getattr(noise, name) / getattr(self.noise, name)) ** (
+                2 if name == "wander" else 1
+            )
+            add_noise(total, {entry: factors[name] * value for entry, value in part.items()})
+        scores = self.model.at_levels(total, variance).scores()
+        white = scores.level_score(variance) * (1 - self.askew / variance)
+        by_sensor = np.bincount(sensor, white, len(SENSORS))
+        slopes = [2 * float(by_sensor[code]) for code in _learned(self.measured)[0]]
+        slopes += [
+            (2 if name == "wander" else 1) * factors[name] * scores.noise_score(part)
+            for name, part in self.parts.items()
+        ]
+        return scores.log_likelihood, np.array(slopes)

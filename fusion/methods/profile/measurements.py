@@ -11,7 +11,6 @@ import numpy as np
 
 from fusion.frames import GRAVITY_MPS2
 from fusion.methods.profile.barometer import pressure_heights
-from fusion.methods.profile.inertia import set_right
 from fusion.methods.profile.path import DrivenPath, ground_speed
 from fusion.methods.profile.sampling import binned
 from fusion.terrain.dem import Dem
@@ -78,9 +77,7 @@ class Lags:
 def build_measurements(
     log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[int], lags: Lags = Lags()
 ) -> Measurements:
-    """All measurements of the sensors ``use`` that lie on the path."""
-    if use & {PITCH, FORCE}:
-        log, _ = set_right(log)
+    """All measurements of the sensors ``use`` that lie on the path; ``log`` has its inertial data set right."""
     speed_time, speed = speeds(log, path)
     parts = []
     for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure)):

@@ -14,10 +14,13 @@ from fusion.errors import MissingSensorError, NoMatchError
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.profile.factors import pass_factors
+from fusion.methods.profile.inertia import set_right
 from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.measurements import (
     ALTITUDE,
     BARO,
+    FORCE,
+    PITCH,
     SENSORS,
     Lags,
     Measurements,
@@ -108,20 +111,21 @@ class ProfileMethod:
                 "positions are a drive's and not a parked vehicle's."
             )
         progress("smooth", 0.3)
-        drive = _smooth(log, path, dem, options, Altimeter())
+        right = set_right(log)[0] if options.sensors() & {PITCH, FORCE} else log
+        drive = _smooth(right, path, dem, options, Altimeter())
         late = _altimeter(log, drive)
         if late.sensor >= 0:
-            drive = _smooth(log, path, dem, options, late)
+            drive = _smooth(right, path, dem, options, late)
         progress("factors", 0.7)
         factors = _factors(drive, log.fix)
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
-        track = build_track(path, drive.measured, drive.epochs, drive.learned)
+        track = build_track(path, drive.epochs, drive.learned)
         report = drive_report(log, path, drive.measured, drive.epochs, drive.learned, factors)
         drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
 
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
-            return _factors(_smooth(log, path, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
+            return _factors(_smooth(right, path, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
 
         return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
 
@@ -133,12 +137,13 @@ def _factors(drive: _Smoothed, fix: GnssFix) -> tuple[PassFactor, ...]:
 def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:
     """Whether the heights are an altimeter's, whose filter makes them late: they err like a barometer.
 
-    A receiver's height that states its accuracy is its own fix, and pressure is a sensor's own sample: neither is late.
+    A receiver's height that states its accuracy, or is above the ellipsoid, of which no altimeter knows, is its own
+    fix, and pressure is a sensor's own sample: neither is late.
     """
     sensors = drive.measured.sensor
-    stated = log.fix.has("v_acc_m")
+    own = log.fix.has("v_acc_m") or log.fix.has("height_ell_m")
     steady = drive.learned.noise.drift < BAROMETRIC_DRIFT
-    if (sensors == ALTITUDE).any() and not stated and (steady or _in_steps(log.fix.alt_msl_m)):
+    if (sensors == ALTITUDE).any() and not own and (steady or _in_steps(log.fix.alt_msl_m)):
         return Altimeter(ALTITUDE, USUAL_LAG_S)
     return Altimeter()
 
@@ -164,7 +169,8 @@ def _smooth(
             f"{', '.join(SENSORS)}). Record altitudes, Doppler velocity, attitude or pressure, while driving."
         )
     epochs = build_smoother_epochs(measured, path)
-    learned = learn(measured, epochs, prior_noise(measured))
+    by_satellites = not _in_steps(log.fix.alt_msl_m)
+    learned = learn(measured, epochs, prior_noise(measured), by_satellites=by_satellites)
     return _Smoothed(path, measured, epochs, learned, altimeter)
 
 

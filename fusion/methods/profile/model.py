@@ -6,14 +6,15 @@ drive is smoothed at once; filters that go forwards take it off before they star
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fusion.filters.smoother import LinearModel
+from fusion.filters.smoother import LinearModel, StepNoise
 from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.methods.profile.path import DrivenPath
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 HEIGHT, GRADE, DRIFT, MOUNT, BIAS, SQUAT, BARO_DRIFT, DEM_ERROR, WANDER = range(9)
 """The states: height of the road (m) and its grade along the path, error of the GNSS height (m), mount pitch (as a
@@ -84,12 +85,22 @@ def variance_unit(measured: Measurements) -> Floats:
     return np.where(measured.sensor == DOPPLER, measured.stated_sigma**2, np.where(springs, slow, 1.0))
 
 
+def white_level(sensor: Ints, noise: Noise) -> Floats:
+    """The white level of each measurement's sensor, shape (m,)."""
+    level = [noise.altitude_m, noise.doppler, noise.pitch, noise.force, noise.baro_m, 1.0]
+    return np.array(level)[sensor]
+
+
+def askew_variance(measured: Measurements) -> Floats:
+    """Variance of grades while a vehicle is not in line with the road, shape (m,); 0 for heights."""
+    slope = np.isin(measured.sensor, (DOPPLER, PITCH, FORCE))
+    return np.where(slope, (ASKEW_SIGMA * measured.turn) ** 2, 0.0)
+
+
 def white_variance(measured: Measurements, noise: Noise) -> Floats:
     """Variance of each measurement's white error, shape (m,), before robust weights."""
-    level = np.array([noise.altitude_m, noise.doppler, noise.pitch, noise.force, noise.baro_m, 1.0])
-    slope = np.isin(measured.sensor, (DOPPLER, PITCH, FORCE))
-    askew = np.where(slope, (ASKEW_SIGMA * measured.turn) ** 2, 0.0)
-    return level[measured.sensor] ** 2 * variance_unit(measured) + askew
+    white = white_level(measured.sensor, noise) ** 2 * variance_unit(measured)
+    return np.asarray(white + askew_variance(measured))
 
 
 def decorrelated(measured: Measurements, noise: Noise) -> tuple[Measurements, Floats]:
@@ -170,21 +181,33 @@ def build_smoother_epochs(measured: Measurements, path: DrivenPath) -> SmootherE
     return SmootherEpochs(time, along, run, since, np.cumsum(new) - 1)
 
 
-def noise_derivative(epochs: SmootherEpochs, noise: Noise, name: str) -> Floats:
-    """Derivative of the steps' noise (n, STATES, STATES) by the log of a rate (a field of ``Noise``)."""
+RATES = ("roughness", "drift", "baro_drift", "wander")
+"""The levels that the steps' noise is proportional to (the wander's variance; fields of ``Noise``)."""
+
+
+def step_noise(epochs: SmootherEpochs, noise: Noise, name: str) -> StepNoise:
+    """What one of ``RATES`` adds to the steps' noise: also the derivative by the log of the variance."""
     dt, ds = _steps(epochs)
-    out = np.zeros((len(dt), STATES, STATES))
     if name == "roughness":
-        out[:, HEIGHT, HEIGHT] = noise.roughness * ds**3 / 3
-        out[:, HEIGHT, GRADE] = out[:, GRADE, HEIGHT] = noise.roughness * ds**2 / 2
-        out[:, GRADE, GRADE] = noise.roughness * ds
-    elif name == "drift":
-        out[:, DRIFT, DRIFT] = 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))
-    elif name == "wander":
-        out[:, WANDER, WANDER] = noise.wander**2 * (1 - np.exp(-2 * dt / WANDER_TAU_S))
-    else:
-        out[:, BARO_DRIFT, BARO_DRIFT] = noise.baro_drift * dt
-    return out
+        q = noise.roughness
+        return {
+            (HEIGHT, HEIGHT): q * ds**3 / 3,
+            (GRADE, HEIGHT): q * ds**2 / 2,
+            (GRADE, GRADE): q * ds,
+        }
+    if name == "drift":
+        return {(DRIFT, DRIFT): 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))}
+    if name == "wander":
+        return {(WANDER, WANDER): noise.wander**2 * (1 - np.exp(-2 * dt / WANDER_TAU_S))}
+    return {(BARO_DRIFT, BARO_DRIFT): noise.baro_drift * dt}
+
+
+def add_noise(total: Floats, part: StepNoise) -> None:
+    """Add entries to the steps' noise (n, STATES, STATES), in place."""
+    for (a, b), entry in part.items():
+        total[:, a, b] += entry
+        if a != b:
+            total[:, b, a] += entry
 
 
 def _steps(epochs: SmootherEpochs) -> tuple[Floats, Floats]:
@@ -193,35 +216,48 @@ def _steps(epochs: SmootherEpochs) -> tuple[Floats, Floats]:
     return dt, np.maximum(np.diff(epochs.along_m, prepend=epochs.along_m[:1]), 0.0)
 
 
-def linear_model(
-    measured: Measurements, epochs: SmootherEpochs, noise: Noise, variance: Floats, jumps: Jumps = ()
-) -> LinearModel:
-    """The model for the filter, with the ``variance`` of each measurement (m,) and sudden changes at ``jumps``."""
-    n = len(epochs.time_s)
+def steps_noise(
+    epochs: SmootherEpochs, noise: Noise, jumps: Jumps = (), rates: Collection[str] = RATES
+) -> Floats:
+    """The noise of all steps (n, STATES, STATES), with sudden changes at ``jumps`` and of some ``rates``."""
     dt, ds = _steps(epochs)
-    fresh = np.diff(epochs.run, prepend=epochs.run[:1]) != 0
-    transition = np.broadcast_to(np.eye(STATES), (n, STATES, STATES)).copy()
-    transition[:, HEIGHT, GRADE] = np.where(fresh, 0.0, ds)
-    transition[:, DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
-    transition[:, WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)
-    transition[:, DEM_ERROR, DEM_ERROR] = np.exp(-ds / DEM_LENGTH_M)
-    q = np.zeros((n, STATES, STATES))
-    for name in ("roughness", "drift", "baro_drift", "wander"):
-        q += noise_derivative(epochs, noise, name)  # each rate is a factor
+    fresh = _fresh(epochs)
+    q = np.zeros((len(dt), STATES, STATES))
+    for name in rates:
+        add_noise(q, step_noise(epochs, noise, name))
     q[:, HEIGHT, HEIGHT] += np.where(fresh, _NEW_RUN[0], 0.0)
     q[:, GRADE, GRADE] += epochs.grade_change_variance + np.where(fresh, _NEW_RUN[1], 0.0)
     q[:, MOUNT, MOUNT] = _MOUNT_WALK * dt
     for k, state in jumps:
         q[k, state, state] += JUMP_SIGMA[state] ** 2
     q[:, DEM_ERROR, DEM_ERROR] = noise.dem_m**2 * (1 - np.exp(-2 * ds / DEM_LENGTH_M))
+    return q
+
+
+def _fresh(epochs: SmootherEpochs) -> Bools:
+    """At which epochs the path begins anew, (n,)."""
+    return np.asarray(np.diff(epochs.run, prepend=epochs.run[:1]) != 0)
+
+
+def linear_model(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, variance: Floats, jumps: Jumps = ()
+) -> LinearModel:
+    """The model for the filter, with the ``variance`` of each measurement (m,) and sudden changes at ``jumps``."""
+    n = len(epochs.time_s)
+    dt, ds = _steps(epochs)
+    transition = np.broadcast_to(np.eye(STATES), (n, STATES, STATES)).copy()
+    transition[:, HEIGHT, GRADE] = np.where(_fresh(epochs), 0.0, ds)
+    transition[:, DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
+    transition[:, WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)
+    transition[:, DEM_ERROR, DEM_ERROR] = np.exp(-ds / DEM_LENGTH_M)
     clean, share = decorrelated(measured, noise)
     mean = np.zeros(STATES)
-    heights = measured.value[np.isin(measured.sensor, (ALTITUDE, TERRAIN))]
+    heights = measured.value[(measured.sensor == ALTITUDE) | (measured.sensor == TERRAIN)]
     mean[HEIGHT] = float(np.median(heights[:50])) if len(heights) else 0.0
     pressed = measured.value[measured.sensor == BARO]
     if len(pressed):
         mean[BARO_DRIFT] = float(np.median(pressed[:50])) - mean[HEIGHT]
     return LinearModel(
-        transition, q, mean, np.diag(np.square(_START_SIGMA)), epochs.of_measurement, design(measured, share),
-        clean.value, variance,
+        transition, steps_noise(epochs, noise, jumps), mean, np.diag(np.square(_START_SIGMA)), epochs.of_measurement,
+        design(measured, share), clean.value, variance,
     )  # fmt: skip

@@ -6,19 +6,21 @@ what lies far outside of them counts less, then what breaks with the model has c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fusion.filters.smoother import Smoothed
 from fusion.methods.profile.levels import (
+    LEAST_HEIGHT_M,
     STUDENT_T_FREEDOM,
     expected_levels,
     gaussian_variance,
     most_likely,
     normalised_square,
 )
-from fusion.methods.profile.measurements import BARO, DOPPLER, FORCE, PITCH, Measurements
+from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
 from fusion.methods.profile.model import (
     JUMP_SIGMA,
     Jumps,
@@ -30,11 +32,16 @@ from fusion.methods.profile.model import (
     pitch_partner,
     white_variance,
 )
+from fusion.methods.profile.sampling import spaced
 from fusion.types import Bools, Floats
 
 FIRST_ROUNDS, ROUNDS = 3, 3
 """Of rough steps from wherever the levels start, and of likely levels, weights and sudden changes after them; nothing
 tests for convergence."""
+FILTERED = 1.3
+"""Heights whose white level is found below so many times the least that is possible come out of a filter."""
+HEIGHTS_APART_S = 8.0
+"""Heights so far apart share no error of a receiver's filter, which remembers for one to three seconds."""
 TAIL_SIGMAS = 2.5
 """Beyond this a measurement counts less while levels are learned: with the square of how far."""
 MAX_JUMPS = 4
@@ -66,8 +73,40 @@ class Learned:
     smoothed: Smoothed
 
 
-def learn(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> Learned:
-    """Noise levels, sudden changes and the smoothed drive."""
+def learn(
+    measured: Measurements, epochs: SmootherEpochs, start: Noise, *, by_satellites: bool = True
+) -> Learned:
+    """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
+    found = _levels(measured, epochs, start)
+    noise, jumps, variance, smoothed = found.noise, found.jumps, found.variance, found.smoothed
+    repeated = np.ones(len(measured))
+    if by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M:
+        noise, repeated = _unfiltered(measured, epochs, found, start)
+        variance = gaussian_variance(measured, noise) * repeated / found.weight
+        smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+    # Once the levels are known, what lies far outside of them is not merely weakened but left out.
+    usual = white_variance(measured, noise) * repeated
+    square = normalised_square(smoothed, variance, usual)
+    weight = (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
+    weight = weight * _heard(square)
+    variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
+    smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+    outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
+    return Learned(noise, variance, outlier, jumps, smoothed)
+
+
+class _Found(NamedTuple):
+    """Levels and sudden changes; variances by the last levels but one, and the drive smoothed by them; new weights."""
+
+    noise: Noise
+    jumps: Jumps
+    variance: Floats
+    smoothed: Smoothed
+    weight: Floats
+
+
+def _levels(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> _Found:
+    """Levels, weights and sudden changes in rounds."""
     jumps: Jumps = ()
     paired = bool(np.any(pitch_partner(measured) >= 0))
     noise, weight = start.with_(shared=SHARED_START if paired else 0.0), np.ones(len(measured))
@@ -82,15 +121,24 @@ def learn(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> Learn
         noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
         square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
         weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _heard(square)
-    # Once the levels are known, what lies far outside of them is not merely weakened but left out.
-    usual = white_variance(measured, noise)
-    square = normalised_square(smoothed, variance, usual)
-    weight = (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
-    weight = weight * _heard(square)
-    variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
-    smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
-    outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
-    return Learned(noise, variance, outlier, jumps, smoothed)
+    return _Found(noise, jumps, variance, smoothed, weight)
+
+
+def _unfiltered(
+    measured: Measurements, epochs: SmootherEpochs, found: _Found, start: Noise
+) -> tuple[Noise, Floats]:
+    """Levels by heights ``HEIGHTS_APART_S`` apart alone, and how many measurements share one error, (m,).
+
+    Heights that a receiver's filter has smoothed err together from epoch to epoch: that looks like no error and no
+    drift, and what they err by like road.
+    """
+    mine = np.flatnonzero(measured.sensor == ALTITUDE)
+    apart = mine[spaced(measured.time_s[mine], 0.95 * HEIGHTS_APART_S)]
+    keep = measured.sensor != ALTITUDE
+    keep[apart] = True
+    there = replace(epochs, of_measurement=epochs.of_measurement[keep])
+    noise = most_likely(measured.take(keep), there, found.noise, start, found.weight[keep], found.jumps)
+    return noise, np.where(measured.sensor == ALTITUDE, len(mine) / max(len(apart), 1), 1.0)
 
 
 def _heard(square: Floats) -> Floats:

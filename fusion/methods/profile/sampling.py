@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.types import Floats
+from fusion.types import Floats, Ints
 
 
 def binned(time: Floats, period_s: float, *columns: Floats) -> tuple[Floats, ...]:
@@ -16,3 +16,13 @@ def binned(time: Floats, period_s: float, *columns: Floats) -> tuple[Floats, ...
     slot = np.floor((time - time[0]) / period_s + 1e-6).astype(np.int64)
     _, start, count = np.unique(slot, return_index=True, return_counts=True)
     return tuple(np.add.reduceat(c, start) / count for c in (time, *kept))
+
+
+def spaced(time: Floats, period_s: float) -> Ints:
+    """Indices of times at least ``period_s`` apart, the first included."""
+    keep, last = [], -np.inf
+    for k, t in enumerate(time.tolist()):
+        if t - last >= period_s:
+            keep.append(k)
+            last = t
+    return np.array(keep, np.int64)

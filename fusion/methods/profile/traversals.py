@@ -81,11 +81,11 @@ def on_traversals(
     ``place_sigma_m`` (n,) is how far the place of each traversal errs by itself, ``common_place_m`` (n, 2) how far it
     lies farther along the road for one sigma of the position's error to the east and to the north.
     """
-    clean, share = decorrelated(measured, learned.noise)
+    clean, beyond = decorrelated(measured, learned.noise)
     traversal, distance = path.match.position_on(measured.along_m)
     keep = np.flatnonzero((measured.sensor != TERRAIN) & (traversal >= 0))
     keep = keep[np.lexsort((measured.time_s[keep], traversal[keep]))]
-    sensor, traversal, share = measured.sensor[keep], traversal[keep], share[keep]
+    sensor, traversal, share = measured.sensor[keep], traversal[keep], beyond[keep]
     length, scale = segment_lengths(path)
     length, distance = length[traversal], distance[keep] * scale[traversal]
     is_height = np.isin(sensor, (ALTITUDE, BARO))
@@ -93,7 +93,7 @@ def on_traversals(
     variable, height = height_weights(distance, length)
     _, grade = grade_weights(distance, length)
     q = learned.noise.roughness
-    seen = design(measured, decorrelated(measured, learned.noise)[1])[keep]
+    seen = design(measured, beyond)[keep]
     # A height that is late by tau, taken for late by lag_s: y = H - climb (tau - lag_s). The unknown is tau.
     smoothed, along = learned.smoothed.mean[:, GRADE], measured.along_m[keep]
     grades = smoothed[epochs.of_measurement[keep]]

@@ -207,6 +207,22 @@ def test_the_noise_score_is_the_slope_of_the_likelihood(seed: int, steps: int, s
     root = np.random.default_rng(seed).normal(size=model.noise.shape)
     part = root @ root.transpose(0, 2, 1)
     part[0] *= 1e6
-    found = model.smooth().noise_score(part)
+    lower = zip(*np.tril_indices(states), strict=True)
+    found = model.smooth().noise_score({(int(a), int(b)): part[:, a, b] for a, b in lower})
     up, down = (Dense(replace(model, noise=model.noise + h * part)).log_likelihood() for h in (1e-5, -1e-5))
     assert found == pytest.approx((up - down) / 2e-5, rel=1e-3, abs=1e-4 * (1 + abs(found)))
+
+
+@given(seed=st.integers(0, 2**31), steps=st.integers(1, 8), states=st.integers(1, 4))
+def test_scores_alone_are_those_of_the_smoother(seed: int, steps: int, states: int) -> None:
+    model = random_model(seed, steps, states)
+    smoothed, scores = model.smooth(), model.scores()
+    for name in ("residual", "residual_variance", "pull", "pull_precision", "log_likelihood"):
+        np.testing.assert_array_equal(getattr(scores, name), getattr(smoothed, name))
+
+
+def test_a_model_at_other_levels_is_the_model_with_these_levels() -> None:
+    model = random_model(4, 7, 3, rows=9)
+    noise, variance = 2 * model.noise, 0.5 * model.variance
+    there = model.at_levels(noise, variance).smooth()
+    np.testing.assert_array_equal(there.mean, replace(model, noise=noise, variance=variance).smooth().mean)

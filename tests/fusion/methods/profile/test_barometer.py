@@ -122,7 +122,7 @@ def test_the_share_of_the_dynamic_pressure_is_found(seed: int, share: float) -> 
     log, speed, _ = log_with(share, seed)
     found = speed_pressure(log, TIME_S, speed)
     assert found.value == pytest.approx(share, abs=max(0.02, 4 * found.sigma))
-    assert found.sigma < 0.05
+    assert found.sigma < 0.03  # by Cramér and Rao 0.006 to 0.010, and the floor of 0.01 beside it
 
 
 @given(st.integers(0, 500), st.floats(-0.4, 0.4))

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from fusion.formats import read_log
-from fusion.methods.profile import measurements
+from fusion.methods.profile import method
 from fusion.methods.profile.inertia import Inertia, set_right
 from fusion.pipeline import run_drive
 from fusion.roads.osm import read_roads
@@ -163,7 +163,7 @@ def test_slopes_of_recorded_roads_are_as_good_as_without_the_error(
 
     clean, right = rmse(), rmse(**error)
     nothing = set_right(DriveLog("csv", GnssFix.empty()))[1]
-    monkeypatch.setattr(measurements, "set_right", lambda log: (log, nothing))
+    monkeypatch.setattr(method, "set_right", lambda log: (log, nothing))
     wrong = rmse(**error)
     assert right < 1.05 * clean
     assert wrong > 1.15 * clean

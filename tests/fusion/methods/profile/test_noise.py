@@ -20,6 +20,7 @@ from fusion.methods.profile.model import (
     white_variance,
 )
 from fusion.methods.profile.noise import Learned, learn
+from fusion.types import Floats
 from model_drives import BIAS_GRADE, MOUNT_GRADE, TRUTHS, Simulated, simulate
 
 
@@ -193,3 +194,42 @@ def test_a_short_drive_stays_near_where_learning_starts() -> None:
     for name in ("altitude_m", "doppler"):
         assert 0.5 < getattr(found, name) / getattr(start, name) < 2, name
     assert not short.learned().jumps
+
+
+def filtered(height: Floats, tau_s: float) -> Floats:
+    """Heights at 1 Hz behind a filter that looks both ways: none is late."""
+    keep = np.exp(-1 / tau_s)
+    for _ in range(2):
+        out = height.copy()
+        for k in range(1, len(out)):
+            out[k] = keep * out[k - 1] + (1 - keep) * height[k]
+        height = out[::-1]
+    return height
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("truth", "bound"), [(TRUTHS[0], 1.6), (TRUTHS[1], 1.6), (TRUTHS[2], 2.4)])
+def test_heights_that_a_filter_has_smoothed_are_not_taken_for_errorless(truth: Noise, bound: float) -> None:
+    """Their grades' sigmas stay nearer to what they err by than by neighbouring heights alone.
+
+    Of a poor receiver on hilly roads errors and road look too much alike: half of what is needed.
+    """
+    z: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(6):
+        one = simulate(seed, truth, sensors=(ALTITUDE,))
+        measured = replace(one.measured, value=filtered(one.measured.value, 2.0))
+        for by_satellites, found in z.items():
+            by = learn(measured, one.epochs, prior_noise(measured), by_satellites=by_satellites).smoothed
+            error = by.mean[:, GRADE] - one.grade
+            found.append(np.mean(error**2 / by.covariance[:, GRADE, GRADE]))
+    assert np.sqrt(np.mean(z[True])) < 0.85 * np.sqrt(np.mean(z[False]))
+    assert np.sqrt(np.mean(z[True])) < bound
+
+
+def test_heights_of_a_receiver_without_a_filter_are_learned_from_one_to_the_next() -> None:
+    one = simulate(3, TRUTHS[1], sensors=(ALTITUDE,))
+    found = [
+        learn(one.measured, one.epochs, prior_noise(one.measured), by_satellites=by).noise
+        for by in (True, False)
+    ]
+    assert found[0] == found[1]
