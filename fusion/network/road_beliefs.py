@@ -10,13 +10,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
+from fusion.network.cells import Cells
 from fusion.network.curve import smoothness_block
 from fusion.network.equations import Blocks, Solution
 from fusion.network.joints import couplings
 from fusion.network.pass_factor import PassFactor
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
-from fusion.types import Bools, Floats
+from fusion.types import Bools, Floats, Ints
 
 DEFAULT_ROUGHNESS = 3e-5
 """Variance of the grade's change per metre (1/m) of roads that no drive has learned it of (spec 7)."""
@@ -24,10 +25,12 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 """Flat towns and serpentines (spec 7)."""
 ROUGHNESS_FREEDOM = 3.0
 """Degrees of freedom of the Student's t that an interval's change of grade follows."""
-ROUGHNESS_PRIOR_COUNT = 100.0
-"""Imaginary changes of grade that are as large as the drives learned of themselves."""
+ROUGHNESS_PRIOR_COUNT = 20.0
+"""Imaginary changes of grade about each cell that are as large as the drives learned of themselves."""
 UNSEEN_VARIANCE = ROUGHNESS_FREEDOM / (ROUGHNESS_FREEDOM - 2)
 """Variance of that Student's t over its scale squared: where nobody drove, nothing says which are even."""
+FAR_SHARE = 0.01
+"""All passes together say so much of what is usual about a cell as this share of one that is there."""
 STRUCTURE_FACTOR = 0.1
 """Bridges and tunnels are built to a design: their roughness over that of other roads."""
 NODE_SIGMA_M = 0.2
@@ -59,6 +62,7 @@ class RoadBeliefs:
         self.roughness: list[Blocks] = []
         self.levels: list[Blocks] = []
         self.factor: list[Floats] = []
+        self._rows: list[Ints] = []
         level = _level_information(u)
         for mine in u.by_intervals():
             variables, n = u.variables(mine), int(u.intervals[mine[0]])
@@ -76,12 +80,14 @@ class RoadBeliefs:
                     )
                 )
                 self.factor.append(np.where(u.structure[mine], STRUCTURE_FACTOR, 1.0))
-        learned = [DEFAULT_ROUGHNESS, *(p.roughness for p in passes)]
-        self.usual = float(np.clip(np.exp(np.mean(np.log(learned[1:] or learned))), *ROUGHNESS_BOUNDS))
-        self._begin = self.usual
+                self._rows.append(mine)
+        self._cells = Cells(network)
+        self._begin = _as_drives_learned(self._cells, passes)
+        self.usual = self._cells.at_rows(self._begin)
+        """The usual roughness about each segment (n,), 1/m"""
         self._open = _open_intervals(u, passes)
-        for one, factor in zip(self.roughness, self.factor, strict=True):
-            one.weight = 1 / (self.usual * factor)
+        for one, factor, row in zip(self.roughness, self.factor, self._rows, strict=True):
+            one.weight = 1 / (self.usual[row] * factor)
 
     def blocks(self) -> list[Blocks]:
         """All equations."""
@@ -97,16 +103,30 @@ class RoadBeliefs:
             np.maximum(b.expected_squares(solution), 0.0) / f
             for b, f in zip(self.roughness, self.factor, strict=True)
         ]
-        whole = np.concatenate(change)
+        self._learn_usual(np.concatenate(change))
+        for one, c, f, unseen, row in zip(
+            self.roughness, change, self.factor, self._open, self._rows, strict=True
+        ):
+            usual = self.usual[row]
+            seen = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * usual + c)
+            one.weight = np.where(unseen, 1 / (UNSEEN_VARIANCE * usual), seen) / f
+
+    def _learn_usual(self, change: Floats) -> None:
+        """From the squares of all intervals, two changes each, over what one of roughness 1 has."""
+        rows = np.concatenate(self._rows)
+        count = 2 * self._cells.sums(rows) + ROUGHNESS_PRIOR_COUNT
         for _ in range(5):
-            weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + whole / self.usual)
-            self.usual = float(
-                (np.sum(weight * whole) + ROUGHNESS_PRIOR_COUNT * self._begin)
-                / (2 * len(whole) + ROUGHNESS_PRIOR_COUNT)
-            )
-        for one, c, f, unseen in zip(self.roughness, change, self.factor, self._open, strict=True):
-            seen = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * self.usual + c)
-            one.weight = np.where(unseen, 1 / (UNSEEN_VARIANCE * self.usual), seen) / f
+            weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + change / self.usual[rows])
+            total = self._cells.sums(rows, weight * change) + ROUGHNESS_PRIOR_COUNT * self._begin
+            self.usual = self._cells.at_rows(total / count)
+
+
+def _as_drives_learned(cells: Cells, passes: Sequence[PassFactor]) -> Floats:
+    """The mean (of logs) of what drives learned of themselves about each cell (c,); far from all, that of all."""
+    row = np.array([p.segment for p in passes], np.int64)
+    learned = np.log([p.roughness for p in passes] or [DEFAULT_ROUGHNESS])
+    total = cells.sums(row, learned[: len(row)]) + FAR_SHARE * learned.mean()
+    return np.asarray(np.clip(np.exp(total / (cells.sums(row) + FAR_SHARE)), *ROUGHNESS_BOUNDS))
 
 
 def _level_information(u: RoadUnknowns) -> Floats:

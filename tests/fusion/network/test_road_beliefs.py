@@ -56,7 +56,7 @@ def test_the_usual_roughness_begins_with_what_drives_learned() -> None:
 
     def usual(*values: float) -> float:
         passes = [steady(table, 0, 1.0, roughness=v, sequence=k) for k, v in enumerate(values)]
-        return RoadBeliefs(table, passes).usual
+        return float(RoadBeliefs(table, passes).usual[0])
 
     assert usual() == pytest.approx(DEFAULT_ROUGHNESS)
     assert usual(1e-5, 1e-4, 1e-3) == pytest.approx(1e-4)
@@ -76,7 +76,7 @@ def test_the_roughness_of_roads_is_learned(roughness: float) -> None:
     road = RoadBeliefs(table, [replace(p, roughness=roughness / 3) for p in passes])
     learned(road, passes)
     # The scale of a Student's t of three degrees of freedom that is fitted to Gaussian steps is smaller than theirs.
-    assert 0.4 < road.usual / roughness < 1.5
+    assert 0.4 < np.median(road.usual) / roughness < 1.5
 
 
 def test_bridges_and_tunnels_are_smoother() -> None:
@@ -143,7 +143,7 @@ def test_intervals_are_open_where_no_pass_goes() -> None:
     for one in road.roughness:
         rows = np.searchsorted(road.unknowns.first, one.variables[:, 0], side="right") - 1
         for row, weight in zip(rows.tolist(), one.weight.tolist(), strict=True):
-            nobody = weight == pytest.approx(1 / (UNSEEN_VARIANCE * road.usual), rel=1e-12)
+            nobody = weight == pytest.approx(1 / (UNSEEN_VARIANCE * road.usual[row]), rel=1e-12)
             opened[row] += (bool(nobody),)
     assert opened == {
         0: (True, True, False, True),
@@ -163,8 +163,17 @@ def test_what_nobody_drove_is_as_rough_as_any_road_may_be() -> None:
     passes = driven(table, rows, lambda row, x: np.interp(edge[row] + x, at, height), PRECISE, rng)
     road = RoadBeliefs(table, passes)
     learned(road, passes)
-    even = [w for one in road.roughness for w in one.weight.tolist()]
-    assert min(even) <= 1 / (UNSEEN_VARIANCE * road.usual) < np.median(even)
+    # Times the usual roughness about the segment.
+    even = [
+        w
+        for one in road.roughness
+        for w in (
+            one.weight
+            * road.usual[np.searchsorted(road.unknowns.first, one.variables[:, 0], side="right") - 1]
+        ).tolist()
+    ]
+    assert min(even) <= 1 / UNSEEN_VARIANCE * (1 + 1e-12)
+    assert np.median(even) > 1 / UNSEEN_VARIANCE
 
 
 def test_heights_are_believed_about_where_they_were_found() -> None:
