@@ -21,9 +21,8 @@ PUBLISH_RADIUS_M = 300.0
 it, ``benchmarks/adjustment.py``)."""
 WINDOW_RADIUS_M = 500.0
 """So far the network is solved, so that of what lies within ``PUBLISH_RADIUS_M`` 99 % come out within a tenth of their
-sigma of the solution of all (0.09 with a hundred drives over Heidelberg, ``benchmarks/adjustment.py``, and with two
-passes over each street of a made-up town). Those that do not are gaps and what joins them, whose ends' heights are
-known over a long way round."""
+sigma of the solution of all (0.10 with a hundred drives over Heidelberg, ``benchmarks/adjustment.py``). Those that do
+not are gaps and what joins them, whose ends' heights are known over a long way round."""
 LONGEST_GAP_M = 200.0
 """Longer ways between driven nodes get no slope."""
 
