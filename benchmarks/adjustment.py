@@ -201,7 +201,7 @@ def update_part(store: Store, further: Sequence[list[PassFactor]], before: Slope
         local = Slopes.of(found, read.rows[window.solved], len(store.roads))
         whole = scratch(store.roads, {**store.drives, -1: factors})
         shown = np.zeros(len(store.roads), bool)
-        shown[read.rows[window.published]] = True
+        shown[read.rows[window.published & ~window.outward]] = True
         within.append(local.apart(whole, shown))
         beyond.append(before.apart(whole, ~shown))
     read = store.read(further[0])

@@ -113,15 +113,18 @@ def adjust_around(
     """Solve again around ``touched`` segments; ids of those whose slope changed, came or went.
 
     The window grows by ``scales`` until the change has died away at its edge: where little was measured, it
-    reaches farther.
+    reaches farther. ``may_publish`` says that the whole is being settled; gaps that hang on what lies outside of the
+    window wait for that.
     """
     for scale in scales:
         solution = _solve(session, touched, scale)
         if solution.settled() or np.count_nonzero(solution.window.solved) > LARGEST_GROWING:
             break
-    shown = solution.window.published
-    if may_publish is not None:
-        shown = shown & may_publish(solution.around)
+    window = solution.window
+    if may_publish is None:
+        shown = window.published & ~window.outward
+    else:
+        shown = window.published & may_publish(solution.around)
     return _store(session, solution, shown, tolerance_sigmas)
 
 

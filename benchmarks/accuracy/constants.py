@@ -63,6 +63,8 @@ CHANGES: tuple[Change, ...] = (
     Change(_ROAD, "ROUGHNESS_FREEDOM", "doubled", times(2.0)),
     Change(_ROAD, "UNSEEN_VARIANCE", "off: 1", set_to(1.0)),
     *_both(_ROAD, "ROUGHNESS_PRIOR_COUNT"),
+    *_both(_ROAD, "FAR_SHARE"),
+    *_both(_MODEL + "cells", "CELL_M"),
     *_both(_ROAD, "LEVEL_SIGMA_M"),
     Change(_ROAD, "STRUCTURE_FACTOR", "off: 1", set_to(1.0)),
     *_both(_ROAD, "NODE_SIGMA_M"),

@@ -139,21 +139,10 @@ def front_rows(first: Ints, count: Ints, start: Ints, index: Ints) -> tuple[Ints
     for s in range(fronts):
         end = first[s + 1]
         at = row_start[s]
-        for j in range(first[s], end):
-            for p in range(start[j], start[j + 1]):
-                i = index[p]
-                if i >= end and seen[i] != s:
-                    seen[i] = s
-                    rows[at] = i
-                    at += 1
+        at = _add_new(index, start[first[s]], start[end], end, s, seen, rows, at)
         c = child[s]
         while c >= 0:
-            for q in range(row_start[c], row_start[c + 1]):
-                i = rows[q]
-                if i >= end and seen[i] != s:
-                    seen[i] = s
-                    rows[at] = i
-                    at += 1
+            at = _add_new(rows, row_start[c], row_start[c + 1], end, s, seen, rows, at)
             c = sibling[c]
         if at > row_start[s]:
             rows[row_start[s] : at] = np.sort(rows[row_start[s] : at])
@@ -161,6 +150,18 @@ def front_rows(first: Ints, count: Ints, start: Ints, index: Ints) -> tuple[Ints
             sibling[s] = child[above[s]]
             child[above[s]] = s
     return row_start, rows, above
+
+
+@compiled
+def _add_new(found: Ints, begin: int, until: int, end: int, s: int, seen: Ints, rows: Ints, at: int) -> int:
+    """Append to ``rows`` from ``at`` what is ``found`` from ``end`` on and front ``s`` has not seen; the new end."""
+    for q in range(begin, until):
+        i = found[q]
+        if i >= end and seen[i] != s:
+            seen[i] = s
+            rows[at] = i
+            at += 1
+    return at
 
 
 @compiled

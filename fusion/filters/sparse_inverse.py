@@ -57,10 +57,22 @@ class Elimination:
         self.front_of = np.repeat(np.arange(len(k)), k)
         self.order, self.border = order, border
         self.open_fronts = int(border > 0)
+        self._kept: dict[int, tuple[Ints, Ints]] = {}
 
-    def slots(self, rows: Ints) -> Ints:
-        """Where blocks over unknowns ``rows`` (m, k) are added: slots of their lower triangles (m, k (k + 1) / 2)."""
-        return np.asarray(slots_of(self.place[rows], self.tree, self.front_of))
+    def slots(self, rows: Ints, keep: bool = False) -> Ints:
+        """Where blocks over unknowns ``rows`` (m, k) are added: slots of their lower triangles (m, k (k + 1) / 2).
+
+        ``keep`` them for covariances that will be asked for of the very same array, which must stay as it is.
+        """
+        found = np.asarray(slots_of(self.place[rows], self.tree, self.front_of))
+        if keep:
+            self._kept[id(rows)] = rows, found
+        return found
+
+    def kept_slots(self, rows: Ints) -> Ints | None:
+        """Those that were kept of this very array, None where none were."""
+        known, found = self._kept.get(id(rows), (None, None))
+        return found if known is rows else None
 
     def zeros(self) -> Floats:
         """A matrix to add blocks to, in the layout of the factor."""
@@ -131,6 +143,9 @@ class NormalEquations:
     def covariance(self, rows: Ints) -> Floats:
         """Covariances (m, k, k) among unknowns ``rows`` (m, k); pairs outside the pattern come out as NaN."""
         inverse = self.set_border_covariance(np.empty((0, 0))) if self._inverse is None else self._inverse
+        slots = self.how.kept_slots(rows)
+        if slots is not None:
+            return np.asarray(inverse[slots][:, _both_triangles(rows.shape[1])])
         where = self.how.place[np.asarray(rows, np.int64)]
         out = np.empty((*where.shape, where.shape[1]))
         gather_blocks(where, self.how.tree, self.how.front_of, inverse, out)
@@ -140,6 +155,13 @@ class NormalEquations:
 def fill_reducing_order(pattern: scipy.sparse.csc_matrix) -> Ints:
     """An elimination order (n,) with little fill for a symmetric pattern (n, n)."""
     return np.asarray(minimum_degree(pattern.indptr.astype(np.int64), pattern.indices.astype(np.int64)))
+
+
+def _both_triangles(size: int) -> Ints:
+    """Which number of a lower triangle, row by row, stands where in the matrix (size, size)."""
+    row, column = np.indices((size, size))
+    high, low = np.maximum(row, column), np.minimum(row, column)
+    return np.asarray(high * (high + 1) // 2 + low)
 
 
 def _inverse_of(order: Ints) -> Ints:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,17 +15,10 @@ from numpy.typing import NDArray
 from fusion.types import Floats
 
 
-@dataclass(frozen=True)
-class CombinedSlope:
-    """The combination of ``drives`` estimates; sigma is one standard deviation.
+@dataclass(frozen=True, kw_only=True)
+class NetworkOnly:
+    """What the network says of a segment beside its slope (``published.Adjustment``); None where it is not known."""
 
-    What only the network knows (``NETWORK_ONLY``) is as in ``SlopePart``.
-    """
-
-    slope_percent: float
-    slope_sigma_percent: float
-    drives: int
-    observations: int
     driven_share: float | None = None
     height_from_m: float | None = None
     height_to_m: float | None = None
@@ -33,6 +26,16 @@ class CombinedSlope:
     steepest_percent: float | None = None
     steepest_from_m: float | None = None
     steepest_to_m: float | None = None
+
+
+@dataclass(frozen=True)
+class CombinedSlope(NetworkOnly):
+    """The combination of ``drives`` estimates; sigma is one standard deviation."""
+
+    slope_percent: float
+    slope_sigma_percent: float
+    drives: int
+    observations: int
 
 
 def combine(
@@ -59,11 +62,10 @@ def combine(
 
 
 @dataclass(frozen=True)
-class SlopePart:
+class SlopePart(NetworkOnly):
     """One slope of a segment: the network's, in which any number of drives is accepted, or a slope-only drive's.
 
-    A gap, undriven between driven segments, has a slope in the network and no drive. What follows ``network`` is known
-    to the network alone (``fusion.network.published.Adjustment``): None where it is not known.
+    A gap, undriven between driven segments, has a slope in the network and no drive.
     """
 
     slope_percent: float
@@ -71,20 +73,12 @@ class SlopePart:
     drives: int
     observations: int
     network: bool = False
-    driven_share: float | None = None
-    height_from_m: float | None = None
-    height_to_m: float | None = None
-    height_sigma_m: float | None = None
-    steepest_percent: float | None = None
-    steepest_from_m: float | None = None
-    steepest_to_m: float | None = None
 
 
 HEIGHTS = ("height_from_m", "height_to_m", "height_sigma_m")
 STEEPEST = ("steepest_percent", "steepest_from_m", "steepest_to_m")
-NETWORK_ONLY = ("driven_share", *HEIGHTS, *STEEPEST)
-"""What the network says of a segment beside its slope: fields of parts and combinations, columns wherever these are
-stored."""
+NETWORK_ONLY = tuple(field.name for field in fields(NetworkOnly))
+"""Columns wherever slopes are stored."""
 
 
 def published_slope(parts: Sequence[SlopePart]) -> CombinedSlope:

@@ -183,13 +183,13 @@ def _reaches(one_deg: Floats, other_deg: Floats, at_deg: float, margin_deg: floa
 class ControlBeliefs:
     """What the points say of the knots: one equation each, weighed anew in rounds."""
 
-    def __init__(self, unknowns: RoadUnknowns, control: ControlHeights, roughness: float) -> None:
+    def __init__(self, unknowns: RoadUnknowns, control: ControlHeights, roughness: Floats) -> None:
         self.control = control
         length = unknowns.length_m[control.row]
         # On segments shorter than their knots assume, a place keeps its share of the length.
         self._first, self._weights = height_weights(control.along_m, length)
         self._variables = (unknowns.first[control.row] + self._first)[:, None] + np.arange(4)
-        between = height_variance(control.along_m, length, roughness)
+        between = height_variance(control.along_m, length, roughness[control.row])
         self._variance = np.square(control.sigma_m) + between
         self.ties = Blocks.of_rows(self._variables, self._weights, control.height_m, self._variance)
         self.ties.weight = np.full(len(control), START_FACTOR**-2)

@@ -85,7 +85,7 @@ def _spread(first: Ints, weights: Floats, length_m: float) -> Floats:
     return rows
 
 
-def height_variance(distance_m: Floats, length_m: ArrayLike, roughness: float) -> Floats:
+def height_variance(distance_m: Floats, length_m: ArrayLike, roughness: Floats | float) -> Floats:
     """Variance (m^2) of the height between knots about the cubic; ``roughness`` is q in 1/m."""
     _, u, d = _locate(distance_m, length_m)
     return np.asarray(roughness * d**3 * (u * (1 - u)) ** 3 / 3)

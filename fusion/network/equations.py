@@ -79,7 +79,7 @@ class EquationSystem:
         early = np.setdiff1d(np.arange(size), last)
         order = fill_reducing_order(pattern[early][:, early])
         self.how = Elimination(pattern, np.concatenate([early[order], last]).astype(np.int64))
-        self._slots = [self.how.slots(b.variables) for b in self.blocks]
+        self._slots = [self.how.slots(b.variables, keep=True) for b in self.blocks]
 
     def solve(self) -> Solution:
         """The solution at the present weights. Raises ``ValueError`` where some unknown is not determined."""

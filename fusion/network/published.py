@@ -65,8 +65,8 @@ class Adjustment:
     solution: Solution
     unknowns: RoadUnknowns
     model: TerrainBlocks | None
-    roughness: float
-    """The usual variance of the grade's change per metre, 1/m"""
+    roughness: Floats
+    """The usual variance of the grade's change per metre about each segment, 1/m"""
     remarks: list[str]
     """Sentences on control points that the drives contradict"""
 
@@ -90,13 +90,13 @@ class Adjustment:
         Its ends are the segment's own, not its nodes', which agree with them to the camber (``NODE_SIGMA_M``).
         """
         u = self.unknowns
-        length = float(u.length_m[row])
+        length, rough = float(u.length_m[row]), float(self.roughness[row])
         at = np.linspace(0.0, length, int(np.ceil(length / step_m - 1e-9)) + 1)
         mine = u.variables(np.array([row]))
         x, covariance = self.solution.x[mine[0]], self.solution.equations.covariance(mine)[0]
         up, along = height_rows(at, length), grade_rows(at, length)
-        height_m2 = np.sum(up @ covariance * up, axis=1) + height_variance(at, length, self.roughness)
-        grade2 = np.sum(along @ covariance * along, axis=1) + grade_variance(at, length, self.roughness)
+        height_m2 = np.sum(up @ covariance * up, axis=1) + height_variance(at, length, rough)
+        grade2 = np.sum(along @ covariance * along, axis=1) + grade_variance(at, length, rough)
         return Profile(at, up @ x, np.sqrt(height_m2), along @ x, np.sqrt(grade2))
 
 
@@ -116,7 +116,7 @@ def published(
     said: DriveBeliefs,
     model: TerrainBlocks | None,
     solution: Solution,
-    roughness: float,
+    roughness: Floats,
     control: ControlBeliefs | None = None,
 ) -> Adjustment:
     """Slopes with their sigmas, and which passes are heard."""

@@ -10,13 +10,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
+from fusion.network.cells import Cells
 from fusion.network.curve import smoothness_block
 from fusion.network.equations import Blocks, Solution
 from fusion.network.joints import couplings
 from fusion.network.pass_factor import PassFactor
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
-from fusion.types import Bools, Floats
+from fusion.types import Bools, Floats, Ints
 
 DEFAULT_ROUGHNESS = 3e-5
 """Variance of the grade's change per metre (1/m) of roads that no drive has learned it of (spec 7)."""
@@ -24,10 +25,12 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 """Flat towns and serpentines (spec 7)."""
 ROUGHNESS_FREEDOM = 3.0
 """Degrees of freedom of the Student's t that an interval's change of grade follows."""
-ROUGHNESS_PRIOR_COUNT = 100.0
-"""Imaginary changes of grade that are as large as the drives learned of themselves."""
+ROUGHNESS_PRIOR_COUNT = 20.0
+"""Imaginary changes of grade about each cell that are as large as the drives learned of themselves."""
 UNSEEN_VARIANCE = ROUGHNESS_FREEDOM / (ROUGHNESS_FREEDOM - 2)
 """Variance of that Student's t over its scale squared: where nobody drove, nothing says which are even."""
+FAR_SHARE = 0.01
+"""All passes together say so much of what is usual about a cell as this share of one that is there."""
 STRUCTURE_FACTOR = 0.1
 """Bridges and tunnels are built to a design: their roughness over that of other roads."""
 NODE_SIGMA_M = 0.2
@@ -56,57 +59,58 @@ class RoadBeliefs:
         pair = np.column_stack([u.end(c.row_a, c.end_a) + 1, u.end(c.row_b, c.end_b) + 1])
         sign = np.column_stack([np.ones(len(pair)), np.where(c.end_a == c.end_b, 1.0, -1.0)])
         self.fixed = [Blocks.of_rows(pair, sign, 0.0, c.sigma**2)]
-        self.roughness: list[Blocks] = []
-        self.levels: list[Blocks] = []
-        self.factor: list[Floats] = []
-        level = _level_information(u)
         for mine in u.by_intervals():
             variables, n = u.variables(mine), int(u.intervals[mine[0]])
             weak = np.diag(np.tile([0.0, GRADE_SIGMA**-2], n + 1)) + 1e-12  # every pair shares an equation
             every = np.broadcast_to(weak, (len(mine), *weak.shape))
             self.fixed.append(Blocks(variables, every, np.zeros(variables.shape), np.ones(len(mine))))
-            heights = variables[:, ::2].reshape(-1, 1)
-            self.levels.append(Blocks.of_rows(heights, np.ones((len(heights), 1)), 0.0, 1.0))
-            self.levels[-1].weight = np.repeat(level[mine], n + 1)
-            unit = smoothness_block(u.length_m[mine] / n)
-            for j in range(n):
-                self.roughness.append(
-                    Blocks(
-                        variables[:, 2 * j : 2 * j + 4], unit, np.zeros((len(mine), 4)), np.ones(len(mine))
-                    )
-                )
-                self.factor.append(np.where(u.structure[mine], STRUCTURE_FACTOR, 1.0))
-        learned = [DEFAULT_ROUGHNESS, *(p.roughness for p in passes)]
-        self.usual = float(np.clip(np.exp(np.mean(np.log(learned[1:] or learned))), *ROUGHNESS_BOUNDS))
-        self._begin = self.usual
-        self._open = _open_intervals(u, passes)
-        for one, factor in zip(self.roughness, self.factor, strict=True):
-            one.weight = 1 / (self.usual * factor)
+        row, knot = _counted(u.intervals + 1)
+        self.levels = Blocks.of_rows((u.first[row] + 2 * knot)[:, None], np.ones(1), 0.0, 1.0)
+        self.levels.weight = _level_information(u)[row]
+        self._row, self._step = row, step = _counted(u.intervals)
+        first = u.first[row] + 2 * step
+        unit = smoothness_block((u.length_m / u.intervals)[row])
+        none = np.zeros((len(row), 4))
+        self.roughness = Blocks(first[:, None] + np.arange(4), unit, none, np.ones(len(row)))
+        self.factor = np.where(u.structure[row], STRUCTURE_FACTOR, 1.0)
+        self._cells = Cells(network)
+        self._begin = _as_drives_learned(self._cells, passes)
+        self.usual = self._cells.at_rows(self._begin)
+        """The usual roughness about each segment (n,), 1/m"""
+        self._open = _open_intervals(u, row, step, passes)
+        self.roughness.weight = 1 / (self.usual[row] * self.factor)
 
     def blocks(self) -> list[Blocks]:
         """All equations."""
-        return [*self.fixed, *self.levels, self.ties, *self.roughness]
+        return [*self.fixed, self.levels, self.ties, self.roughness]
 
     def learn(self, solution: Solution) -> None:
         """Weigh ties and intervals by what the solution says that they do; and the usual roughness itself."""
-        for one in self.levels:  # about where heights were found to be, so that they are not drawn to 0
-            one.vector = solution.x[one.variables]
+        # About where heights were found to be, so that they are not drawn to 0.
+        self.levels.vector = solution.x[self.levels.variables]
         squares = self.ties.expected_squares(solution)
         self.ties.weight = (NODE_FREEDOM + 1) / (NODE_FREEDOM + squares)
-        change = [
-            np.maximum(b.expected_squares(solution), 0.0) / f
-            for b, f in zip(self.roughness, self.factor, strict=True)
-        ]
-        whole = np.concatenate(change)
+        change = np.maximum(self.roughness.expected_squares(solution), 0.0) / self.factor
+        self._learn_usual(change)
+        usual = self.usual[self._row]
+        seen = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * usual + change)
+        self.roughness.weight = np.where(self._open, 1 / (UNSEEN_VARIANCE * usual), seen) / self.factor
+
+    def _learn_usual(self, change: Floats) -> None:
+        """From the squares of all intervals, two changes each, over what one of roughness 1 has."""
+        count = 2 * self._cells.sums(self._row) + ROUGHNESS_PRIOR_COUNT
         for _ in range(5):
-            weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + whole / self.usual)
-            self.usual = float(
-                (np.sum(weight * whole) + ROUGHNESS_PRIOR_COUNT * self._begin)
-                / (2 * len(whole) + ROUGHNESS_PRIOR_COUNT)
-            )
-        for one, c, f, unseen in zip(self.roughness, change, self.factor, self._open, strict=True):
-            seen = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * self.usual + c)
-            one.weight = np.where(unseen, 1 / (UNSEEN_VARIANCE * self.usual), seen) / f
+            weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + change / self.usual[self._row])
+            total = self._cells.sums(self._row, weight * change) + ROUGHNESS_PRIOR_COUNT * self._begin
+            self.usual = self._cells.at_rows(total / count)
+
+
+def _as_drives_learned(cells: Cells, passes: Sequence[PassFactor]) -> Floats:
+    """The mean (of logs) of what drives learned of themselves about each cell (c,); far from all, that of all."""
+    row = np.array([p.segment for p in passes], np.int64)
+    learned = np.log([p.roughness for p in passes] or [DEFAULT_ROUGHNESS])
+    total = cells.sums(row, learned[: len(row)]) + FAR_SHARE * learned.mean()
+    return np.asarray(np.clip(np.exp(total / (cells.sums(row) + FAR_SHARE)), *ROUGHNESS_BOUNDS))
 
 
 def _level_information(u: RoadUnknowns) -> Floats:
@@ -119,16 +123,18 @@ def _level_information(u: RoadUnknowns) -> Floats:
     return np.asarray(LEVEL_SIGMA_M**-2.0 / knots[part[u.start_node]])
 
 
-def _open_intervals(u: RoadUnknowns, passes: Sequence[PassFactor]) -> list[Bools]:
-    """Which intervals no pass goes over, in the order of ``RoadBeliefs.roughness``: between the first and last place
-    on a segment that any pass reaches, all count as driven."""
+def _counted(count: Ints) -> tuple[Ints, Ints]:
+    """For each of ``count`` (n,) things of every row: the row, and its number there."""
+    row = np.repeat(np.arange(len(count)), count)
+    return row, np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+
+
+def _open_intervals(u: RoadUnknowns, row: Ints, step: Ints, passes: Sequence[PassFactor]) -> Bools:
+    """Which intervals (m,), by row and number there, no pass goes over: between the first and last place on a segment
+    that any pass reaches, all count as driven."""
     low, high = np.full(len(u.length_m), np.inf), np.full(len(u.length_m), -np.inf)
-    row = np.array([p.segment for p in passes], np.int64)
-    np.minimum.at(low, row, [p.start_m for p in passes])
-    np.maximum.at(high, row, [p.end_m for p in passes])
-    out = []
-    for mine in u.by_intervals():
-        n = int(u.intervals[mine[0]])
-        middle = (np.arange(n)[:, None] + 0.5) / n * u.length_m[mine]
-        out += list((middle < low[mine]) | (middle > high[mine]))
-    return out
+    of_pass = np.array([p.segment for p in passes], np.int64)
+    np.minimum.at(low, of_pass, [p.start_m for p in passes])
+    np.maximum.at(high, of_pass, [p.end_m for p in passes])
+    middle = (step + 0.5) / u.intervals[row] * u.length_m[row]
+    return np.asarray((middle < low[row]) | (middle > high[row]), np.bool_)

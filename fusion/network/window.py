@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from fusion.frames import SHORTEST_DEGREE_M
 from fusion.roads.table import RoadTable
@@ -21,8 +21,8 @@ PUBLISH_RADIUS_M = 300.0
 it, ``benchmarks/adjustment.py``)."""
 WINDOW_RADIUS_M = 500.0
 """So far the network is solved, so that of what lies within ``PUBLISH_RADIUS_M`` 99 % come out within a tenth of their
-sigma of the solution of all (0.08 with a hundred drives over Heidelberg, ``benchmarks/adjustment.py``; 0.17 with
-400 m). Where few drives are near, less closely (0.18 with two passes over each street of a made-up town)."""
+sigma of the solution of all (0.10 with a hundred drives over Heidelberg, ``benchmarks/adjustment.py``). Those that do
+not are gaps and what joins them, whose ends' heights are known over a long way round."""
 LONGEST_GAP_M = 200.0
 """Longer ways between driven nodes get no slope."""
 
@@ -38,6 +38,8 @@ class Window:
     solved: Bools
     published: Bools
     """Rows whose slope is replaced; one that is not solved has none any more."""
+    outward: Bools
+    """Gaps among them that hang on what lies outside: left as they are until all is settled"""
     ring: Bools
     """Driven rows just outside: where their slopes move, the change reaches farther than was thought."""
 
@@ -54,20 +56,61 @@ def window_around(
     reach = open_rows | shown | touched
     solved = neighbourhood(network, reach, touched, scale * WINDOW_RADIUS_M) & open_rows
     published = neighbourhood(network, reach, touched, scale * PUBLISH_RADIUS_M)
+    outward = outward_gaps(network, driven, touched, reach, solved, scale * WINDOW_RADIUS_M)
     middle = 0.5 * scale * (PUBLISH_RADIUS_M + WINDOW_RADIUS_M)
     ring = neighbourhood(network, reach, touched, middle) & driven & ~published
-    return Window(solved, published, ring)
+    # One that was driven until now is not left as it was.
+    return Window(solved, published, published & outward & ~touched, ring)
 
 
 def neighbourhood(network: RoadTable, driven: Bools, touched: Bools, radius_m: float) -> Bools:
     """The driven rows that begin within ``radius_m`` of a touched row, along driven rows; masks of shape (n,)."""
-    graph, start, end = _graph(network, driven | touched)
+    near, start, end = _near_nodes(network, driven, touched, radius_m)
+    return np.asarray((driven & (near[start] | near[end])) | touched, np.bool_)
+
+
+def outward_gaps(
+    network: RoadTable, driven: Bools, touched: Bools, reach: Bools, solved: Bools, radius_m: float
+) -> Bools:
+    """The gaps of a window between roads whose heights only what lies outside can compare; masks of shape (n,).
+
+    Driven rows that hang together in the window know their heights from each other. Where a gap joins two such parts
+    that both go on beyond ``radius_m``, its slope is the difference of two heights that the window knows nothing of.
+    """
+    near, start, end = _near_nodes(network, reach, touched, radius_m)
+    along = np.flatnonzero(solved & driven)
+    gap = np.flatnonzero(solved & ~driven)
+    known = np.zeros(len(near), bool)
+    known[start[along]] = known[end[along]] = True
+    part = _parts(len(near), start[along], end[along])
+    open_parts = np.unique(part[known & ~near])
+    # Gaps hang together at nodes that nobody drove over: each end of one is such a node, or one of its own.
+    row = np.concatenate([gap, gap])
+    node = np.concatenate([start[gap], end[gap]])
+    own = len(near) + np.tile(np.arange(len(gap)), 2)
+    cluster = _parts(len(near) + len(gap), own, np.where(known[node], own, node))[own]
+    outer = known[node] & np.isin(part[node], open_parts)
+    meets = np.unique(np.column_stack([cluster[outer], part[node[outer]]]), axis=0)
+    between = np.bincount(meets[:, 0], minlength=len(near) + len(gap)) > 1
+    out = np.zeros(len(network), bool)
+    out[row[between[cluster]]] = True
+    return out
+
+
+def _near_nodes(network: RoadTable, rows: Bools, touched: Bools, radius_m: float) -> tuple[Bools, Ints, Ints]:
+    """Nodes within ``radius_m`` of a touched row, along ``rows`` and touched ones; and each row's end nodes."""
+    graph, start, end = _graph(network, rows | touched)
     sources = np.unique(np.concatenate([start[touched], end[touched]]))
     if not len(sources):
-        return np.zeros(len(network), bool)
+        return np.zeros(graph.shape[0], bool), start, end
     distance = dijkstra(graph, directed=False, indices=sources, limit=radius_m, min_only=True)
-    near = np.minimum(distance[start], distance[end]) <= radius_m
-    return np.asarray((driven & near) | touched, np.bool_)
+    return np.asarray(distance <= radius_m, np.bool_), start, end
+
+
+def _parts(size: int, one: Ints, other: Ints) -> Ints:
+    """The number of the part that each of ``size`` nodes is in, which these pairs join."""
+    joined = sparse.coo_matrix((np.ones(len(one)), (one, other)), shape=(size, size))
+    return np.asarray(connected_components(joined, directed=False)[1], np.int64)
 
 
 def gap_rows(network: RoadTable, driven: Bools, longest_m: float = LONGEST_GAP_M) -> Bools:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dense_equations import Equation, inverted, observed
+from dense_roughness import DenseUsual
 from dense_terrain import DenseTerrain
 from fusion.network import curve as knots
 from fusion.network import drive_beliefs as drives
@@ -118,11 +119,10 @@ class DenseAdjustment:
             self.levels += [observed({h: 1.0}, 0.0, sigma) for h in heights]
 
     def _roughness(self) -> None:
-        """Each interval for q = 1, beside what its q is times the usual one, and whether any pass goes over it."""
-        learned = [p.roughness for d in sorted(self.said) for p in self.said[d]] or [roads.DEFAULT_ROUGHNESS]
-        self.begin = float(np.clip(np.exp(np.mean(np.log(learned))), *roads.ROUGHNESS_BOUNDS))
-        self.usual = self.begin
-        self.intervals: list[tuple[Equation, float, bool]] = []
+        """Each interval for q = 1, beside its row, what its q is times the usual one there, and whether any pass goes
+        over it."""
+        self.usual = DenseUsual(self.table, [p for d in sorted(self.said) for p in self.said[d]])
+        self.intervals: list[tuple[Equation, int, float, bool]] = []
         for row, length in enumerate(self.length):
             reached = [
                 v for d in self.said for p in self.said[d] if p.segment == row for v in (p.start_m, p.end_m)
@@ -135,9 +135,9 @@ class DenseAdjustment:
             for j, h in enumerate(heights[:-1]):
                 one = Equation([h, h + 1, h + 2, h + 3], step.T @ np.linalg.inv(walk) @ step)
                 factor = roads.STRUCTURE_FACTOR if built else 1.0
-                one.weight = 1 / (self.usual * factor)
+                one.weight = 1 / (self.usual.at[row] * factor)
                 seen = bool(reached) and min(reached) <= (j + 0.5) * d <= max(reached)
-                self.intervals.append((one, factor, seen))
+                self.intervals.append((one, row, factor, seen))
 
     # Drives
 
@@ -224,7 +224,7 @@ class DenseAdjustment:
     def _solve(self) -> None:
         whole, right = np.zeros((self.size, self.size), np.longdouble), np.zeros(self.size, np.longdouble)
         for one in [
-            *self.fixed, *self.ties, *self.levels, *(e for e, _, _ in self.intervals), *self.model.equations(),
+            *self.fixed, *self.ties, *self.levels, *(e for e, *_ in self.intervals), *self.model.equations(),
             *(e for _, _, e in self.passes), *(e for series in self.walks for e in series),
         ]:  # fmt: skip
             whole[np.ix_(one.at, one.at)] += one.weight * one.information
@@ -239,15 +239,15 @@ class DenseAdjustment:
             one.vector = one.information[0] * self.solution[one.at]
         for one in self.ties:
             one.weight = (roads.NODE_FREEDOM + 1) / (roads.NODE_FREEDOM + one.square(*now))
-        change = np.array([e.square(*now) / f for e, f, _ in self.intervals])
-        free, count = roads.ROUGHNESS_FREEDOM, roads.ROUGHNESS_PRIOR_COUNT
-        for _ in range(5):
-            weight = (free + 2) / (free + change / self.usual)
-            self.usual = float((weight @ change + count * self.begin) / (2 * len(change) + count))
-        for (one, factor, seen), c in zip(self.intervals, change, strict=True):
+        change = np.array([e.square(*now) / f for e, _, f, _ in self.intervals])
+        self.usual.learn([row for _, row, _, _ in self.intervals], change)
+        free = roads.ROUGHNESS_FREEDOM
+        for (one, row, factor, seen), c in zip(self.intervals, change, strict=True):
             # Of intervals that nobody drove nothing tells which are even: their steps have Student's t's own variance.
-            spread = (free * self.usual + c) / (free + 2) if seen else free / (free - 2) * self.usual
-            one.weight = 1 / (spread * factor)
+            usual = self.usual.at[row]
+            one.weight = 1 / (
+                ((free * usual + c) / (free + 2) if seen else free / (free - 2) * usual) * factor
+            )
         self.scale = [
             self._learn_walk(series, scale) for series, scale in zip(self.walks, self.scale, strict=True)
         ]

@@ -54,7 +54,7 @@ def test_a_point_brings_its_height_and_leaves_no_trace(sessions: Sessions, road:
         up, sigma, slope = after[segment]
         assert up == pytest.approx(20 + 0.02 * 73.15 * (k - 3.5), abs=3 * sigma)
         assert sigma < 0.2 * before[segment][1]
-        assert slope == pytest.approx(before[segment][2], abs=0.03), "a tenth of a sigma"
+        assert slope == pytest.approx(before[segment][2], abs=1e-4)
     assert import_control(sessions, [], replace=True) == ControlCounts(0, 0, 0, 2, without_road=0, segments=1)
     for segment, (up, sigma, slope) in heights(sessions).items():
         assert up == pytest.approx(before[segment][0], abs=0.01 * sigma)

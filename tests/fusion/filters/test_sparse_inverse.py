@@ -178,3 +178,17 @@ def test_what_is_eliminated_onto_a_border_and_follows_from_it(seed: int, size: i
     assert equations.covariance(entries)[:, 0, 1] == pytest.approx(
         inverse[entries[:, 0], entries[:, 1]], rel=1e-7, abs=1e-8
     )
+
+
+def test_covariances_of_blocks_that_are_known_are_those_of_any() -> None:
+    """Slots that were kept, for the very array that they were kept for."""
+    dense = np.diag(np.full(6, 4.0)) + np.diag(np.full(5, -1.0), 1) + np.diag(np.full(5, -1.0), -1)
+    matrix = sparse.csc_matrix(dense)
+    how = Elimination(matrix, np.arange(6))
+    rows = np.array([[0, 1], [4, 3]])
+    how.slots(rows, keep=True)
+    found = NormalEquations.of(matrix, how)
+    inverse = np.linalg.inv(dense)
+    for asked in (rows, rows.copy()):
+        assert found.covariance(asked) == pytest.approx(inverse[asked[:, :, None], asked[:, None, :]])
+    assert how.kept_slots(rows.copy()) is None

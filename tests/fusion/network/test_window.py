@@ -285,3 +285,29 @@ def test_boxes_hold_all_that_is_near_and_do_not_overlap(
     assert inside.any(axis=0).all()
     for a, b in pairwise(boxes):
         assert b[1] > a[1] or b[0] > a[2]
+
+
+@pytest.mark.parametrize(
+    ("sides", "joined", "left"), [(30, False, True), (4, False, False), (30, True, False)]
+)
+def test_a_gap_between_roads_that_only_the_outside_compares_waits(
+    sides: int, joined: bool, left: bool
+) -> None:
+    """Long roads side by side may meet outside of the window; short ones end in it, others meet in it."""
+    middle = sides // 2
+    points = {
+        side + k: (side * SEGMENT_M / 100, SEGMENT_M * k) for side in (0, 100) for k in range(sides + 1)
+    }
+    rungs = [(middle, 100 + middle), (middle + 1, 101 + middle)]
+    table = roads(points, [(s + k, s + k + 1) for s in (0, 100) for k in range(sides)] + rungs)
+    gap = 2 * sides
+    driven = np.ones(len(table), bool)
+    driven[gap], driven[gap + 1] = False, joined
+    gaps = [gap] if joined else [gap, gap + 1]
+    window = window_around(table, driven, mask(table, middle), driven)
+    assert np.all(window.solved[gaps])
+    assert np.all(window.published[gaps])
+    assert found(window.outward) == (gaps if left else [])
+    # A slope that rests on a pass that is gone does not stay.
+    again = window_around(table, driven, mask(table, middle, gap), driven)
+    assert found(again.outward) == (gaps[1:] if left else [])

@@ -1,0 +1,60 @@
+"""A dense reference for the usual roughness of roads, place by place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fusion.frames import METRES_PER_DEGREE
+from fusion.network import cells
+from fusion.network import road_beliefs as roads
+from fusion.network.pass_factor import PassFactor
+from fusion.roads.table import RoadTable
+
+Cell = tuple[int, int, int]
+
+
+class DenseUsual:
+    """``at`` is the usual roughness about each row: first what drives learned of themselves, then what they say."""
+
+    def __init__(self, table: RoadTable, passes: Sequence[PassFactor]) -> None:
+        self.around = [_cells(table, row) for row in range(len(table))]
+        logs = [(self.around[p.segment], math.log(p.roughness)) for p in passes]
+        everywhere = float(np.mean([v for _, v in logs] or [math.log(roads.DEFAULT_ROUGHNESS)]))
+        self.begin: dict[Cell, float] = {}
+        for cell in {c for shares in self.around for c in shares}:
+            near = [(shares.get(cell, 0.0), v) for shares, v in logs]
+            total = sum(share * v for share, v in near) + roads.FAR_SHARE * everywhere
+            usual = math.exp(total / (sum(share for share, _ in near) + roads.FAR_SHARE))
+            self.begin[cell] = float(np.clip(usual, *roads.ROUGHNESS_BOUNDS))
+        self.at = self._at_rows(self.begin)
+
+    def learn(self, rows: Sequence[int], change: np.ndarray) -> None:
+        """From the squares of intervals on ``rows``, each of two changes of grade."""
+        free, count = roads.ROUGHNESS_FREEDOM, roads.ROUGHNESS_PRIOR_COUNT
+        for _ in range(5):
+            total = {c: count * begin for c, begin in self.begin.items()}
+            number = dict.fromkeys(self.begin, count)
+            for row, c in zip(rows, change.tolist(), strict=True):
+                for cell, share in self.around[row].items():
+                    total[cell] += share * c * (free + 2) / (free + c / self.at[row])
+                    number[cell] += 2 * share
+            self.at = self._at_rows({c: total[c] / number[c] for c in total})
+
+    def _at_rows(self, of_cell: dict[Cell, float]) -> list[float]:
+        return [sum(share * of_cell[c] for c, share in shares.items()) for shares in self.around]
+
+
+def _cells(table: RoadTable, row: int) -> dict[Cell, float]:
+    """The four cells around the middle of a segment, and its share in each."""
+    lat = (table.lat0_deg[row] + table.lat1_deg[row]) / 2
+    lon = (table.lon0_deg[row] + table.lon1_deg[row]) / 2
+    north = lat * METRES_PER_DEGREE / cells.CELL_M
+    east = lon * METRES_PER_DEGREE / cells.CELL_M * math.cos(math.radians(round(lat)))
+    return {
+        (round(lat), i, j): (1 - abs(north - i)) * (1 - abs(east - j))
+        for i in (math.floor(north), math.floor(north) + 1)
+        for j in (math.floor(east), math.floor(east) + 1)
+    }
