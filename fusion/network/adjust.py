@@ -66,7 +66,7 @@ def adjust(
         solution = system.solve()
         if number < ROUNDS - 1:
             road.learn(solution)
-            said.learn(solution)
+            said.learn(solution, number == 0)
             if model:
                 model.learn(solution, number == 0)
             if surveyed:

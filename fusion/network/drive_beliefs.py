@@ -137,10 +137,15 @@ class DriveBeliefs:
         """All equations."""
         return [*self.fixed, self.walks, *(b for _, b, _, _ in self.groups)]
 
-    def learn(self, solution: Solution) -> None:
-        """Weigh passes and the ways between them by what the solution says of them."""
+    def learn(self, solution: Solution, first: bool) -> None:
+        """Weigh passes and the ways between them by what the solution says of them.
+
+        After the ``first`` solution only the ways: a jump between two passes tears at both until it is let go.
+        """
         if len(self.walks.variables):
             self._learn_walks(self.walks.expected_squares(solution))
+        if first:
+            return
         misfits = self.misfits(solution)
         self._learn_scales(misfits)
         for (members, blocks, _, _), misfit in zip(self.groups, misfits, strict=True):

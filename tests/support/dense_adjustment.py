@@ -251,7 +251,8 @@ class DenseAdjustment:
         self.scale = [
             self._learn_walk(series, scale) for series, scale in zip(self.walks, self.scale, strict=True)
         ]
-        self._learn_passes()
+        if not first:  # before jumps between passes are let go they tear at the passes
+            self._learn_passes()
         self.model.learn(*now, first, {p.segment for _, p, _ in self.passes})
 
     def _learn_passes(self) -> None:

@@ -41,10 +41,10 @@ def learned(
     road = RoadBeliefs(table, [p for passes in drives.values() for p in passes])
     said = DriveBeliefs(drives, road.unknowns)
     system = EquationSystem(said.size, [*road.blocks(), *said.blocks()], np.array([], np.int64))
-    for _ in range(rounds):
+    for number in range(rounds):
         solution = system.solve()
         road.learn(solution)
-        said.learn(solution)
+        said.learn(solution, number == 0)
     return said
 
 
@@ -98,10 +98,8 @@ def test_a_jump_between_two_passes_is_let_go_where_it_happens() -> None:
     jumped = [*passes[:12], *lifted(passes[12:], 1, 20.0)]
     found, clean = (adjust(STREET, {0: p, **others}) for p in (jumped, passes))
     moved = np.abs(found.slope_percent - clean.slope_percent)
-    assert np.delete(moved, [11, 12]).max() < 0.05
-    # The passes on either side of it may be taken for contradicting ones, no other: there two drives of three are left.
-    assert np.all(moved < 0.5 * clean.slope_sigma_percent)
-    assert {key for key, good in found.heard.items() if not good} <= {(0, 11), (0, 12)}
+    assert moved.max() < 0.05
+    assert all(found.heard.values())
     weight = learned({0: jumped, **others}).walks.weight
     assert int(np.argmin(weight)) == 11
     assert weight[11] < 0.01 * np.median(weight)
