@@ -23,10 +23,11 @@ class Cells:
     """Cells about the n segments of a network; each segment has a share in the four whose middles are around its own.
 
     ``share`` (n, c), rows adding up to 1, falls linearly with the distance to the north and to the east. The cells lie
-    where they lie on earth, whatever part of a network is looked at.
+    where they lie on earth, whatever part of a network is looked at. Segments of another ``kind`` (n,) have cells of
+    their own.
     """
 
-    def __init__(self, network: RoadTable) -> None:
+    def __init__(self, network: RoadTable, kind: Ints | None = None) -> None:
         lat = 0.5 * (network.lat0_deg + network.lat1_deg)
         lon = 0.5 * (network.lon0_deg + network.lon1_deg)
         band = np.rint(lat)  # columns are as wide as in the middle of their degree
@@ -38,6 +39,8 @@ class Cells:
         names = np.concatenate([np.array(c, float).reshape(3, -1).T for c in cell])
         _, number = np.unique(names @ [1e14, 1e7, 1.0], return_inverse=True)
         row = np.tile(np.arange(len(network)), len(_CORNERS))
+        if kind is not None:
+            _, number = np.unique(number * (kind.max(initial=0) + 1) + kind[row], return_inverse=True)
         self.share = sparse.csr_matrix(
             (np.concatenate(share), (row, number)), (len(network), number.max() + 1)
         )

@@ -26,7 +26,8 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 ROUGHNESS_FREEDOM = 3.0
 """Degrees of freedom of the Student's t that an interval's change of grade follows."""
 ROUGHNESS_PRIOR_COUNT = 20.0
-"""Imaginary changes of grade about each cell that are as large as the drives learned of themselves."""
+"""Imaginary changes of grade about each cell that are as large as the drives learned of themselves; and as many for
+each class of roads there that are as large as the others'."""
 UNSEEN_VARIANCE = ROUGHNESS_FREEDOM / (ROUGHNESS_FREEDOM - 2)
 """Variance of that Student's t over its scale squared: where nobody drove, nothing says which are even."""
 FAR_SHARE = 0.01
@@ -74,10 +75,14 @@ class RoadBeliefs:
         self.roughness = Blocks(first[:, None] + np.arange(4), unit, none, np.ones(len(row)))
         self.factor = np.where(u.structure[row], STRUCTURE_FACTOR, 1.0)
         self._cells = Cells(network)
+        _, kind = np.unique(network.highway.astype(str), return_inverse=True)
+        self._cells_of_class = Cells(network, kind)
         self._begin = _as_drives_learned(self._cells, passes)
         self.usual = self._cells.at_rows(self._begin)
         """The usual roughness about each segment (n,), 1/m"""
-        self._open = _open_intervals(u, row, step, passes)
+        self._open = _open_intervals(
+            u, row, step, [p for p in passes if p.rows]
+        )  # the others measured nothing
         self.roughness.weight = 1 / (self.usual[row] * self.factor)
 
     def blocks(self) -> list[Blocks]:
@@ -97,12 +102,18 @@ class RoadBeliefs:
         self.roughness.weight = np.where(self._open, 1 / (UNSEEN_VARIANCE * usual), seen) / self.factor
 
     def _learn_usual(self, change: Floats) -> None:
-        """From the squares of all intervals, two changes each, over what one of roughness 1 has."""
-        count = 2 * self._cells.sums(self._row) + ROUGHNESS_PRIOR_COUNT
+        """From the squares of driven intervals, two changes each, over what one of roughness 1 has.
+
+        First of all roads of a place, then how much rougher those of each class are there than the others.
+        """
+        row, change = self._row[~self._open], change[~self._open]
+        of_class, prior = self._cells_of_class, ROUGHNESS_PRIOR_COUNT
+        count, count_of_class = (2 * c.sums(row) + prior for c in (self._cells, of_class))
         for _ in range(5):
-            weight = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + change / self.usual[self._row])
-            total = self._cells.sums(self._row, weight * change) + ROUGHNESS_PRIOR_COUNT * self._begin
-            self.usual = self._cells.at_rows(total / count)
+            square = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + change / self.usual[row]) * change
+            place = self._cells.at_rows((self._cells.sums(row, square) + prior * self._begin) / count)
+            more = (of_class.sums(row, square / place[row]) + prior) / count_of_class
+            self.usual = place * of_class.at_rows(more)
 
 
 def _as_drives_learned(cells: Cells, passes: Sequence[PassFactor]) -> Floats:

@@ -125,7 +125,11 @@ class DenseAdjustment:
         self.intervals: list[tuple[Equation, int, float, bool]] = []
         for row, length in enumerate(self.length):
             reached = [
-                v for d in self.said for p in self.said[d] if p.segment == row for v in (p.start_m, p.end_m)
+                v
+                for d in self.said
+                for p in self.said[d]
+                if p.segment == row and p.rows
+                for v in (p.start_m, p.end_m)
             ]
             built = self.table.bridge[row] or self.table.tunnel[row]
             heights = self._knots(row)
@@ -240,7 +244,10 @@ class DenseAdjustment:
         for one in self.ties:
             one.weight = (roads.NODE_FREEDOM + 1) / (roads.NODE_FREEDOM + one.square(*now))
         change = np.array([e.square(*now) / f for e, _, f, _ in self.intervals])
-        self.usual.learn([row for _, row, _, _ in self.intervals], change)
+        driven = [
+            (row, c) for (_, row, _, seen), c in zip(self.intervals, change.tolist(), strict=True) if seen
+        ]
+        self.usual.learn(*zip(*driven, strict=True) if driven else ([], []))
         free = roads.ROUGHNESS_FREEDOM
         for (one, row, factor, seen), c in zip(self.intervals, change, strict=True):
             # Of intervals that nobody drove nothing tells which are even: their steps have Student's t's own variance.

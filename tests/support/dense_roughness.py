@@ -13,7 +13,7 @@ from fusion.network import road_beliefs as roads
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
 
-Cell = tuple[int, int, int]
+Cell = tuple[int | str, ...]
 
 
 class DenseUsual:
@@ -21,6 +21,10 @@ class DenseUsual:
 
     def __init__(self, table: RoadTable, passes: Sequence[PassFactor]) -> None:
         self.around = [_cells(table, row) for row in range(len(table))]
+        self.of_class = [
+            {(*cell, str(kind)): share for cell, share in shares.items()}
+            for shares, kind in zip(self.around, table.highway, strict=True)
+        ]
         logs = [(self.around[p.segment], math.log(p.roughness)) for p in passes]
         everywhere = float(np.mean([v for _, v in logs] or [math.log(roads.DEFAULT_ROUGHNESS)]))
         self.begin: dict[Cell, float] = {}
@@ -29,22 +33,39 @@ class DenseUsual:
             total = sum(share * v for share, v in near) + roads.FAR_SHARE * everywhere
             usual = math.exp(total / (sum(share for share, _ in near) + roads.FAR_SHARE))
             self.begin[cell] = float(np.clip(usual, *roads.ROUGHNESS_BOUNDS))
-        self.at = self._at_rows(self.begin)
+        self.at = _at_rows(self.around, self.begin)
 
-    def learn(self, rows: Sequence[int], change: np.ndarray) -> None:
-        """From the squares of intervals on ``rows``, each of two changes of grade."""
+    def learn(self, rows: Sequence[int], change: Sequence[float]) -> None:
+        """From the squares of driven intervals on ``rows``, each of two changes of grade."""
         free, count = roads.ROUGHNESS_FREEDOM, roads.ROUGHNESS_PRIOR_COUNT
         for _ in range(5):
-            total = {c: count * begin for c, begin in self.begin.items()}
-            number = dict.fromkeys(self.begin, count)
-            for row, c in zip(rows, change.tolist(), strict=True):
-                for cell, share in self.around[row].items():
-                    total[cell] += share * c * (free + 2) / (free + c / self.at[row])
-                    number[cell] += 2 * share
-            self.at = self._at_rows({c: total[c] / number[c] for c in total})
+            square = [c * (free + 2) / (free + c / self.at[r]) for r, c in zip(rows, change, strict=True)]
+            place = _at_rows(self.around, _means(self.around, rows, square, self.begin, count))
+            ratio = [s / place[r] for r, s in zip(rows, square, strict=True)]
+            as_others = {c: 1.0 for shares in self.of_class for c in shares}
+            more = _at_rows(self.of_class, _means(self.of_class, rows, ratio, as_others, count))
+            self.at = [p * m for p, m in zip(place, more, strict=True)]
 
-    def _at_rows(self, of_cell: dict[Cell, float]) -> list[float]:
-        return [sum(share * of_cell[c] for c, share in shares.items()) for shares in self.around]
+
+def _means(
+    around: list[dict[Cell, float]],
+    rows: Sequence[int],
+    values: Sequence[float],
+    begin: dict[Cell, float],
+    count: float,
+) -> dict[Cell, float]:
+    """For each cell, of ``count`` imaginary changes as they begin and two for each of the values about it."""
+    total = {c: count * v for c, v in begin.items()}
+    number = dict.fromkeys(begin, count)
+    for row, value in zip(rows, values, strict=True):
+        for cell, share in around[row].items():
+            total[cell] += share * value
+            number[cell] += 2 * share
+    return {c: total[c] / number[c] for c in total}
+
+
+def _at_rows(around: list[dict[Cell, float]], of_cell: dict[Cell, float]) -> list[float]:
+    return [sum(share * of_cell[c] for c, share in shares.items()) for shares in around]
 
 
 def _cells(table: RoadTable, row: int) -> dict[Cell, float]:

@@ -141,6 +141,7 @@ def test_any_small_network(seed: int) -> None:
     """Streets of any length and direction, driven or not, in part or whole, by drives of any quality."""
     rng = np.random.default_rng(seed)
     table = block_of_streets(2, int(rng.integers(2, 4)), float(rng.uniform(12.0, 75.0)))
+    table.highway[:] = rng.choice(["residential", "primary"], len(table))
     drives: dict[int, list[PassFactor]] = {}
     for number in range(int(rng.integers(1, 4))):
         quality, rough = float(10 ** rng.uniform(-2.5, -1)), float(10 ** rng.uniform(-6, -4))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from factor_support import Sensors, driven, graded, steady, street
+from factor_support import Sensors, driven, graded, roads, steady, street
 from fusion.network.adjust import adjust
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import EquationSystem
@@ -182,3 +182,23 @@ def test_heights_are_believed_about_where_they_were_found() -> None:
     assert road.levels.vector[:, 0] == pytest.approx(x[road.levels.variables[:, 0]], rel=1e-12)
     # All knots of what hangs together share what is known of its height.
     assert road.levels.weight.sum() == pytest.approx(LEVEL_SIGMA_M**-2)
+
+
+def test_a_class_of_roads_that_is_rougher_than_the_others_is_known_for_it() -> None:
+    """Two streets side by side; the last track is not driven, and is taken for one like the others."""
+    n = 40
+    even, at, height = walk_street(4, 1e-6, n)
+    _, rough_at, rough = walk_street(5, 1e-4, n)
+    edge = np.concatenate([[0.0], np.cumsum(even.length_m)])
+    points = {k + (n + 1) * side: (float(x), 30.0 * side) for side in (0, 1) for k, x in enumerate(edge)}
+    edges = [(k + (n + 1) * side, k + 1 + (n + 1) * side) for side in (0, 1) for k in range(n)]
+    table = roads(points, edges, highway=["primary"] * n + ["track"] * n)
+
+    def profile(row: int, x: np.ndarray) -> np.ndarray:
+        return np.interp(edge[row % n] + x, *((at, height) if row < n else (rough_at, rough)))
+
+    passes = driven(table, range(2 * n - 1), profile, PRECISE, np.random.default_rng(6))
+    road = RoadBeliefs(table, [replace(p, roughness=1e-5) for p in passes])
+    learned(road, passes)
+    assert np.median(road.usual[n:]) > 3 * np.median(road.usual[:n])
+    assert road.usual[-1] == pytest.approx(road.usual[-2], rel=0.3)
