@@ -12,7 +12,7 @@ from fusion.frames import LocalProjection
 from fusion.methods.profile.likelihood import sum_passes
 from fusion.methods.profile.model import WANDER_SIGMA
 from fusion.network.curve import grade_weights, height_weights, knot_length, variable_count
-from fusion.network.pass_factor import NUISANCES, PassFactor
+from fusion.network.pass_factor import NUISANCES, PLACE_PART_S, PLACE_TAU_S, PassFactor
 from fusion.network.road_beliefs import DEFAULT_ROUGHNESS
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
@@ -24,6 +24,9 @@ DOPPLER, PITCH, FORCE = 0.01, 0.012, 0.02
 """White noise of grades from vertical speeds, an attitude sensor and an accelerometer, at 1 Hz."""
 MOUNT_SIGMA, BIAS_SIGMA, SQUAT_SIGMA, LAG_S = 0.05, 0.01, 0.002, (1.5, 1.0)
 ACCELERATION_MPS2 = 0.5
+PLACE_M = 2.0
+"""One axis of the error of positions, as a receiver states it (of ``PLACE_TAU_S``)."""
+BEND_OVER_M = 10.0
 BEND_S = 3
 """Changes of grade are taken over so many seconds: about the distance of knots."""
 BAROMETERS = 3
@@ -124,10 +127,17 @@ class Synthetic:
         time_s = np.arange(0.5, leave_s[-1])
         k = np.minimum(np.searchsorted(leave_s, time_s), len(rows) - 1)
         driven = np.clip((time_s - enter_s[k]) / (leave_s[k] - enter_s[k]), 0, 1)
+        part = np.floor(0.5 * (enter_s + leave_s) / PLACE_PART_S).astype(np.int64)
+        common, own_m = self._place(rows, forward, leave_s - enter_s)
+        shift_m = np.sum(common * self._positions(int(part[-1]) + 1)[part], axis=1)
+        shift_m += own_m * rng.normal(size=len(rows))
         share = np.where(forward[k] > 0, driven, 1 - driven)
-        height = self.height(rows[k], share)
-        step = 0.5 / length[k]
-        grade = forward[k] * (self.height(rows[k], share + step) - self.height(rows[k], share - step))
+        # Where the vehicle was, and the grade there in the direction of driving.
+        ahead = forward[k] / length[k]
+        at = share + ahead * shift_m[k]
+        height, grade = self.height(rows[k], at), self._grade(rows[k], at, ahead)
+        further = self._grade(rows[k], share + ahead * BEND_OVER_M, ahead)
+        bend = (further - self._grade(rows[k], share - ahead * BEND_OVER_M, ahead)) / (2 * BEND_OVER_M)
         n = len(time_s)
         mount, bias, squat = rng.normal(size=3) * (MOUNT_SIGMA, BIAS_SIGMA, SQUAT_SIGMA)
         acceleration, wander = (
@@ -141,15 +151,16 @@ class Synthetic:
         steep = forward[k][:, None] * steep
         # (knots, constants, wander, sensor of height, value, sigma) of each sensor
         sensors = [
-            (high, (zero, zero, zero, zero), zero, 0, height + self._walk(n, DRIFT_M2_PER_S), ALTITUDE_M),
-            (steep, (zero, zero, zero, zero), zero, -1, grade, DOPPLER),
-            (steep, (one, zero, acceleration, zero), one, -1, grade + mount + squat * acceleration + wander[k], PITCH),
-            (steep, (one, one, zero, zero), zero, -1, grade + mount + bias, FORCE),
+            (high, (zero, zero, zero, zero, grade), zero, 0, height + self._walk(n, DRIFT_M2_PER_S), ALTITUDE_M),
+            (steep, (zero, zero, zero, zero, bend), zero, -1, grade, DOPPLER),
+            (steep, (one, zero, acceleration, zero, bend), one, -1,
+             grade + mount + squat * acceleration + wander[k], PITCH),
+            (steep, (one, one, zero, zero, bend), zero, -1, grade + mount + bias, FORCE),
         ]  # fmt: skip
         if barometer:
             climb = -grade * SPEED_MPS
             late = height + climb * late_s + self._walk(n, BARO_DRIFT_M2_PER_S)
-            sensors.append((high, (zero, zero, zero, climb), zero, 1, late, BARO_M))
+            sensors.append((high, (zero, zero, zero, climb, grade), zero, 1, late, BARO_M))
         m = len(sensors)
         order = np.argsort(np.tile(k, m) * (n * m + 1.0) + np.tile(np.arange(n), m), kind="stable")
         sigma = np.repeat([s[5] for s in sensors], n)
@@ -158,15 +169,36 @@ class Synthetic:
             rows, enter_s, leave_s,
             np.tile(variable, m)[order],
             np.concatenate([s[0] for s in sensors])[order],
-            np.concatenate([np.column_stack([*s[1], zero, zero]) for s in sensors])[order],
-            WANDER_SIGMA * np.concatenate([s[2] for s in sensors])[order][:, None],
+            np.concatenate([np.column_stack([*s[1][:4], s[1][4][:, None] * common[k]]) for s in sensors])[order],
+            np.concatenate([np.column_stack([WANDER_SIGMA * s[2], s[1][4] * own_m[k]]) for s in sensors])[order],
             np.repeat([s[3] for s in sensors], n)[order],
             value[order],
             sigma[order] ** 2,
             np.tile(time_s, m)[order],
             np.searchsorted(np.tile(k, m)[order], np.arange(len(rows) + 1)),
             _roughness(grade, k),
+            part,
         )  # fmt: skip
+
+    def _grade(self, row: Ints, share: Floats, ahead: Floats) -> Floats:
+        """By how much the road rises over a metre, ``ahead`` being that in shares."""
+        return self.height(row, share + 0.5 * ahead) - self.height(row, share - 0.5 * ahead)
+
+    def _place(self, rows: Ints, forward: Ints, took_s: Floats) -> tuple[Floats, Floats]:
+        """How far along the road n passes are moved by one sigma of the positions' error to the east and the north,
+        (n, 2), and one sigma of what is each pass's own, (n,), m; as ``methods.profile.factors`` has it."""
+        x0, y0, x1, y1 = self.ends[rows].T
+        along = forward[:, None] * np.column_stack([x1 - x0, y1 - y0])
+        along /= np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
+        kept = np.exp(-took_s / PLACE_TAU_S)
+        return PLACE_M * np.sqrt(kept)[:, None] * along, PLACE_M * np.sqrt(1 - kept)
+
+    def _positions(self, parts: int) -> Floats:
+        """Errors of positions in each part of a drive, to the east and the north, in sigmas: (parts, 2)."""
+        kept, out = np.exp(-PLACE_PART_S / PLACE_TAU_S), self.rng.normal(size=(parts, 2))
+        for k in range(1, parts):
+            out[k] = kept * out[k - 1] + np.sqrt(1 - kept**2) * out[k]
+        return out
 
     def _walk(self, n: int, rate: float) -> Floats:
         start = 3.0 * self.rng.normal()
@@ -175,7 +207,7 @@ class Synthetic:
     def _factors(
         self, rows: Ints, enter_s: Floats, leave_s: Floats, variable: Ints, weights: Floats, constants: Floats,
         passing: Floats, sensor: Ints, value: Floats, variance: Floats, time_s: Floats, first: Ints,
-        roughness: float,
+        roughness: float, part: Ints,
     ) -> list[PassFactor]:  # fmt: skip
         """The sums over each pass; columns as ``fusion.methods.profile.likelihood.OnTraversals`` has them."""
         size = variable_count(self.length[rows]) + NUISANCES
@@ -194,7 +226,7 @@ class Synthetic:
                     row, j, 0, information[squares[j] - n * n : squares[j]].reshape(n, n),
                     vector[ends[j] - n : ends[j]], float(square[j]), count, walk, 0.0,
                     float(self.length[row]), roughness, max(1, count // 4),
-                    begin + float(enter_s[j]), begin + float(leave_s[j]),
+                    begin + float(enter_s[j]), begin + float(leave_s[j]), int(part[j]),
                 )
             )  # fmt: skip
         return out

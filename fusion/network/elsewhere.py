@@ -22,6 +22,8 @@ from fusion.types import Floats, Ints
 
 FREE_INFORMATION = 1e-6
 """Heights, and errors of height sensors, are free: a sigma of a kilometre (1/m^2)."""
+ROUNDING = 1e-9
+"""Of sums from which all is taken off again, less than this share is left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,11 @@ class ConstantsSaid:
         return self._with(other, 1.0)
 
     def __sub__(self, other: ConstantsSaid) -> ConstantsSaid:
-        return self._with(other, -1.0)
+        left = self._with(other, -1.0)
+        # Of what only the other spoke, rounding is left; it would tie together what has nothing to do with each other.
+        whole = self._with(other, 0.0).information
+        kept = np.flatnonzero(np.diagonal(left.information) > ROUNDING * np.diagonal(whole))
+        return ConstantsSaid(left.keys[kept], left.information[np.ix_(kept, kept)], left.vector[kept])
 
     def _with(self, other: ConstantsSaid, sign: float) -> ConstantsSaid:
         keys, where = np.unique(np.concatenate([self.keys, other.keys]), axis=0, return_inverse=True)
@@ -138,7 +144,8 @@ def blocks_elsewhere(
     """The equations of all drives that have passes elsewhere."""
     out = []
     for name in sorted(set(said) & set(unknowns)):
-        keys = list(unknowns[name].keys)
+        spoken = set(map(tuple, said[name].keys.tolist()))
+        keys = [key for key in unknowns[name].keys if key in spoken]
         information, vector = said[name].onto(keys)
         variables = np.array([[unknowns[name].keys[key] for key in keys]], np.int64)
         out.append(Blocks(variables, information[None], vector[None], np.ones(1)))

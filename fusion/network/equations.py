@@ -70,15 +70,13 @@ class Solution:
 
 
 class EquationSystem:
-    """The sum of ``Blocks`` over ``size`` unknowns; ``last`` are unknowns that are eliminated last."""
+    """The sum of ``Blocks`` over ``size`` unknowns; each of ``late`` is eliminated after all that it occurs with."""
 
-    def __init__(self, size: int, blocks: list[Blocks], last: Ints) -> None:
+    def __init__(self, size: int, blocks: list[Blocks], late: Ints) -> None:
         self.size = size
         self.blocks = [b for b in blocks if len(b.variables)]
         pattern = pattern_of(size, [b.variables for b in self.blocks])
-        early = np.setdiff1d(np.arange(size), last)
-        order = fill_reducing_order(pattern[early][:, early])
-        self.how = Elimination(pattern, np.concatenate([early[order], last]).astype(np.int64))
+        self.how = Elimination(pattern, _order(pattern, late))
         self._slots = [self.how.slots(b.variables, keep=True) for b in self.blocks]
 
     def solve(self) -> Solution:
@@ -86,6 +84,20 @@ class EquationSystem:
         vector = right_hand_side(self.size, self.blocks)
         equations = factorised(self.how, self.blocks, self._slots)
         return Solution(equations.solve(vector), equations)
+
+
+def _order(pattern: scipy.sparse.csc_matrix, late: Ints) -> Ints:
+    """An order of elimination (size,): the ``late`` stay out of the search for little fill, which they would mislead,
+    for they join what lies far apart; each then follows the last one that it occurs with."""
+    size = pattern.shape[0]
+    early = np.setdiff1d(np.arange(size), late)
+    rank = np.full(size, -1.0)
+    rank[early[fill_reducing_order(pattern[early][:, early])]] = np.arange(len(early))
+    if len(late):
+        mine = pattern[:, late]
+        latest = np.maximum.reduceat(rank[mine.indices], mine.indptr[:-1])
+        rank[late] = np.where(latest >= 0, latest + 0.5, size)
+    return np.argsort(rank, kind="stable")
 
 
 def pattern_of(size: int, variables: list[Ints]) -> scipy.sparse.csc_matrix:

@@ -10,10 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fusion.network.adjust import adjust
+from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.elsewhere import FREE_INFORMATION, ConstantsSaid
-from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, LAG, MOUNT, NUISANCES, PassFactor
+from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, EAST, LAG, MOUNT, NUISANCES, PassFactor
+from fusion.network.published import Adjustment
 from fusion.network.road_beliefs import GRADE_SIGMA
-from network_draws import driven_town, within
+from fusion.network.unknowns import RoadUnknowns
+from fusion.roads.table import RoadTable
+from network_draws import Drives, driven_town, within
 
 
 def some_passes(seed: int, count: int, mounts: int = 1) -> list[PassFactor]:
@@ -25,17 +29,18 @@ def some_passes(seed: int, count: int, mounts: int = 1) -> list[PassFactor]:
 
 
 def integrated(one: PassFactor) -> tuple[np.ndarray, np.ndarray]:
-    """A pass's covariance and mean over the constants, dense, with a weak hold on them that is taken off again."""
+    """A pass's information and vector over the constants: the other unknowns eliminated one by one, in more digits."""
     n = len(one.vector)
     knots = n - NUISANCES
     prior = np.full(n, FREE_INFORMATION)
     prior[1:knots:2] = GRADE_SIGMA**-2
-    constants = slice(knots, knots + len(CONSTANTS))
-    prior[constants] = 1.0
-    covariance = np.linalg.inv(one.information + np.diag(prior))
-    information = np.linalg.inv(covariance[constants, constants])
-    vector = information @ (covariance @ one.vector)[constants]
-    return information - np.eye(len(CONSTANTS)), vector
+    constants = np.arange(knots, knots + len(CONSTANTS))
+    prior[constants] = 0.0
+    left = np.column_stack([one.information + np.diag(prior), one.vector]).astype(np.longdouble)
+    for k in np.setdiff1d(np.arange(n), constants):
+        others = np.arange(n) != k
+        left[others] -= np.outer(left[others, k] / left[k, k], left[k])
+    return left[np.ix_(constants, constants)].astype(float), left[constants, n].astype(float)
 
 
 def assert_same(left: ConstantsSaid, right: ConstantsSaid, rel: float = 1e-9) -> None:
@@ -118,6 +123,42 @@ def test_nothing_elsewhere_changes_nothing() -> None:
         found = adjust(table, drives, elsewhere=elsewhere)
         assert found.slope_percent == pytest.approx(plain.slope_percent, abs=1e-7)
         assert found.slope_sigma_percent == pytest.approx(plain.slope_sigma_percent, rel=1e-5)
+
+
+@pytest.mark.parametrize("width", [11, 12, 13])
+def test_a_window_knows_of_a_mount_what_the_rest_of_the_drive_does(width: int) -> None:
+    """Few drives over a few streets."""
+    table, drives = driven_town(width, 10, 3, 5000.0)
+    rows = (table.lon0_deg < 8.5015) & (table.lat0_deg < 49.001)
+    part, inside, outside = within(table, drives, rows)
+    assert 10 < len(part) < len(table) / 4
+    said = {k: ConstantsSaid.of_passes(p) for k, p in outside.items()}
+    whole, plain, told = (adjust(table, drives), *(adjust(part, inside, elsewhere=e) for e in ({}, said)))
+    mount, known = mounts(whole, table, drives, list(inside))
+    error = [
+        np.sqrt(np.mean(((mounts(f, part, inside, list(inside))[0] - mount) / known) ** 2))
+        for f in (plain, told)
+    ]
+    assert error[1] < 1.0
+    assert error[1] < 0.5 * error[0]
+
+
+def mounts(
+    found: Adjustment, table: RoadTable, drives: Drives, names: list[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a solution knows of the mounts of the drives with these names, and its sigma."""
+    said = DriveBeliefs(drives, RoadUnknowns(table))
+    unknown = np.array([said.unknowns[k].keys[MOUNT, 0] for k in names])
+    covariance = found.solution.equations.covariance(unknown[:, None])
+    return found.solution.x[unknown], np.sqrt(covariance[:, 0, 0])
+
+
+def test_of_what_passes_inside_alone_speak_of_nothing_is_left_outside() -> None:
+    """Parts of a drive that lie wholly inside of a window are not tied to those outside."""
+    passes = [replace(p, place=k // 4) for k, p in enumerate(some_passes(2, 12))]
+    left = ConstantsSaid.of_passes(passes) - ConstantsSaid.of_passes(passes[:6])
+    assert_same(left, ConstantsSaid.of_passes(passes[6:]), 1e-6)
+    assert {int(place) for kind, place in left.keys.tolist() if kind == EAST} == {1, 2}
 
 
 def test_a_window_is_nearer_to_the_whole_with_what_is_said_elsewhere() -> None:

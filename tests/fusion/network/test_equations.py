@@ -105,3 +105,15 @@ def test_a_deleted_drive_leaves_no_trace() -> None:
     adjust(table, drives)
     after = adjust(table, {k: d for k, d in turned(drives).items() if k != 3})
     assert apart(after, before) < 1e-9
+
+
+@given(seed=st.integers(0, 2**31), size=st.integers(3, 30), late=st.integers(1, 3))
+def test_late_unknowns_are_eliminated_after_all_that_they_occur_with(seed: int, size: int, late: int) -> None:
+    blocks = observed(seed, size)
+    held = np.random.default_rng(seed).choice(size, late, replace=False)
+    place = EquationSystem(size, blocks, held).how.place
+    for one in blocks:
+        for variables in one.variables:
+            among = np.isin(variables, held)
+            if among.any() and not among.all():
+                assert place[variables[among]].min() > place[variables[~among]].max()
