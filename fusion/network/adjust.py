@@ -48,7 +48,6 @@ def adjust(
     driven[[p.segment for p in everything]] = True
     model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
     surveyed = None if control is None else ControlBeliefs(road.unknowns, control, road.usual)
-    last = np.array([] if said.lag_mean is None else [said.lag_mean], np.int64)
     outside = blocks_elsewhere(elsewhere or {}, said.unknowns)
     equations = [
         *road.blocks(),
@@ -57,7 +56,7 @@ def adjust(
         *(b for one in (model, surveyed) if one for b in one.blocks()),
     ]
     if blocks is None:
-        system: EquationSystem | BlockedSystem = EquationSystem(said.size, equations, last)
+        system: EquationSystem | BlockedSystem = EquationSystem(said.size, equations, said.late)
     else:
         rows = {d: np.array([p.segment for p in said.passes[d]], np.int64) for d in said.names}
         home = homes(blocks.block, road.unknowns, said.unknowns, rows, said.size)

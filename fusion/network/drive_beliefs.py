@@ -19,8 +19,6 @@ from fusion.network.pass_factor import (
     HEIGHT_SENSORS,
     LAG,
     NORTH,
-    PLACE_PART_S,
-    PLACE_TAU_S,
     PassFactor,
 )
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
@@ -68,11 +66,9 @@ class DriveBeliefs:
         out = []
         for u in self.unknowns.values():
             kinds = np.array(list(u.constants.items()), np.int64).reshape(-1, 2)
-            kinds = kinds[~np.isin(kinds[:, 1], (LAG, EAST, NORTH))]
+            kinds = kinds[kinds[:, 1] != LAG]
             sigma = np.array(CONSTANT_SIGMA)[kinds[:, 1]]
             out.append(Blocks.of_rows(kinds[:, :1], np.ones((len(kinds), 1)), 0.0, sigma**2))
-            for number, unknown in u.places():
-                out += _lasting(number, unknown)
             for s in range(len(HEIGHT_SENSORS)):
                 first = u.of_pass[u.of_pass[:, ENTRY.start + s] >= 0, ENTRY.start + s][:1]
                 out.append(
@@ -133,6 +129,14 @@ class DriveBeliefs:
             out.append((members, blocks, squares, np.array([max(f.rows, 1) for f in factors], float)))
         return out
 
+    @property
+    def late(self) -> Ints:
+        """The unknowns that so many passes speak of that they had better be eliminated after them, (m,)."""
+        of_all = [
+            q for u in self.unknowns.values() for q, kind in u.constants.items() if kind not in (EAST, NORTH)
+        ]
+        return np.array([*of_all, *([] if self.lag_mean is None else [self.lag_mean])], np.int64)
+
     def blocks(self) -> list[Blocks]:
         """All equations."""
         return [*self.fixed, self.walks, *(b for _, b, _, _ in self.groups)]
@@ -184,17 +188,6 @@ class DriveBeliefs:
             / rows
             for _, b, square, rows in self.groups
         ]
-
-
-def _lasting(number: Ints, unknown: Ints) -> list[Blocks]:
-    """Errors of positions in parts of a drive, in units of one sigma: an Ornstein-Uhlenbeck process."""
-    kept = np.exp(-PLACE_PART_S * np.diff(number) / PLACE_TAU_S)
-    pairs = np.column_stack([unknown[1:], unknown[:-1]])
-    steps = np.column_stack([np.ones(len(kept)), -kept])
-    return [
-        Blocks.of_rows(unknown[:1, None], np.ones((len(unknown[:1]), 1)), 0.0, 1.0),
-        Blocks.of_rows(pairs, steps, 0.0, 1 - kept**2),
-    ]
 
 
 def _scale(misfit: Floats) -> float:

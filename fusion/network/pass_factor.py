@@ -24,8 +24,9 @@ CONSTANT_SIGMA = (0.3, 0.03, 0.005, 4.0, 1.0, 1.0)
 """What is believed of each before the drive: nothing worth the name of the mount and the lag; a bias of 0.3 m/s^2 and
 squat of half a degree a m/s^2 are large ones (spec 7)."""
 PLACE_PART_S, PLACE_TAU_S = 30.0, 120.0
-"""Parts of a drive over which the error of its positions is taken for one, and how long that error lasts: as long as
-that of GNSS heights (spec 7), so that it changes little within a part."""
+"""Parts of a drive over which the error of its positions is taken for one, independent from part to part, and how long
+that error really lasts: as long as that of GNSS heights (spec 7). Parts that know of each other gave the same slopes
+and made a change reach a mile."""
 HEIGHT_SENSORS = ("altitude", "barometer")
 """Sensors of height whose errors walk at random, m: one unknown each where a pass begins and where it ends."""
 MOUNT, BIAS, SQUAT, LAG, EAST, NORTH = range(6)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fusion.network.curve import interval_count, knot_length
-from fusion.network.pass_factor import CONSTANTS, EAST, ENTRY, LAG, NORTH, NUISANCES, SETTINGS, PassFactor
+from fusion.network.pass_factor import CONSTANTS, ENTRY, LAG, NUISANCES, SETTINGS, PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
@@ -84,15 +84,6 @@ class DriveUnknowns:
     def lag(self) -> int | None:
         """The unknown that is the altimeter's lag, if any pass speaks of it."""
         return next((unknown for unknown, kind in self.constants.items() if kind == LAG), None)
-
-    def places(self) -> list[tuple[Ints, Ints]]:
-        """East and north: numbers of the parts of the drive, ascending, and the unknowns of each, (m,)."""
-        found = []
-        for kind in (EAST, NORTH):
-            mine = sorted((setting, unknown) for (k, setting), unknown in self.keys.items() if k == kind)
-            number, unknown = np.array(mine, np.int64).reshape(-1, 2).T
-            found.append((number, unknown))
-        return found
 
     def joints(self, sensor: int) -> tuple[Ints, Ints]:
         """Passes k and j, neighbours in the order of driving, that both know the error of a height sensor."""

@@ -178,28 +178,13 @@ class DenseAdjustment:
                     constant[key] = self._new(1)
                     if kind == factors.LAG:
                         self.lag[d] = constant[key]
-                    elif kind not in (factors.EAST, factors.NORTH):
+                    else:
                         sigma = factors.CONSTANT_SIGMA[kind]
                         self.fixed.append(observed({constant[key]: 1.0}, 0.0, sigma))
                 own.append(constant[key])
             equation = Equation(own, one.information[np.ix_(kept, kept)], one.vector[kept])
             self.passes.append((d, one, equation))
-        self._places(constant)
         self.walks += walks
-
-    def _places(self, constant: Mapping[tuple[int, int], int]) -> None:
-        """What positions err by in one part of a drive tells what they err by in the next."""
-        for direction in (factors.EAST, factors.NORTH):
-            before: tuple[int, int] | None = None
-            for part, unknown in sorted(
-                (part, u) for (kind, part), u in constant.items() if kind == direction
-            ):
-                alike = 0.0
-                if before is not None:
-                    alike = np.exp((before[0] - part) * factors.PLACE_PART_S / factors.PLACE_TAU_S)
-                means = {unknown: 1.0} | ({} if before is None else {before[1]: -alike})
-                self.fixed.append(observed(means, 0.0, np.sqrt(1 - alike**2)))
-                before = (part, unknown)
 
     def _error(
         self,

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from factor_support import PLANE, Profile, Sensors, block_of_streets, driven, graded, roads, street
-from fusion.network.pass_factor import BIAS, EAST, ENTRY, EXIT, LAG, MOUNT, SQUAT, PassFactor
+from fusion.network.pass_factor import BIAS, EAST, ENTRY, EXIT, LAG, MOUNT, NORTH, SQUAT, PassFactor
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns, knot_positions
 
 EVERYTHING = Sensors(0.02, 0.01, 0.02, altitude_m=0.5, pressure_m=0.1)
@@ -98,10 +98,9 @@ def test_passes_of_one_part_of_a_drive_share_the_error_of_its_positions() -> Non
     u = DriveUnknowns([replace(p, place=part) for p, part in zip(wrong, (4, 4, 1, 4), strict=True)], 0)
     first, second, third, fourth = u.of_pass[:, EAST].tolist()
     assert first == second == fourth != third
-    (east, unknown), (north, _) = u.places()
-    assert east.tolist() == [1, 4]
-    assert unknown.tolist() == [third, first]
-    assert not len(north)  # the street leads east
+    assert u.keys[EAST, 1] == third
+    assert u.keys[EAST, 4] == first
+    assert not [key for key in u.keys if key[0] == NORTH]  # the street leads east
 
 
 def test_errors_go_on_from_a_pass_to_the_next_one_that_knows_them() -> None:
