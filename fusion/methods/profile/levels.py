@@ -6,6 +6,7 @@ outliers, and where the drive changed suddenly, is given here and found in ``noi
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +67,11 @@ _FARTHEST = 3.0
 """How far a log moves in a round at most."""
 _SHARE_TOLD = 0.3
 """Of a white level's information under known states, what is left as states are not known: scales the first step."""
+_BEND_STEP = 0.3
+"""Upward step of a log over which the bend of the likelihood is taken: as far as a level errs that makes a difference,
+and to the side where the errors that are to be expected come from."""
+MOST_UNCERTAIN = 1.0
+"""Sigma of a log that is counted at most: beyond it hardly anything but the tail of a prior would speak."""
 
 
 def _least() -> dict[str, float]:
@@ -148,8 +154,7 @@ def most_likely(
     """Levels near the most likely ones, from ``noise`` on, held by weak priors about ``start``."""
     white, rates = _learned(measured)
     names = [*white.values(), *rates]
-    priors = [_prior(n, start) for n in names]
-    mean, sigma = np.array(priors).T
+    mean, sigma = np.array([_prior(n, start) for n in names]).T
     begin = np.log([getattr(noise, n) for n in names])
     told = [2 * np.count_nonzero(measured.sensor == sensor) for sensor in white] + [
         len(epochs.time_s) / 8
@@ -178,6 +183,40 @@ def most_likely(
         options={"maxiter": _STEPS, "maxfun": 2 * _STEPS, "gtol": _CLOSE},
     )
     return at(best.x)
+
+
+def log_sigmas(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
+) -> dict[str, float]:
+    """How uncertain the logs of the levels are near the most likely ones, ``noise``; 0 where a level is the least.
+
+    The inverse of the likelihood's bend, from one more gradient a level, and of the priors' precision; never more than
+    the prior's sigma.
+    """
+    white, rates = _learned(measured)
+    names = [*white.values(), *rates]
+    sigma = np.array([_prior(n, start)[1] for n in names])
+    likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
+    here = likelihood.at(noise)[1]
+    free = [k for k, n in enumerate(names) if getattr(noise, n) > 1.01 * _least().get(n, 0.0)]
+    bend = np.zeros((len(free), len(free)))
+    for row, k in enumerate(free):
+        there = likelihood.at(noise.with_(**{names[k]: getattr(noise, names[k]) * np.exp(_BEND_STEP)}))[1]
+        bend[row] = ((here - there) / _BEND_STEP)[free]
+    sigma = sigma[free]
+    told, axes = np.linalg.eigh(0.5 * (bend + bend.T) * np.outer(sigma, sigma))
+    share = (axes**2) @ (1 / (1 + np.maximum(told, 0.0)))
+    found = dict(zip([names[k] for k in free], (sigma * np.sqrt(share)).tolist(), strict=True))
+    return {name: min(found.get(name, 0.0), MOST_UNCERTAIN) for name in names}
+
+
+def expected(noise: Noise, log_sigma: Mapping[str, float]) -> Noise:
+    """The levels of the variances that are to be expected where logs err normally: E[exp(x)] = exp(mean + sigma^2 / 2).
+
+    The roughness stays: no factor holds it but for what knots leave open, and the network learns its own.
+    """
+    power = {name: 0.5 if name in ("drift", "baro_drift") else 1.0 for name in log_sigma if name != "roughness"}
+    return noise.with_(**{n: getattr(noise, n) * float(np.exp(p * log_sigma[n] ** 2)) for n, p in power.items()})
 
 
 def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:

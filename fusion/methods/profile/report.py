@@ -131,7 +131,7 @@ def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:
 def _without(measured: Measurements, epochs: SmootherEpochs, learned: Learned, sensor: int) -> Smoothed:
     """The drive without a sensor: as if its errors were beyond all measure. The epochs stay the same."""
     variance = np.where(measured.sensor == sensor, 1e12, learned.variance)
-    return linear_model(measured, epochs, learned.noise, variance, learned.jumps).smooth()
+    return linear_model(measured, epochs, learned.expected, variance, learned.jumps).smooth()
 
 
 def _contributions(
