@@ -215,8 +215,12 @@ def expected(noise: Noise, log_sigma: Mapping[str, float]) -> Noise:
 
     The roughness stays: no factor holds it but for what knots leave open, and the network learns its own.
     """
-    power = {name: 0.5 if name in ("drift", "baro_drift") else 1.0 for name in log_sigma if name != "roughness"}
-    return noise.with_(**{n: getattr(noise, n) * float(np.exp(p * log_sigma[n] ** 2)) for n, p in power.items()})
+    power = {
+        name: 0.5 if name in ("drift", "baro_drift") else 1.0 for name in log_sigma if name != "roughness"
+    }
+    return noise.with_(
+        **{n: getattr(noise, n) * float(np.exp(p * log_sigma[n] ** 2)) for n, p in power.items()}
+    )
 
 
 def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:

@@ -116,7 +116,8 @@ def on_traversals(
         ),
         passing=np.column_stack(
             [
-                learned.expected.wander * np.select([sensor == PITCH, sensor == FORCE], [1.0, 1 - share], 0.0),
+                learned.expected.wander
+                * np.select([sensor == PITCH, sensor == FORCE], [1.0, 1 - share], 0.0),
                 place_sigma_m[traversal] * farther,
             ]
         ),

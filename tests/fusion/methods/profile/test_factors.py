@@ -95,7 +95,7 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
             constants[SQUAT] = squat * measured.acceleration_mps2[i]
             assert data.constants[at, :EAST] == pytest.approx(constants[:EAST], abs=1e-15)
             leans = left if sensor in (PITCH, FORCE) else 0.0
-            assert data.passing[at, 0] == pytest.approx(one.learned.noise.wander * leans, abs=1e-15)
+            assert data.passing[at, 0] == pytest.approx(one.learned.expected.wander * leans, abs=1e-15)
             assert data.height_sensor[at] == {ALTITUDE: 0, BARO: 1}.get(sensor, -1)
 
 
@@ -148,7 +148,7 @@ def test_a_factor_speaks_of_its_own_passage(drive: tuple[Smoothed, list[PassFact
         seconds = np.unique(np.round(one.measured.time_s[mine]))
         assert 1 <= factor.observations <= max(len(seconds), 1) + 1
         assert factor.roughness == one.learned.noise.roughness
-        assert factor.walk_m2_per_s == (one.learned.noise.drift, one.learned.noise.baro_drift)
+        assert factor.walk_m2_per_s == (one.learned.expected.drift, one.learned.expected.baro_drift)
         knots = 2 * (int(interval_count(knot_length(lengths[factor.segment]))) + 1)
         assert len(factor.vector) == knots + NUISANCES
         sensors = set(one.measured.sensor[mine].tolist())
