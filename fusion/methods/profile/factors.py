@@ -63,7 +63,7 @@ def pass_factors(
                 walk_m2_per_s=walk,
                 start_m=low,
                 end_m=min(high, float(length[k])),
-                roughness=learned.noise.roughness,
+                roughness=learned.expected.roughness,
                 observations=_instants(data, rows),
                 first_time_s=float(match.enter_time_s[k]),
                 last_time_s=float(match.leave_time_s[k]),

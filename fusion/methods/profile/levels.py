@@ -48,6 +48,8 @@ ROBUST_INFORMATION_LOSS = (STUDENT_T_FREEDOM + 3) / (STUDENT_T_FREEDOM + 1)
 its Fisher information is (nu + 1) / (nu + 3) (Lange, Little and Taylor 1989)."""
 WHITE = {ALTITUDE: "altitude_m", DOPPLER: "doppler", PITCH: "pitch", FORCE: "force", BARO: "baro_m"}
 """The white level of each sensor."""
+_SIGMAS = {*WHITE.values(), "wander"}
+"""Levels that are sigmas; the others are variances, for a metre or a second."""
 LOG_ROUGHNESS = (float(np.log(3e-5)), 1.5)
 """Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
 LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
@@ -213,11 +215,9 @@ def log_sigmas(
 def expected(noise: Noise, log_sigma: Mapping[str, float]) -> Noise:
     """The levels of the variances that are to be expected where logs err normally: E[exp(x)] = exp(mean + sigma^2 / 2).
 
-    The roughness stays: no factor holds it but for what knots leave open, and the network learns its own.
+    Of a level that is a sigma itself, twice its log is meant.
     """
-    power = {
-        name: 0.5 if name in ("drift", "baro_drift") else 1.0 for name in log_sigma if name != "roughness"
-    }
+    power = {name: 1.0 if name in _SIGMAS else 0.5 for name in log_sigma}
     return noise.with_(
         **{n: getattr(noise, n) * float(np.exp(p * log_sigma[n] ** 2)) for n, p in power.items()}
     )
