@@ -83,17 +83,15 @@ def learn(
     """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
     found = _levels(measured, epochs, start)
     noise, jumps, variance, smoothed = found.noise, found.jumps, found.variance, found.smoothed
-    heard, repeated = np.ones(len(measured), bool), np.ones(len(measured))
     filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
-    if filtered:
-        heard, repeated = _apart(measured)
+    every = np.ones(len(measured), bool), np.ones(len(measured))
+    heard, repeated = _apart(measured) if filtered else every
     told = measured.take(heard), replace(epochs, of_measurement=epochs.of_measurement[heard])
     if filtered:
         noise = most_likely(*told, noise, start, found.weight[heard], jumps)
-    likely = expected(noise, log_sigmas(*told, noise, start, found.weight[heard], jumps))
-    if filtered:
         variance = gaussian_variance(measured, noise) * repeated / found.weight
         smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+    likely = expected(noise, log_sigmas(*told, noise, start, found.weight[heard], jumps))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
