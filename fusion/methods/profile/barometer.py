@@ -51,13 +51,14 @@ SPEED_PRESSURE_FLOOR = 0.01
 """One sigma of what the comparison itself may be wrong by: 0.4 m between standing and 100 km/h."""
 
 
-def pressure_heights(log: DriveLog, speed_time: Floats, speed: Floats) -> tuple[Floats, Floats]:
-    """Times (m,) and heights by the log's pressure samples, in the log's own temperature if it states one.
+def pressure_heights(
+    pressure: Pressure, share: float, speed_time: Floats, speed: Floats
+) -> tuple[Floats, Floats]:
+    """Times (m,) and heights by pressure samples, in the log's own temperature if it states one.
 
-    Speeds (n,) at ``speed_time`` are for the pressure that they make at the sensor, where the drive shows it.
+    ``share`` of the dynamic pressure at speeds (n,) at ``speed_time`` is taken off.
     """
-    time, height = _still_air(log.pressure)
-    share = set_right_share(speed_pressure(log, speed_time, speed))
+    time, height = _still_air(pressure)
     if share:
         height = height + share * _head(np.interp(time, speed_time, speed))
     return time, height

@@ -41,7 +41,7 @@ def pass_factors(
     """The factors of all traversals that are probably right and were recorded whole, in driving order."""
     own, common = place_sigma(path, fix)
     data = on_traversals(measured, epochs, learned, path, altimeter, own, common)
-    walk = (learned.noise.drift, learned.noise.baro_drift)
+    walk = (learned.expected.drift, learned.expected.baro_drift)
     summed = likelihoods(data, path, walk, _times_of(epochs, learned, DRIFT))
     mount = _mount(path, _times_of(epochs, learned, MOUNT))
     length, scale = segment_lengths(path)
@@ -63,7 +63,7 @@ def pass_factors(
                 walk_m2_per_s=walk,
                 start_m=low,
                 end_m=min(high, float(length[k])),
-                roughness=learned.noise.roughness,
+                roughness=learned.expected.roughness,
                 observations=_instants(data, rows),
                 first_time_s=float(match.enter_time_s[k]),
                 last_time_s=float(match.leave_time_s[k]),

@@ -6,6 +6,7 @@ outliers, and where the drive changed suddenly, is given here and found in ``noi
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,8 @@ ROBUST_INFORMATION_LOSS = (STUDENT_T_FREEDOM + 3) / (STUDENT_T_FREEDOM + 1)
 its Fisher information is (nu + 1) / (nu + 3) (Lange, Little and Taylor 1989)."""
 WHITE = {ALTITUDE: "altitude_m", DOPPLER: "doppler", PITCH: "pitch", FORCE: "force", BARO: "baro_m"}
 """The white level of each sensor."""
+_SIGMAS = {*WHITE.values(), "wander"}
+"""Levels that are sigmas; the others are variances, for a metre or a second."""
 LOG_ROUGHNESS = (float(np.log(3e-5)), 1.5)
 """Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
 LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
@@ -66,6 +69,11 @@ _FARTHEST = 3.0
 """How far a log moves in a round at most."""
 _SHARE_TOLD = 0.3
 """Of a white level's information under known states, what is left as states are not known: scales the first step."""
+_BEND_STEP = 0.3
+"""Upward step of a log over which the bend of the likelihood is taken: as far as a level errs that makes a difference,
+and to the side where the errors that are to be expected come from."""
+MOST_UNCERTAIN = 1.0
+"""Sigma of a log that is counted at most: beyond it hardly anything but the tail of a prior would speak."""
 
 
 def _least() -> dict[str, float]:
@@ -148,8 +156,7 @@ def most_likely(
     """Levels near the most likely ones, from ``noise`` on, held by weak priors about ``start``."""
     white, rates = _learned(measured)
     names = [*white.values(), *rates]
-    priors = [_prior(n, start) for n in names]
-    mean, sigma = np.array(priors).T
+    mean, sigma = np.array([_prior(n, start) for n in names]).T
     begin = np.log([getattr(noise, n) for n in names])
     told = [2 * np.count_nonzero(measured.sensor == sensor) for sensor in white] + [
         len(epochs.time_s) / 8
@@ -178,6 +185,42 @@ def most_likely(
         options={"maxiter": _STEPS, "maxfun": 2 * _STEPS, "gtol": _CLOSE},
     )
     return at(best.x)
+
+
+def log_sigmas(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
+) -> dict[str, float]:
+    """How uncertain the logs of the levels are near the most likely ones, ``noise``; 0 where a level is the least.
+
+    The inverse of the likelihood's bend, from one more gradient a level, and of the priors' precision; never more than
+    the prior's sigma.
+    """
+    white, rates = _learned(measured)
+    names = [*white.values(), *rates]
+    sigma = np.array([_prior(n, start)[1] for n in names])
+    likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
+    here = likelihood.at(noise)[1]
+    free = [k for k, n in enumerate(names) if getattr(noise, n) > 1.01 * _least().get(n, 0.0)]
+    bend = np.zeros((len(free), len(free)))
+    for row, k in enumerate(free):
+        there = likelihood.at(noise.with_(**{names[k]: getattr(noise, names[k]) * np.exp(_BEND_STEP)}))[1]
+        bend[row] = ((here - there) / _BEND_STEP)[free]
+    sigma = sigma[free]
+    told, axes = np.linalg.eigh(0.5 * (bend + bend.T) * np.outer(sigma, sigma))
+    share = (axes**2) @ (1 / (1 + np.maximum(told, 0.0)))
+    found = dict(zip([names[k] for k in free], (sigma * np.sqrt(share)).tolist(), strict=True))
+    return {name: min(found.get(name, 0.0), MOST_UNCERTAIN) for name in names}
+
+
+def expected(noise: Noise, log_sigma: Mapping[str, float]) -> Noise:
+    """The levels of the variances that are to be expected where logs err normally: E[exp(x)] = exp(mean + sigma^2 / 2).
+
+    Of a level that is a sigma itself, twice its log is meant.
+    """
+    power = {name: 1.0 if name in _SIGMAS else 0.5 for name in log_sigma}
+    return noise.with_(
+        **{n: getattr(noise, n) * float(np.exp(p * log_sigma[n] ** 2)) for n, p in power.items()}
+    )
 
 
 def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:

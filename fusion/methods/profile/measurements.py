@@ -5,6 +5,7 @@ Knows sensors and the path, but neither how measurements are weighed nor what is
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,12 +76,20 @@ class Lags:
 
 
 def build_measurements(
-    log: DriveLog, path: DrivenPath, dem: Dem | None, use: frozenset[int], lags: Lags = Lags()
+    log: DriveLog,
+    path: DrivenPath,
+    dem: Dem | None,
+    use: frozenset[int],
+    lags: Lags = Lags(),
+    speed_pressure: float = 0.0,
 ) -> Measurements:
-    """All measurements of the sensors ``use`` that lie on the path; ``log`` has its inertial data set right."""
+    """All measurements of the sensors ``use`` that lie on the path; ``log`` has its inertial data set right.
+
+    ``speed_pressure`` is the share of the dynamic pressure that is taken off the barometer's.
+    """
     speed_time, speed = speeds(log, path)
     parts = []
-    for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure)):
+    for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure(speed_pressure))):
         if sensor in use:
             time, value, stated_sigma = build(log, path, speed_time, speed)
             time = time - lags.of(sensor)
@@ -230,11 +239,15 @@ def _force(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -
         return time, sine / np.sqrt(1 - sine**2), np.full(len(time), np.nan)
 
 
-def _pressure(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
+def _pressure(share: float) -> Callable[[DriveLog, DrivenPath, Floats, Floats], Column]:
     """Height by the air's pressure; its drift is the filter's affair."""
-    at, height = pressure_heights(log, speed_time, speed)
-    time, value = binned(at, PERIOD_S[BARO], height)
-    return time, value, np.full(len(time), np.nan)
+
+    def heights(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
+        at, height = pressure_heights(log.pressure, share, speed_time, speed)
+        time, value = binned(at, PERIOD_S[BARO], height)
+        return time, value, np.full(len(time), np.nan)
+
+    return heights
 
 
 def _terrain(path: DrivenPath, dem: Dem, speed_time: Floats, speed: Floats) -> Measurements:

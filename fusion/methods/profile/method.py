@@ -13,8 +13,10 @@ from pydantic import Field
 from fusion.errors import MissingSensorError, NoMatchError
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
+from fusion.methods.profile.barometer import set_right_share, speed_pressure
+from fusion.methods.profile.blocks import NOTHING, Estimate
 from fusion.methods.profile.factors import pass_factors
-from fusion.methods.profile.inertia import set_right
+from fusion.methods.profile.inertia import Inertia, set_right
 from fusion.methods.profile.levels import prior_noise
 from fusion.methods.profile.measurements import (
     ALTITUDE,
@@ -25,6 +27,7 @@ from fusion.methods.profile.measurements import (
     Lags,
     Measurements,
     build_measurements,
+    speeds,
 )
 from fusion.methods.profile.model import SmootherEpochs, build_smoother_epochs
 from fusion.methods.profile.noise import Learned, learn
@@ -42,9 +45,10 @@ from fusion.types import DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
-BAROMETRIC_DRIFT = 0.03
-"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's: a receiver's walk by 0.1 and more,
-the air's pressure by 0.001 (spec 7)."""
+BAROMETRIC_DRIFT = 0.003
+"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's: half way, in logs, between the air's
+pressure, 0.001 (0.8 m in ten minutes), and the best receivers that fix no carrier phase, 0.01 (0.8 m for two minutes,
+``model.DRIFT_TAU_S``). A short or noisy drive doesn't show it: then heights are a receiver's."""
 COMPUTER_STEP_M = 0.2
 """Steps of heights in files of bicycle computers (FIT states altitudes in fifths of a metre), which take them from a
 barometer behind a filter, whatever they err by."""
@@ -69,6 +73,23 @@ class ProfileOptions(Options):
         """Codes of the sensors to use (``measurements.SENSORS``)."""
         wanted = (self.altitude, self.doppler, self.pitch, self.force, self.barometer, self.dem)
         return frozenset(code for code, use in enumerate(wanted) if use)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """A drive on its path with its inertial data set right, and what was found wrong with them and with pressures."""
+
+    log: DriveLog
+    path: DrivenPath
+    inertia: Inertia | None
+    speed_pressure: Estimate
+
+    @classmethod
+    def of(cls, log: DriveLog, path: DrivenPath, use: frozenset[int]) -> _Drive:
+        """Of sensors that are in ``use`` alone."""
+        right, inertia = set_right(log) if use & {PITCH, FORCE} else (log, None)
+        felt = speed_pressure(log, *speeds(log, path)) if BARO in use else NOTHING
+        return cls(right, path, inertia, felt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,21 +132,23 @@ class ProfileMethod:
                 "positions are a drive's and not a parked vehicle's."
             )
         progress("smooth", 0.3)
-        right = set_right(log)[0] if options.sensors() & {PITCH, FORCE} else log
-        drive = _smooth(right, path, dem, options, Altimeter())
+        raw = _Drive.of(log, path, options.sensors())
+        drive = _smooth(raw, dem, options, Altimeter())
         late = _altimeter(log, drive)
         if late.sensor >= 0:
-            drive = _smooth(right, path, dem, options, late)
+            drive = _smooth(raw, dem, options, late)
         progress("factors", 0.7)
         factors = _factors(drive, log.fix)
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
         track = build_track(path, drive.epochs, drive.learned)
-        report = drive_report(log, path, drive.measured, drive.epochs, drive.learned, factors)
+        report = drive_report(
+            log, path, drive.measured, drive.epochs, drive.learned, factors, raw.inertia, raw.speed_pressure
+        )
         drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
 
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
-            return _factors(_smooth(right, path, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
+            return _factors(_smooth(raw, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
 
         return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
 
@@ -156,22 +179,21 @@ def _in_steps(height_m: Floats) -> bool:
     return len(known) > 0 and bool(np.mean(off) < 0.01 and np.mean(whole) < 0.5)
 
 
-def _smooth(
-    log: DriveLog, path: DrivenPath, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter
-) -> _Smoothed:
+def _smooth(raw: _Drive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter) -> _Smoothed:
     lags = Lags(
         **({"barometer_s": altimeter.lag_s} if altimeter.sensor == BARO else {"altitude_s": altimeter.lag_s})
     )
-    measured = build_measurements(log, path, dem, options.sensors(), lags)
+    share = set_right_share(raw.speed_pressure)
+    measured = build_measurements(raw.log, raw.path, dem, options.sensors(), lags, share)
     if len(measured) < MIN_MEASUREMENTS:
         raise MissingSensorError(
             f"Method 'profile' found {len(measured)} usable measurement(s) of height or grade on roads (used: "
             f"{', '.join(SENSORS)}). Record altitudes, Doppler velocity, attitude or pressure, while driving."
         )
-    epochs = build_smoother_epochs(measured, path)
-    by_satellites = not _in_steps(log.fix.alt_msl_m)
+    epochs = build_smoother_epochs(measured, raw.path)
+    by_satellites = not _in_steps(raw.log.fix.alt_msl_m)
     learned = learn(measured, epochs, prior_noise(measured), by_satellites=by_satellites)
-    return _Smoothed(path, measured, epochs, learned, altimeter)
+    return _Smoothed(raw.path, measured, epochs, learned, altimeter)
 
 
 def adjusted_slopes(

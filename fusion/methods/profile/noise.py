@@ -15,8 +15,10 @@ from fusion.filters.smoother import Smoothed
 from fusion.methods.profile.levels import (
     LEAST_HEIGHT_M,
     STUDENT_T_FREEDOM,
+    expected,
     expected_levels,
     gaussian_variance,
+    log_sigmas,
     most_likely,
     normalised_square,
 )
@@ -63,10 +65,12 @@ _SHARED_PRIOR_COUNT = 15.0
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """The levels, each measurement's variance with its robust weight (m,), which are outliers (m,), the sudden changes
-    found, and the smoothed drive."""
+    """The most likely levels, and those of the variances that are to be expected, by which all the rest is; each
+    measurement's variance with its robust weight (m,), which are outliers (m,), the sudden changes found, and the
+    smoothed drive."""
 
     noise: Noise
+    expected: Noise
     variance: Floats
     outlier: Bools
     jumps: Jumps
@@ -79,20 +83,24 @@ def learn(
     """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
     found = _levels(measured, epochs, start)
     noise, jumps, variance, smoothed = found.noise, found.jumps, found.variance, found.smoothed
-    repeated = np.ones(len(measured))
-    if by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M:
-        noise, repeated = _unfiltered(measured, epochs, found, start)
+    filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
+    every = np.ones(len(measured), bool), np.ones(len(measured))
+    heard, repeated = _apart(measured) if filtered else every
+    told = measured.take(heard), replace(epochs, of_measurement=epochs.of_measurement[heard])
+    if filtered:
+        noise = most_likely(*told, noise, start, found.weight[heard], jumps)
         variance = gaussian_variance(measured, noise) * repeated / found.weight
         smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+    likely = expected(noise, log_sigmas(*told, noise, start, found.weight[heard], jumps))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
-    usual = white_variance(measured, noise) * repeated
+    usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
     weight = (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
     weight = weight * _heard(square)
     variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
-    smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+    smoothed = linear_model(measured, epochs, likely, variance, jumps).smooth()
     outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
-    return Learned(noise, variance, outlier, jumps, smoothed)
+    return Learned(noise, likely, variance, outlier, jumps, smoothed)
 
 
 class _Found(NamedTuple):
@@ -124,21 +132,19 @@ def _levels(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> _Fo
     return _Found(noise, jumps, variance, smoothed, weight)
 
 
-def _unfiltered(
-    measured: Measurements, epochs: SmootherEpochs, found: _Found, start: Noise
-) -> tuple[Noise, Floats]:
-    """Levels by heights ``HEIGHTS_APART_S`` apart alone, and how many measurements share one error, (m,).
+def _apart(measured: Measurements) -> tuple[Bools, Floats]:
+    """Which measurements tell levels, (m,), where altitudes come out of a filter: those ``HEIGHTS_APART_S`` apart; and
+    how many share one error, (m,).
 
     Heights that a receiver's filter has smoothed err together from epoch to epoch: that looks like no error and no
     drift, and what they err by like road.
     """
-    mine = np.flatnonzero(measured.sensor == ALTITUDE)
+    altitude = measured.sensor == ALTITUDE
+    mine = np.flatnonzero(altitude)
     apart = mine[spaced(measured.time_s[mine], 0.95 * HEIGHTS_APART_S)]
-    keep = measured.sensor != ALTITUDE
-    keep[apart] = True
-    there = replace(epochs, of_measurement=epochs.of_measurement[keep])
-    noise = most_likely(measured.take(keep), there, found.noise, start, found.weight[keep], found.jumps)
-    return noise, np.where(measured.sensor == ALTITUDE, len(mine) / max(len(apart), 1), 1.0)
+    heard = ~altitude
+    heard[apart] = True
+    return heard, np.where(altitude, len(mine) / max(len(apart), 1), 1.0)
 
 
 def _heard(square: Floats) -> Floats:

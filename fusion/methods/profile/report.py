@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from fusion.filters.smoother import Smoothed
-from fusion.methods.profile.barometer import set_right_share, speed_pressure
+from fusion.methods.profile.barometer import set_right_share
 from fusion.methods.profile.blocks import Estimate
 from fusion.methods.profile.factors import MIN_CONFIDENCE
-from fusion.methods.profile.inertia import set_right
+from fusion.methods.profile.inertia import Inertia
 from fusion.methods.profile.measurements import (
     ALTITUDE,
     BARO,
@@ -27,7 +27,6 @@ from fusion.methods.profile.measurements import (
     SENSORS,
     TERRAIN,
     Measurements,
-    speeds,
 )
 from fusion.methods.profile.model import DRIFT, GRADE, HEIGHT, MOUNT, SmootherEpochs, linear_model
 from fusion.methods.profile.noise import Learned
@@ -55,8 +54,13 @@ def drive_report(
     epochs: SmootherEpochs,
     learned: Learned,
     factors: Sequence[PassFactor],
+    inertia: Inertia | None,
+    speed_pressure: Estimate,
 ) -> dict[str, Any]:
-    """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds."""
+    """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds.
+
+    ``inertia`` and ``speed_pressure``, the share of the dynamic pressure, are what was found before sensors were used.
+    """
     match, lengths = path.match, path.network.table.length_m
     without = {
         code: _without(measured, epochs, learned, code) for code in np.unique(measured.sensor).tolist()
@@ -71,8 +75,8 @@ def drive_report(
         "noise": asdict(learned.noise),
         "own_speed_scale": ground_speed(log)[2],
         "mount": _mount(measured, epochs, learned),
-        "inertia": _inertia(log, measured),
-        "speed_pressure": _speed_pressure(log, path, measured),
+        "inertia": _inertia(inertia, measured),
+        "speed_pressure": _speed_pressure(speed_pressure, measured),
         "height_jumps_s": [float(epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
         "sensors": _contributions(measured, learned, without),
     }
@@ -99,14 +103,13 @@ def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> 
     }
 
 
-def _inertia(log: DriveLog, measured: Measurements) -> dict[str, Any] | None:
+def _inertia(inertia: Inertia | None, measured: Measurements) -> dict[str, Any] | None:
     """How late inertial data are against GNSS, and the yaw of their sensor; None without pitch and specific force.
 
     What was set right, which is 0 where it is not clear, and what was found (None where nothing shows it).
     """
-    if not np.isin(measured.sensor, (PITCH, FORCE)).any():
+    if inertia is None or not np.isin(measured.sensor, (PITCH, FORCE)).any():
         return None
-    _, inertia = set_right(log)
     return {
         "imu_lag_s": inertia.lag_s,
         "found_imu_lag_s": _found(inertia.lag),
@@ -115,11 +118,10 @@ def _inertia(log: DriveLog, measured: Measurements) -> dict[str, Any] | None:
     }
 
 
-def _speed_pressure(log: DriveLog, path: DrivenPath, measured: Measurements) -> dict[str, Any] | None:
+def _speed_pressure(share: Estimate, measured: Measurements) -> dict[str, Any] | None:
     """The share of the dynamic pressure that a barometer feels, likewise; None without pressure."""
     if not (measured.sensor == BARO).any():
         return None
-    share = speed_pressure(log, *speeds(log, path))
     return {"share": set_right_share(share), "found_share": _found(share)}
 
 
@@ -131,7 +133,7 @@ def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:
 def _without(measured: Measurements, epochs: SmootherEpochs, learned: Learned, sensor: int) -> Smoothed:
     """The drive without a sensor: as if its errors were beyond all measure. The epochs stay the same."""
     variance = np.where(measured.sensor == sensor, 1e12, learned.variance)
-    return linear_model(measured, epochs, learned.noise, variance, learned.jumps).smooth()
+    return linear_model(measured, epochs, learned.expected, variance, learned.jumps).smooth()
 
 
 def _contributions(

@@ -92,7 +92,7 @@ def on_traversals(
     forward = np.where(path.match.forward[traversal], 1.0, -1.0)
     variable, height = height_weights(distance, length)
     _, grade = grade_weights(distance, length)
-    q = learned.noise.roughness
+    q = learned.expected.roughness
     seen = design(measured, beyond)[keep]
     # A height that is late by tau, taken for late by lag_s: y = H - climb (tau - lag_s). The unknown is tau.
     smoothed, along = learned.smoothed.mean[:, GRADE], measured.along_m[keep]
@@ -116,7 +116,8 @@ def on_traversals(
         ),
         passing=np.column_stack(
             [
-                learned.noise.wander * np.select([sensor == PITCH, sensor == FORCE], [1.0, 1 - share], 0.0),
+                learned.expected.wander
+                * np.select([sensor == PITCH, sensor == FORCE], [1.0, 1 - share], 0.0),
                 place_sigma_m[traversal] * farther,
             ]
         ),

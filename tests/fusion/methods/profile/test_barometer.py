@@ -35,7 +35,7 @@ def pressure_pa(height_m: Floats, sea_level_k: float) -> Floats:
 def heights_of(pressure: Floats, temperature_c: float | Floats) -> Floats:
     temperature_k = np.broadcast_to(np.asarray(temperature_c, float) + 273.15, pressure.shape)
     table = Pressure.assemble(TIME_S[: len(pressure)], pressure_pa=pressure, temperature_k=temperature_k)
-    return pressure_heights(DriveLog("csv", GnssFix.empty(), pressure=table), NONE, NONE)[1]
+    return pressure_heights(table, 0.0, NONE, NONE)[1]
 
 
 def test_the_standard_atmosphere() -> None:
@@ -136,7 +136,8 @@ def test_gnss_heights_show_it_less_clearly(seed: int, share: float) -> None:
 
 def test_heights_do_not_follow_the_speed() -> None:
     log, speed, true = log_with(0.15, 3, noise=0.3)
-    right = pressure_heights(log, TIME_S, speed)[1] - true
+    share = set_right_share(speed_pressure(log, TIME_S, speed))
+    right = pressure_heights(log.pressure, share, TIME_S, speed)[1] - true
     wrong = standard_height(log.pressure.pressure_pa) - true
     within = slice(100, 200)
     assert np.std(right[within]) < 0.3 * np.std(wrong[within])

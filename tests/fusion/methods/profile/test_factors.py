@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from factor_support import street
 from fusion.methods.profile.levels import ROBUST_INFORMATION_LOSS
-from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN
+from fusion.methods.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN
 from fusion.methods.profile.model import MOUNT, decorrelated
 from fusion.methods.profile.traversals import (
     Altimeter,
@@ -29,7 +30,7 @@ from fusion.network.pass_factor import MOUNT as MOUNT_PITCH
 from fusion.pipeline import run_drive
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.types import DriveLog
-from profile_support import Smoothed, World, hills, log_of, smoothed
+from profile_support import Levels, Smoothed, World, hills, log_of, smoothed, street_log
 from street_drives import (
     ALONG_M,
     EDGES_M,
@@ -42,6 +43,9 @@ from street_drives import (
     traversals,
 )
 
+LONG_TABLE = street(*[80.0] * 122)
+LONG_S = 1.7e9 + np.arange(1200.0)
+LONG_M = 5 + 8 * (LONG_S - LONG_S[0])
 KINDS = (
     "everything",
     "positions and heights",
@@ -66,7 +70,7 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
     clean, share = decorrelated(measured, one.learned.noise)
     _, distance = one.path.match.position_on(measured.along_m)
     length, scale = segment_lengths(one.path)
-    q = one.learned.noise.roughness
+    q = one.learned.expected.roughness
     for k in range(len(one.path.match)):
         mine = own_measurements(one, k)
         assert data.first[k + 1] - data.first[k] == len(mine)
@@ -95,7 +99,7 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
             constants[SQUAT] = squat * measured.acceleration_mps2[i]
             assert data.constants[at, :EAST] == pytest.approx(constants[:EAST], abs=1e-15)
             leans = left if sensor in (PITCH, FORCE) else 0.0
-            assert data.passing[at, 0] == pytest.approx(one.learned.noise.wander * leans, abs=1e-15)
+            assert data.passing[at, 0] == pytest.approx(one.learned.expected.wander * leans, abs=1e-15)
             assert data.height_sensor[at] == {ALTITUDE: 0, BARO: 1}.get(sensor, -1)
 
 
@@ -147,8 +151,8 @@ def test_a_factor_speaks_of_its_own_passage(drive: tuple[Smoothed, list[PassFact
         assert factor.rows == len(mine)
         seconds = np.unique(np.round(one.measured.time_s[mine]))
         assert 1 <= factor.observations <= max(len(seconds), 1) + 1
-        assert factor.roughness == one.learned.noise.roughness
-        assert factor.walk_m2_per_s == (one.learned.noise.drift, one.learned.noise.baro_drift)
+        assert factor.roughness == one.learned.expected.roughness
+        assert factor.walk_m2_per_s == (one.learned.expected.drift, one.learned.expected.baro_drift)
         knots = 2 * (int(interval_count(knot_length(lengths[factor.segment]))) + 1)
         assert len(factor.vector) == knots + NUISANCES
         sensors = set(one.measured.sensor[mine].tolist())
@@ -240,16 +244,27 @@ def test_a_drive_s_factors_are_those_of_its_log() -> None:
     assert result.late_by is None
 
 
+def unstated(drift: float, seed: int) -> DriveLog:
+    """Twenty minutes with velocities, and altitudes without accuracies that err by so much (m^2/s)."""
+    levels = Levels(altitude_m=0.1, drift=drift)
+    rng = np.random.default_rng(seed)
+    log = street_log(LONG_S, LONG_M, hills, rng, levels=levels, without=("attitude", "force"))
+    return replace(log, fix=replace(log.fix, v_acc_m=np.full(len(log.fix), np.nan)))
+
+
 def test_heights_that_err_as_slowly_as_the_air_s_pressure_are_an_altimeter_s() -> None:
-    """A GPX without accuracies whose heights hardly wander: they may be late, and can be put right."""
-    log = drive_log("steady heights")
-    slow = DriveLog("gpx", replace(log.fix, v_acc_m=np.full(len(log.fix), np.nan)))
-    _, result = run_drive(slow, TABLE, None)
+    """They may be late, and can be put right."""
+    _, result = run_drive(unstated(0.001, 0), LONG_TABLE, None)
     assert result.late_by is not None
     assert {f.lag_s for f in result.factors} == {1.5}
-    assert all(f.used[LAG] for f in result.factors if f.rows > 1)
+    assert all(f.used[LAG] for f in result.factors if f.rows > 2)
     later = result.late_by(3.0)
     assert {f.lag_s for f in later} == {3.0}
     assert [f.segment for f in later] == [f.segment for f in result.factors]
-    measured = smoothed(slow, TABLE).measured
-    assert not (measured.sensor == DOPPLER).any()
+
+
+@pytest.mark.parametrize("drift", [0.001, 0.01])
+def test_heights_of_the_best_receivers_are_no_altimeter_s(drift: float) -> None:
+    """Of those that fix no carrier phase: 0.8 m for two minutes. Air drifts by 0.8 m in ten."""
+    late = [run_drive(unstated(drift, seed), LONG_TABLE, None)[1].late_by for seed in range(3)]
+    assert [by is not None for by in late] == [drift < 0.002] * 3

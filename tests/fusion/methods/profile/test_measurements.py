@@ -24,6 +24,7 @@ from fusion.simulate.write.csv_file import csv_columns
 from profile_support import Levels, World, hills, log_of, pressure_of, smoothed, street_log
 
 TABLE = street(*[60.0] * 20)
+LONG_TABLE = street(*[80.0] * 122)
 TIME_S = 1.7e9 + np.arange(110.0)
 ALONG_M = 5 + 10 * (TIME_S - TIME_S[0])
 CALM = Levels(0.0, 0.0, 0.0, 0.0, springs=0.0, force=0.0, position_m=0.0, mount=0.0)
@@ -117,19 +118,13 @@ def test_dense_samples_are_averaged_and_sparse_ones_left_alone() -> None:
 
 def test_only_heights_that_an_altimeter_can_know_are_late() -> None:
     """Steady ones that state no accuracy; above the ellipsoid they are a receiver's, however steady."""
-    time_s = 1.7e9 + np.arange(600.0)
-    along = 5 + 1190 * 0.5 * (1 - np.cos((time_s - time_s[0]) / 60))
-    steady = Levels(altitude_m=0.2, drift=1e-4, position_m=0.5)
-    log = street_log(
-        time_s,
-        along,
-        hills,
-        np.random.default_rng(1),
-        levels=steady,
-        without=("velocity", "attitude", "force"),
-    )
+    time_s = 1.7e9 + np.arange(1200.0)
+    steady = Levels(altitude_m=0.1, drift=1e-4)
+    along = 5 + 8 * (time_s - time_s[0])
+    rng = np.random.default_rng(1)
+    log = street_log(time_s, along, hills, rng, levels=steady, without=("attitude", "force"))
     unknown = np.full(len(time_s), np.nan)
     by_level = replace(log.fix, v_acc_m=unknown)
     by_ellipsoid = replace(by_level, alt_msl_m=unknown, height_ell_m=by_level.alt_msl_m + 48.0)
-    late = [run_drive(replace(log, fix=fix), TABLE, None)[1].late_by for fix in (by_level, by_ellipsoid)]
+    late = [run_drive(replace(log, fix=fix), LONG_TABLE, None)[1].late_by for fix in (by_level, by_ellipsoid)]
     assert [by is not None for by in late] == [True, False]

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from factor_support import street
+from fusion.methods.profile import method
 from fusion.pipeline import run_drive, solve_network
 from fusion.roads.table import rows_of
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog
-from profile_support import Levels, World, hills, log_of, street_log
+from profile_support import Levels, World, hills, log_of, pressure_of, street_log
 
 TABLE = street(*[60.0] * 30)
 TIME_S = 1.7e9 + np.arange(175.0)
@@ -202,3 +203,22 @@ def test_drives_together_name_it_as_well() -> None:
     (sentence,) = solve_network(TABLE, dem, [one]).remarks
     assert sentence.startswith("The elevation model is about ")
     assert solve_network(TABLE, cast(Dem, Raster(0.0)), [one]).remarks == []
+
+
+def test_what_is_set_right_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The report says what the method found, and what it did not look for is not in it."""
+    calls = []
+    for name in ("set_right", "speed_pressure"):
+        real = getattr(method, name)
+        monkeypatch.setattr(method, name, lambda *a, real=real, name=name: calls.append(name) or real(*a))
+    log = drive_log()
+    log = replace(log, pressure=pressure_of(TIME_S, hills(ALONG_M)))
+    found = report(log)
+    assert sorted(calls) == ["set_right", "speed_pressure"]
+    assert found["inertia"] is not None
+    assert found["speed_pressure"]["share"] == 0
+    calls.clear()
+    found = report(log, pitch=False, force=False, barometer=False)
+    assert calls == []
+    assert found["inertia"] is None
+    assert found["speed_pressure"] is None
