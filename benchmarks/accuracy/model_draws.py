@@ -15,7 +15,6 @@ from fusion.frames import GRAVITY_MPS2
 from fusion.methods.profile.factors import PLACE_BOUNDS_M
 from fusion.methods.profile.levels import LEAST_HEIGHT_M, LOG_WANDER
 from fusion.methods.profile.measurements import BARO, PERIOD_S
-from fusion.methods.profile.method import BAROMETRIC_DRIFT
 from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, PLACE_TAU_S, SQUAT
 from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pressure, SpecificForce
@@ -23,7 +22,7 @@ from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pres
 SPEEDS_MPS = (5.0, 20.0)
 ALTITUDE_M = (0.1, 1.5)
 DRIFT_M2_PER_S = (0.01, 1.0)
-RECEIVER_DRIFT_M2_PER_S, ALTIMETER_DRIFT_M2_PER_S = (3 * BAROMETRIC_DRIFT, 1.0), (0.001, BAROMETRIC_DRIFT / 3)
+RECEIVER_DRIFT_M2_PER_S, ALTIMETER_DRIFT_M2_PER_S = (0.09, 1.0), (0.001, 0.01)
 """Of altitudes whose accuracy is not stated: such as drift slowly are taken for an altimeter's, which is late."""
 ALTIMETER_SHARE = 0.5
 """Share of altimeters among the altitudes whose accuracy is not stated."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fusion.frames import LocalProjection
 from fusion.network.curve import grade_rows, height_rows, knot_length, variable_count
-from fusion.network.pass_factor import BIAS, EAST, ENTRY, EXIT, LAG, MOUNT, NUISANCES, PassFactor
+from fusion.network.pass_factor import BIAS, EAST, ENTRY, EXIT, LAG, MOUNT, NORTH, NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
 
 PLANE = LocalProjection(8.5, 49.0)
@@ -260,3 +260,13 @@ def integrated(
         right[:kept] - share @ right[gone],
         square - float(right[gone] @ inner @ right[gone]),
     )
+
+
+def without_place(one: PassFactor) -> PassFactor:
+    """The pass as if its positions were known to be right: their errors are 0."""
+    at = len(one.vector) - NUISANCES + np.array([EAST, NORTH])
+    information, vector = one.information.copy(), one.vector.copy()
+    information[at] = 0.0
+    information[:, at] = 0.0
+    vector[at] = 0.0
+    return replace(one, information=information, vector=vector)

@@ -103,6 +103,8 @@ def jackknife(sums: Floats, estimate: Callable[[Floats], float]) -> Estimate:
         return NOTHING
     freedom = len(group) - 1
     sigma = float(np.sqrt(freedom / len(group) * np.sum((without - without.mean()) ** 2)))
+    if not sigma:  # all say the same: nothing that differs between them is measured
+        return NOTHING
     return Estimate(value, sigma * float(stdtrit(freedom, ndtr(CLEAR))) / CLEAR)
 
 

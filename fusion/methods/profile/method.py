@@ -45,10 +45,11 @@ from fusion.types import DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
-BAROMETRIC_DRIFT = 0.003
-"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's: half way, in logs, between the air's
-pressure, 0.001 (0.8 m in ten minutes), and the best receivers that fix no carrier phase, 0.01 (0.8 m for two minutes,
-``model.DRIFT_TAU_S``). A short or noisy drive doesn't show it: then heights are a receiver's."""
+BAROMETRIC_DRIFT = 0.006
+"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's: between the air's pressure, 0.001
+(0.8 m in ten minutes), and the best receivers that fix no carrier phase, 0.01 (0.8 m for two minutes,
+``model.DRIFT_TAU_S``); above the middle, for what a drive learns of it is too large rather than too small. A short or
+noisy drive doesn't show it: then heights are a receiver's."""
 COMPUTER_STEP_M = 0.2
 """Steps of heights in files of bicycle computers (FIT states altitudes in fifths of a metre), which take them from a
 barometer behind a filter, whatever they err by."""

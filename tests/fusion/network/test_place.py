@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from factor_support import POSITION_SIGMA_M, Profile, driven, street
+from factor_support import POSITION_SIGMA_M, Profile, driven, street, without_place
 from fusion.network.adjust import adjust
-from fusion.network.pass_factor import EAST, NUISANCES, PassFactor
 from fusion.types import Floats
 from street_support import EVERYTHING
 
@@ -30,7 +29,7 @@ def test_drives_whose_positions_are_wrong_find_out_where_they_were() -> None:
             for k, farther_m in enumerate(POSITION_SIGMA_M * rng.normal(size=10))
         }
         one, ten = adjust(table, {0: drives[0]}), adjust(table, drives)
-        blind = adjust(table, {0: [_without_place(p) for p in drives[0]]})
+        blind = adjust(table, {0: [without_place(p) for p in drives[0]]})
         assert np.all(ten.slope_sigma_percent < one.slope_sigma_percent)
         for name, found in zip(misses, (one, ten, blind), strict=True):
             misses[name].append((found.slope_percent - truth) / found.slope_sigma_percent)
@@ -44,12 +43,3 @@ def slope_of(height: Profile, row: int, length: float) -> float:
     """The regression of height on distance over a row."""
     at = np.linspace(0.0, length, 2001)
     return float(np.polyfit(at, height(row, at), 1)[0])
-
-
-def _without_place(one: PassFactor) -> PassFactor:
-    """The pass as if its positions were known to be right: the unknown is 0."""
-    at = len(one.vector) - NUISANCES + EAST
-    information, vector = one.information.copy(), one.vector.copy()
-    information[at, :] = information[:, at] = 0.0
-    vector[at] = 0.0
-    return replace(one, information=information, vector=vector)

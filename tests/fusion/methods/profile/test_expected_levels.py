@@ -80,7 +80,7 @@ def test_without_data_they_are_as_uncertain_as_beforehand() -> None:
 def test_nothing_is_less_sure_than_beforehand(sensors: tuple[int, ...], seconds: int) -> None:
     _, sigma = uncertain(sensors, 5, seconds)
     for name, value in sigma.items():
-        assert 0 < value <= min(LOG_WANDER[1] if name == "wander" else 2.0, MOST_UNCERTAIN), name
+        assert 0 <= value <= min(LOG_WANDER[1] if name == "wander" else 2.0, MOST_UNCERTAIN), name
 
 
 def test_a_level_that_is_the_least_is_taken_for_known() -> None:
