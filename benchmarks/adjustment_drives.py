@@ -58,8 +58,8 @@ class Land:
 class Synthetic:
     """Made-up drives over a real map: random routes, and what receivers of every kind measured on them."""
 
-    def __init__(self, roads: RoadTable, seed: int = 1) -> None:
-        self.roads = roads
+    def __init__(self, roads: RoadTable, seed: int = 1, place_m: float = PLACE_M) -> None:
+        self.roads, self.place_m = roads, place_m
         self.length = knot_length(roads.length_m)
         self.rng = np.random.default_rng(seed)
         self.land = Land(self.rng)
@@ -191,7 +191,7 @@ class Synthetic:
         along = forward[:, None] * np.column_stack([x1 - x0, y1 - y0])
         along /= np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
         kept = np.exp(-took_s / PLACE_TAU_S)
-        return PLACE_M * np.sqrt(kept)[:, None] * along, PLACE_M * np.sqrt(1 - kept)
+        return self.place_m * np.sqrt(kept)[:, None] * along, self.place_m * np.sqrt(1 - kept)
 
     def _positions(self, parts: int) -> Floats:
         """Errors of positions in each part of a drive, to the east and the north, in sigmas: (parts, 2)."""

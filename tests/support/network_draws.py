@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from adjustment_drives import Synthetic
+from adjustment_drives import PLACE_M, Synthetic
 from fusion.frames import LocalProjection
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
@@ -36,11 +36,11 @@ def town(width: int, height: int, side_m: float = 45.0) -> RoadTable:
 
 @cache
 def driven_town(
-    width: int = 7, height: int = 6, drives: int = 6, length_m: float = 1200.0
+    width: int = 7, height: int = 6, drives: int = 6, length_m: float = 1200.0, place_m: float = PLACE_M
 ) -> tuple[RoadTable, Drives]:
-    """A town and drives through it, by number."""
+    """A town and drives through it, by number, whose positions err by so much along each axis."""
     table = town(width, height)
-    makers = Synthetic(table, seed=width + drives)
+    makers = Synthetic(table, width + drives, place_m)
     return table, {k: makers.drive(makers.route(length_m)) for k in range(drives)}
 
 
