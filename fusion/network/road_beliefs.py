@@ -77,12 +77,11 @@ class RoadBeliefs:
         self._cells = Cells(network)
         _, kind = np.unique(network.highway.astype(str), return_inverse=True)
         self._cells_of_class = Cells(network, kind)
-        self._begin = _as_drives_learned(self._cells, passes)
+        measured = [p for p in passes if p.rows]  # the others know nothing of roads
+        self._begin = _as_drives_learned(self._cells, measured)
         self.usual = self._cells.at_rows(self._begin)
         """The usual roughness about each segment (n,), 1/m"""
-        self._open = _open_intervals(
-            u, row, step, [p for p in passes if p.rows]
-        )  # the others measured nothing
+        self._open = _open_intervals(u, row, step, measured)
         self.roughness.weight = 1 / (self.usual[row] * self.factor)
 
     def blocks(self) -> list[Blocks]:

@@ -121,7 +121,7 @@ class DenseAdjustment:
     def _roughness(self) -> None:
         """Each interval for q = 1, beside its row, what its q is times the usual one there, and whether any pass goes
         over it."""
-        self.usual = DenseUsual(self.table, [p for d in sorted(self.said) for p in self.said[d]])
+        self.usual = DenseUsual(self.table, [p for d in sorted(self.said) for p in self.said[d] if p.rows])
         self.intervals: list[tuple[Equation, int, float, bool]] = []
         for row, length in enumerate(self.length):
             reached = [

@@ -202,3 +202,16 @@ def test_a_class_of_roads_that_is_rougher_than_the_others_is_known_for_it() -> N
     learned(road, passes)
     assert np.median(road.usual[n:]) > 3 * np.median(road.usual[:n])
     assert road.usual[-1] == pytest.approx(road.usual[-2], rel=0.3)
+
+
+def test_a_pass_that_measured_nothing_knows_nothing_of_the_road() -> None:
+    """Its drive went over it, and what is believed of roads before any drive is believed still."""
+    table = street(40.0, 50.0)
+    silent = [
+        replace(p, information=0 * p.information, vector=0 * p.vector, square=0.0, rows=0, roughness=1e-6)
+        for p in (steady(table, 0, 1.0), steady(table, 1, 1.0, sequence=1))
+    ]
+    found, before = RoadBeliefs(table, silent), RoadBeliefs(table, [])
+    learned(found, silent)
+    assert found.usual == pytest.approx(before.usual)
+    assert found.roughness.weight == pytest.approx(1 / (UNSEEN_VARIANCE * before.usual[0]), rel=1e-6)
