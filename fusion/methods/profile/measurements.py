@@ -63,36 +63,25 @@ class Measurements:
         return Measurements(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
 
 
-@dataclass(frozen=True)
-class Lags:
-    """How late sensors of height are, s: a height belongs to where the vehicle was then."""
-
-    altitude_s: float = 0.0
-    barometer_s: float = 0.0
-
-    def of(self, sensor: int) -> float:
-        """The lag of a kind of measurement; 0 for all but heights."""
-        return {ALTITUDE: self.altitude_s, BARO: self.barometer_s}.get(sensor, 0.0)
-
-
 def build_measurements(
     log: DriveLog,
     path: DrivenPath,
     dem: Dem | None,
     use: frozenset[int],
-    lags: Lags = Lags(),
+    altitude_lag_s: float = 0.0,
     speed_pressure: float = 0.0,
 ) -> Measurements:
     """All measurements of the sensors ``use`` that lie on the path; ``log`` has its inertial data set right.
 
-    ``speed_pressure`` is the share of the dynamic pressure that is taken off the barometer's.
+    Altitudes that are late by ``altitude_lag_s`` belong to where the vehicle was then. ``speed_pressure`` is the share
+    of the dynamic pressure that is taken off the barometer's.
     """
     speed_time, speed = speeds(log, path)
     parts = []
     for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure(speed_pressure))):
         if sensor in use:
             time, value, stated_sigma = build(log, path, speed_time, speed)
-            time = time - lags.of(sensor)
+            time = time - altitude_lag_s if sensor == ALTITUDE else time
             parts.append(
                 _placed(path, sensor, time, value, stated_sigma, speed_time, speed, _turn(log, path, time))
             )

@@ -24,7 +24,6 @@ from fusion.methods.profile.measurements import (
     FORCE,
     PITCH,
     SENSORS,
-    Lags,
     Measurements,
     build_measurements,
     speeds,
@@ -181,11 +180,8 @@ def _in_steps(height_m: Floats) -> bool:
 
 
 def _smooth(raw: _Drive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter) -> _Smoothed:
-    lags = Lags(
-        **({"barometer_s": altimeter.lag_s} if altimeter.sensor == BARO else {"altitude_s": altimeter.lag_s})
-    )
     share = set_right_share(raw.speed_pressure)
-    measured = build_measurements(raw.log, raw.path, dem, options.sensors(), lags, share)
+    measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s, share)
     if len(measured) < MIN_MEASUREMENTS:
         raise MissingSensorError(
             f"Method 'profile' found {len(measured)} usable measurement(s) of height or grade on roads (used: "

@@ -8,7 +8,7 @@ import numpy as np
 
 from factor_support import street
 from fusion.methods.profile.levels import prior_noise
-from fusion.methods.profile.measurements import ALTITUDE, Lags, build_measurements
+from fusion.methods.profile.measurements import ALTITUDE, build_measurements
 from fusion.methods.profile.model import GRADE, HEIGHT, build_smoother_epochs
 from fusion.methods.profile.noise import learn
 from fusion.methods.profile.track import build_track
@@ -44,7 +44,7 @@ def test_heights_that_are_late_leave_the_rows_at_the_positions() -> None:
     late = replace(log.fix, alt_msl_m=hills(ALONG_M - 15.0))
     log = replace(log, fix=late)
     path = smoothed(log, TABLE).path
-    measured = build_measurements(log, path, None, frozenset({ALTITUDE}), Lags(altitude_s=1.5))
+    measured = build_measurements(log, path, None, frozenset({ALTITUDE}), altitude_lag_s=1.5)
     epochs = build_smoother_epochs(measured, path)
     assert not np.isin(epochs.time_s, TIME_S).any()
     learned = learn(measured, epochs, prior_noise(measured))
