@@ -14,7 +14,7 @@ import numpy as np
 
 from app.map.segment import Segment
 from fusion.formats import read_log
-from fusion.methods.base import DriveResult, Options
+from fusion.methods.base import OF_TERRAIN, DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 from fusion.network.control import ControlPoint
 from fusion.pipeline import network_datum, run_drive, solve_network, surroundings
@@ -96,7 +96,10 @@ class Fusion:
         parts = solved.parts
         for k, one in enumerate(self.fused):
             for slope in () if one.result.factors or k in solved.repeated else one.result.slopes:
-                said = SlopePart(slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations)
+                said = SlopePart(
+                    slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations,
+                    of_terrain=self.method in OF_TERRAIN,
+                )  # fmt: skip
                 parts.setdefault(int(one.rows[slope.segment]), []).append(said)
         shown = sorted(row for row, of_row in parts.items() if gaps or any(part.drives for part in of_row))
         table = self.roads.subset(np.array(shown, np.int64))

@@ -13,6 +13,7 @@ from typing import Any
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
+from fusion.methods.base import OF_TERRAIN
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 
 _SLOPE = ("slope_percent", "slope_sigma_percent", "drives", "observations")
@@ -24,14 +25,15 @@ _COLUMNS = ", ".join(f"CAST(:{name} AS {_TYPES.get(name, 'float8')}[])" for name
 # bits. The drives of the network are in its slope already.
 _PARTS = text(
     f"""
-    SELECT segment_id, {", ".join(_SLOPE)}, drive_id IS NULL AS network, {", ".join(NETWORK_ONLY)}
+    SELECT segment_id, {", ".join(_SLOPE)}, drive_id IS NULL AS network, of_terrain, {", ".join(NETWORK_ONLY)}
     FROM (
-        SELECT {", ".join(_NAMES)}, NULL AS drive_id
+        SELECT {", ".join(_NAMES)}, NULL AS drive_id, false AS of_terrain
         FROM network_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[]))
         UNION ALL
-        SELECT segment_id, slope_percent, slope_sigma_percent, 1, observations,
-               {", ".join("NULL" for _ in NETWORK_ONLY)}, drive_id
-        FROM drive_segments WHERE segment_id = ANY(CAST(:ids AS bigint[])) AND NOT in_network
+        SELECT e.segment_id, e.slope_percent, e.slope_sigma_percent, 1, e.observations,
+               {", ".join("NULL" for _ in NETWORK_ONLY)}, e.drive_id, p.method = ANY(:of_terrain)
+        FROM drive_segments AS e JOIN provenances AS p ON p.id = e.provenance_id
+        WHERE e.segment_id = ANY(CAST(:ids AS bigint[])) AND NOT e.in_network
     ) AS part
     ORDER BY segment_id, drive_id NULLS FIRST
     """  # noqa: S608 - constants
@@ -74,7 +76,9 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> None:
     if not ids:
         return
     columns: dict[str, list[Any]] = {name: [] for name in _NAMES}
-    for segment_id, group in groupby(session.execute(_PARTS, {"ids": ids}), key=lambda row: row.segment_id):
+    for segment_id, group in groupby(
+        session.execute(_PARTS, {"ids": ids, "of_terrain": list(OF_TERRAIN)}), key=lambda row: row.segment_id
+    ):
         whole = published_slope([_part(row) for row in group])
         columns["segment_id"].append(segment_id)
         for name in _NAMES[1:]:

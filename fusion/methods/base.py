@@ -63,6 +63,9 @@ class Method(Protocol):
 
 METHODS: Registry[Method] = Registry("method")
 
+OF_TERRAIN = ("dem", "ukf-dem")
+"""Methods whose slopes are the elevation model's, or lean on it: the same model is one witness, however many drive."""
+
 
 @dataclass(frozen=True)
 class DriveResult:

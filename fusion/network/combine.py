@@ -65,7 +65,8 @@ def combine(
 class SlopePart(NetworkOnly):
     """One slope of a segment: the network's, in which any number of drives is accepted, or a slope-only drive's.
 
-    A gap, undriven between driven segments, has a slope in the network and no drive.
+    A gap, undriven between driven segments, has a slope in the network and no drive. ``of_terrain``: it leans on the
+    elevation model, as all such parts do.
     """
 
     slope_percent: float
@@ -73,6 +74,7 @@ class SlopePart(NetworkOnly):
     drives: int
     observations: int
     network: bool = False
+    of_terrain: bool = False
 
 
 HEIGHTS = ("height_from_m", "height_to_m", "height_sigma_m")
@@ -85,20 +87,40 @@ def published_slope(parts: Sequence[SlopePart]) -> CombinedSlope:
     """What is published of a segment: its parts (at least one) made into one slope.
 
     A gap's slope is a guess that gives way to anything measured, and so does what it says of its inside: its nodes'
-    heights stay, which others measured. The network's own slope, alone, stays as it is.
+    heights stay, which others measured. The network's own slope, alone, stays as it is. Parts that lean on the
+    elevation model are one witness of it, and none beside the network's, which has heard it.
     """
     network = next((part for part in parts if part.network), None)
-    measured = [part for part in parts if part.drives] or parts
+    measured = [part for part in parts if part.drives] or list(parts)
+    drives, observations = (
+        sum(getattr(part, name) for part in measured) for name in ("drives", "observations")
+    )
+    if any(part.network for part in measured):
+        measured = [part for part in measured if not part.of_terrain]
+    measured = _one_of_terrain(measured)
     kept = NETWORK_ONLY if network in measured else HEIGHTS
     known = {} if network is None else {name: getattr(network, name) for name in kept}
     if len(measured) == 1 and measured[0].network:
         only = measured[0]
-        return CombinedSlope(
-            only.slope_percent, only.slope_sigma_percent, only.drives, only.observations, **known
-        )
+        return CombinedSlope(only.slope_percent, only.slope_sigma_percent, drives, observations, **known)
     whole = combine(
         np.array([part.slope_percent for part in measured]),
         np.array([part.slope_sigma_percent for part in measured]),
         np.array([part.observations for part in measured]),
     )
-    return replace(whole, drives=sum(part.drives for part in measured), **known)
+    return replace(whole, drives=drives, observations=observations, **known)
+
+
+def _one_of_terrain(parts: list[SlopePart]) -> list[SlopePart]:
+    """The same with the parts that lean on the elevation model as one: their mean, no surer than the surest."""
+    terrain = [part for part in parts if part.of_terrain]
+    if len(terrain) < 2:
+        return parts
+    whole = combine(
+        np.array([part.slope_percent for part in terrain]),
+        np.array([part.slope_sigma_percent for part in terrain]),
+        np.array([part.observations for part in terrain]),
+    )
+    sigma = max(whole.slope_sigma_percent, min(part.slope_sigma_percent for part in terrain))
+    one = replace(terrain[0], slope_percent=whole.slope_percent, slope_sigma_percent=sigma)
+    return [one, *(part for part in parts if not part.of_terrain)]

@@ -110,3 +110,24 @@ def test_of_a_gap_that_gives_way_the_nodes_heights_stay() -> None:
     assert measured.slope_percent == 2.0
     for name in NETWORK_ONLY:
         assert getattr(measured, name) == (KNOWN[name] if name in HEIGHTS else None)
+
+
+def test_an_elevation_model_is_one_witness_however_many_drive() -> None:
+    one = SlopePart(3.0, 4.0, 1, 5, of_terrain=True)
+    ten = published_slope([one] * 10)
+    assert (ten.slope_percent, ten.slope_sigma_percent) == (3.0, 4.0)
+    assert (ten.drives, ten.observations) == (10, 50)
+    better = SlopePart(2.0, 2.0, 1, 5, of_terrain=True)
+    assert published_slope([one, better]).slope_sigma_percent == 2.0
+    raw = SlopePart(1.0, 1.0, 1, 7)
+    beside = published_slope([one, one, raw])
+    assert beside.slope_sigma_percent == pytest.approx(published_slope([one, raw]).slope_sigma_percent)
+    assert beside.drives == 3
+
+
+def test_the_network_has_heard_the_elevation_model_already() -> None:
+    network, terrain = SlopePart(1.0, 0.5, 7, 90, network=True), SlopePart(5.0, 1.0, 1, 5, of_terrain=True)
+    whole = published_slope([network, terrain])
+    assert (whole.slope_percent, whole.slope_sigma_percent, whole.drives) == (1.0, 0.5, 8)
+    gap = SlopePart(9.0, 3.0, 0, 0, network=True)
+    assert published_slope([gap, terrain]).slope_percent == 5.0
