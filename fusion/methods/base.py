@@ -1,6 +1,7 @@
 """What a method is: the protocol, the registry that it goes by, what it returns, and what its options are made of.
 
-No method is known here: each is a file of its own, and ``fusion.methods`` puts them into the registry.
+Each method is a file of its own, and ``fusion.methods`` puts them into the registry; known here are only the names of
+those that lean on the elevation model (``OF_TERRAIN``), which a new one of that kind joins.
 """
 
 from __future__ import annotations
