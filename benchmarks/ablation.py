@@ -2,7 +2,8 @@
 """What each part of method ``profile`` is worth: sensors one more at a time, or constants one by one.
 
     python benchmarks/ablation.py DATA_DIR [--seeds N] [--profile m8|phone|f9p] [--json FILE]
-    python benchmarks/ablation.py DATA_DIR --constants [--only TEXT] [--sequences 00,09,10] [--seeds N] [...]
+    python benchmarks/ablation.py DATA_DIR --constants [--only TEXT] [--sequences 00,09,10] [--seeds N]
+                                                     [--log RUNG] [...]
 
 DATA_DIR holds ``karlsruhe`` and ``comma2k19`` as in ``slope_accuracy.py`` (folders that are missing are left out).
 
@@ -13,8 +14,9 @@ Constants: the model of the network as it is, and once with each constant of ``a
 switched off (``--only``: those whose label holds the text). Of the sequences of ``karlsruhe``, with one drive (each of
 ``--seeds`` sets) and with ten (a set of ten for every five of ``--seeds``, one at least): RMSE, by how much the change
 makes it worse, share within 1.96 sigma and the root mean square of error over sigma; means over the sequences, errors
-pooled, and by sequence in the JSON. A constant that changes nothing in these logs (those of altimeters' lags, which
-they do not have) shows it by zeros.
+pooled, and by sequence in the JSON. ``--log`` takes one of the poor logs of ``poor_logs.py`` instead of a receiver's
+whole log (``barometer``, ``altimeter``, ``filtered altitude``): constants of sensors that a receiver does not have
+change nothing in its logs.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from accuracy.constants import CHANGES, Change, changed
+from accuracy.poor import RUNGS, poor_log, road_of
 from accuracy.scoring import Errors, Row, figures, show_progress, text_table, write_json
 from accuracy.sequences import (
     RECEIVERS,
@@ -78,6 +81,7 @@ def main() -> None:
     parser.add_argument("--constants", action="store_true", help="constants instead of sensors")
     parser.add_argument("--only", default="", metavar="TEXT", help="constants whose label holds the text")
     parser.add_argument("--sequences", default="00,09,10", help="of the constants, separated by commas")
+    parser.add_argument("--log", default="everything", choices=tuple(RUNGS), help="what is left of the logs")
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     rows = of_constants(args) if args.constants else of_sensors(args)
@@ -143,7 +147,8 @@ def of_constants(args: Namespace) -> list[Row]:
     data = args.data_dir / "karlsruhe" if (args.data_dir / "karlsruhe").is_dir() else args.data_dir
     tool = load_tool(args.roadtruth or tool_beside(data))
     wanted = args.sequences.split(",")
-    sequences = [s for s in find_sequences(data) if s.name in wanted and s.log is None]
+    rung = RUNGS[args.log]
+    sequences = [road_of(s, rung) for s in find_sequences(data) if s.name in wanted and s.log is None]
     if not sequences:
         sys.exit(f"{data}: no sequence named {args.sequences}")
     with tempfile.TemporaryDirectory() as folder:
@@ -151,7 +156,10 @@ def of_constants(args: Namespace) -> list[Row]:
         for sequence in sequences:
             show_progress(f"{sequence.name}: logs")
             count = max(args.seeds, MANY * max(1, args.seeds // 5))
-            logs = [make_log(tool, sequence, seed, Path(folder), args.profile) for seed in range(count)]
+            logs = [
+                poor_log(tool, sequence, seed, Path(folder), rung, receiver=args.profile)
+                for seed in range(count)
+            ]
             many = [logs[at : at + MANY] for at in range(0, MANY * max(1, args.seeds // 5), MANY)]
             by_drives = {1: [[log] for log in logs[: args.seeds]], MANY: many}
             sets.append(Sets(sequence, by_drives, fuse(sequence, logs, "profile")))

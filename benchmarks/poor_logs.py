@@ -11,6 +11,8 @@ drives as a receiver of the M8 class records them, one a seed; of those are left
     barometer            positions and pressure; 0.1 m of white noise, and a random walk of 0.5 m in ten minutes
     altitude             positions and altitudes, as in a GPX file: no accuracies, no velocities
     altitude and SRTM    the same with the tiles
+    filtered altitude    the same without them, altitudes out of a low-pass of two seconds, as many receivers state them
+    altimeter            positions, and the barometer's heights as altitudes, as bicycle computers write them
     positions and SRTM   positions alone with the tiles
 
 each at one epoch in 1, 5 and 10 s. Printed for each: RMSE (spread over the seeds), share of the true slopes that have
@@ -28,22 +30,14 @@ import os
 import sys
 import tempfile
 from argparse import Namespace
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 
-from accuracy.logs import (
-    ALTITUDES,
-    POSITIONS,
-    only,
-    read_columns,
-    thinned,
-    with_barometer,
-    write_columns,
-)
+from accuracy.logs import POSITIONS, only, with_barometer, write_columns
+from accuracy.poor import RUNGS, Rung, poor_log, road_of
 from accuracy.scoring import (
     LENGTH_CLASSES_M,
     Errors,
@@ -61,7 +55,6 @@ from accuracy.sequences import (
     find_sequences,
     folder_of,
     load_tool,
-    make_log,
     parser_of,
     tool_beside,
 )
@@ -94,22 +87,6 @@ STREET_M = 750.0
 SEGMENTS_M = (10.0, 25.0, 50.0, 150.0)
 
 
-class Rung(NamedTuple):
-    """The columns left of a log (None: all), whether pressure comes to them, and whether the tiles are there."""
-
-    columns: tuple[str, ...] | None
-    barometer: bool
-    dem: bool
-
-
-GPX = tuple(name for name in POSITIONS if name != "h_acc_m")
-RUNGS = {
-    "everything": Rung(None, barometer=False, dem=True),
-    "barometer": Rung(POSITIONS, barometer=True, dem=False),
-    "altitude": Rung((*GPX, *ALTITUDES), barometer=False, dem=False),
-    "altitude and SRTM": Rung((*GPX, *ALTITUDES), barometer=False, dem=True),
-    "positions and SRTM": Rung(GPX, barometer=False, dem=True),
-}
 RECEIVER = "m8"
 Runs = dict[str, list[list[Errors]]]
 """Errors by receiver, seed and sequence."""
@@ -150,15 +127,8 @@ class Bench:
 
     def errors(self, sequence: Sequence, rung: Rung, every_s: float, seed: int, receiver: str) -> Errors:
         """Errors of one poor log."""
-        columns = read_columns(make_log(self.tool, sequence, seed, self.folder, receiver))
-        left = columns if rung.columns is None else only(columns, rung.columns)
-        if rung.barometer:
-            exact = read_columns(make_log(self.tool, sequence, seed, self.folder, NOISE_FREE))
-            rng = None if receiver == NOISE_FREE else np.random.default_rng([seed, 2])
-            left = with_barometer(left, exact["alt_msl_m"], rng)
-        log = write_columns(thinned(left, every_s), self.folder / "poor.csv")
-        road = sequence if rung.dem else replace(sequence, dem=None)
-        return Errors.of(sequence.truth, estimate(road, [log], self.method))
+        log = poor_log(self.tool, sequence, seed, self.folder, rung, every_s=every_s, receiver=receiver)
+        return Errors.of(sequence.truth, estimate(road_of(sequence, rung), [log], self.method))
 
 
 def run(args: Namespace, folder: Path) -> list[Row]:

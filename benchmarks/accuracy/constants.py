@@ -57,6 +57,7 @@ def _both(module: str, name: str) -> tuple[Change, Change]:
 _ROAD, _DRIVE = _MODEL + "road_beliefs", _MODEL + "drive_beliefs"
 _SHOWN, _DEM = _MODEL + "published", _MODEL + "terrain"
 _FACTORS = _PROFILE + "factors"
+_METHOD = _PROFILE + "method"
 _LEVELS, _NOISE, _LINEAR = _PROFILE + "levels", _PROFILE + "noise", _PROFILE + "model"
 CHANGES: tuple[Change, ...] = (
     Change(_ROAD, "ROUGHNESS_FREEDOM", "off: Gauss", set_to(1e6)),
@@ -104,6 +105,12 @@ CHANGES: tuple[Change, ...] = (
     *_both(_LEVELS, "LOG_SPREAD"),
     *_both(_LEVELS, "LOG_RATE_SPREAD"),
     Change(_LEVELS, "LEAST_HEIGHT_M", "off: 0", set_to(1e-4)),
+    Change(_LEVELS, "LEAST_PRESSURE_HEIGHT_M", "off: 0", set_to(1e-4)),
+    Change(_NOISE, "FILTERED", "off: never", set_to(0.0)),
+    *_both(_NOISE, "FILTERED"),
+    *_both(_NOISE, "HEIGHTS_APART_S"),
+    Change(_METHOD, "BAROMETRIC_DRIFT", "off: none is an altimeter's", set_to(0.0)),
+    *_both(_METHOD, "BAROMETRIC_DRIFT"),
     Change(_NOISE, "SHARED_START", "off: 0", set_to(0.0)),
     Change(_NOISE, "TAIL_SIGMAS", "off: never", set_to(1e6)),
     Change(_NOISE, "OUTLIER_SIGMAS", "off: never", set_to(1e6)),

@@ -82,14 +82,26 @@ def outside_blocks(
     return keep
 
 
-def with_barometer(columns: Columns, height_m: Floats, rng: np.random.Generator | None) -> Columns:
-    """The columns with the pressures that a drifting barometer shows at the true heights of their epochs.
+def drifting(time_s: Floats, height_m: Floats, rng: np.random.Generator | None) -> Floats:
+    """The heights that a drifting barometer shows, of true ones; ``rng`` is the source of its noise, None: no noise."""
+    if rng is None:
+        return height_m
+    step_s = np.diff(time_s, prepend=time_s[0])
+    walk = rng.normal(size=len(step_s)) * BAROMETER_DRIFT_M * np.sqrt(step_s / BAROMETER_DRIFT_S)
+    return height_m + np.cumsum(walk) + BAROMETER_WHITE_M * rng.normal(size=len(step_s))
 
-    ``rng`` is the source of its noise; without one it has none.
-    """
-    shown_m = height_m
-    if rng is not None:
-        step_s = np.diff(columns["time_s"], prepend=columns["time_s"][0])
-        walk = rng.normal(size=len(step_s)) * BAROMETER_DRIFT_M * np.sqrt(step_s / BAROMETER_DRIFT_S)
-        shown_m = height_m + np.cumsum(walk) + BAROMETER_WHITE_M * rng.normal(size=len(step_s))
+
+def with_barometer(columns: Columns, height_m: Floats, rng: np.random.Generator | None) -> Columns:
+    """The columns with the pressures that a drifting barometer shows at the true heights of their epochs."""
+    shown_m = drifting(columns["time_s"], height_m, rng)
     return {**columns, "pressure_hpa": _SEA_LEVEL_HPA * (1 - shown_m / _SCALE_M) ** _EXPONENT}
+
+
+def low_passed(time_s: Floats, values: Floats, tau_s: float) -> Floats:
+    """A low-pass of the first order with a time constant; nothing is shown where nothing was measured."""
+    out, state, last_s = np.full(len(values), np.nan), np.nan, np.nan
+    for k in np.flatnonzero(np.isfinite(values)):
+        kept = np.exp(-(time_s[k] - last_s) / tau_s) if np.isfinite(state) else 0.0
+        state = values[k] if kept == 0.0 else kept * state + (1 - kept) * values[k]
+        out[k], last_s = state, time_s[k]
+    return out

@@ -14,7 +14,7 @@ from fusion.network import published
 def arguments(karlsruhe: Path, **changes: object) -> Namespace:
     usual = {
         "data_dir": karlsruhe, "roadtruth": None, "sequences": "10", "seeds": 1, "profile": "m8",
-        "only": "PLACE_SIGMA_M",
+        "only": "PLACE_SIGMA_M", "log": "everything",
     }  # fmt: skip
     return Namespace(**(usual | changes))
 

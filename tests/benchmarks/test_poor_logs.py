@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import poor_logs
+from accuracy.logs import low_passed
+from accuracy.poor import RUNGS
 from accuracy.scoring import Errors
 from accuracy.sequences import NOISE_FREE, TrueSlope, Truth
 from fusion.formats.csv_cells import COLUMNS
@@ -13,12 +15,19 @@ TRUTH: Truth = {(1, 1, 2): TrueSlope(2.0, 10.0, 10.0), (1, 2, 3): TrueSlope(-4.0
 
 
 def test_rungs_leave_columns_of_a_log() -> None:
-    for rung in poor_logs.RUNGS.values():
+    for rung in RUNGS.values():
         assert set(rung.columns or ()) <= set(COLUMNS)
-    left = poor_logs.RUNGS["altitude"].columns
+    left = RUNGS["altitude"].columns
     assert left is not None
     assert set(left) == {"time_s", "lat_deg", "lon_deg", "alt_msl_m"}
-    assert poor_logs.RUNGS["positions and SRTM"].dem
+    assert RUNGS["positions and SRTM"].dem
+
+
+def test_a_low_pass_comes_to_a_step_by_its_time_constant() -> None:
+    time_s = np.array([0.0, 1.0, 2.0, 3.0, 5.0])
+    shown = low_passed(time_s, np.array([0.0, 1.0, np.nan, 1.0, 1.0]), 2.0)
+    assert np.isnan(shown[2])
+    np.testing.assert_allclose(shown[[0, 1, 3, 4]], 1 - np.exp(-np.array([0.0, 0.5, 1.5, 2.5])))
 
 
 def test_short_segments_have_a_figure_of_their_own() -> None:
