@@ -55,7 +55,7 @@ COMMANDS = {
         "app.cli.remote",
         "Let a service process every drive again that is of another method; exit status 1 if any failed.",
     ),
-    "rebuild": Command(
+    "settle": Command(
         "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."
     ),
     "fuse": Command(
@@ -82,10 +82,15 @@ COMMANDS = {
 GLOBAL_FLAGS = ("--debug", "--quiet")
 
 
+FORMER_NAMES = {"rebuild": "settle"}
+"""Scripts may still call commands so."""
+
+
 class _LazyCommands(Mapping[str, Any]):
     """Imports a command's module when it is first looked up: ``versant upload`` need not wait for numba."""
 
     def __getitem__(self, name: str) -> Any:
+        name = FORMER_NAMES.get(name, name)
         commands = importlib.import_module(COMMANDS[name].module).app
         loaded: Any = typer.main.get_command(commands)
         return loaded.commands[name] if isinstance(loaded, TyperGroup) else loaded

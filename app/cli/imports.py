@@ -1,4 +1,4 @@
-"""What the service's slopes rest on: roads, terrain and surveyed heights, and ``rebuild`` after a change of them."""
+"""What the service's slopes rest on: roads, terrain and surveyed heights, and ``settle`` after a change of them."""
 
 # ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
 
@@ -68,7 +68,7 @@ def import_dem(
     """Add elevation rasters to the terrain that drives and roads are compared with.
 
     The rasters are copied. Drives processed before keep their estimates until they are processed again;
-    `versant rebuild` lets the network as a whole take the new terrain into account.
+    `versant settle` lets the network as a whole take the new terrain into account.
     """
     from app.cli.database import sessions
     from app.terrain import imports as dem_imports
@@ -113,7 +113,7 @@ def import_control(
     """Add surveyed heights to what the network's heights rest on.
 
     A point belongs to the nearest road within 20 m. The roads around points that are new, changed or gone are solved
-    again; what lies farther away follows when it is solved next, by `versant rebuild` at the latest.
+    again; what lies farther away follows when it is solved next, by `versant settle` at the latest.
     """
     from app.cli.database import sessions
     from app.network.control_import import import_control as import_points
@@ -132,20 +132,20 @@ def import_control(
     write_json(json_file, {"file": str(file), **asdict(counts)})
 
 
-@app.command("rebuild")
-def rebuild(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+@app.command("settle")
+def settle(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
     """Compute the slopes of the whole network anew from what the drives contributed.
 
     Wanted after an elevation import, which by itself changes no slope, and after an update of Versant that
     changes how drives are put together. Drives are not processed again, and may come and go meanwhile.
     """
     from app.cli.database import sessions
-    from app.network.rebuild import rebuild_network
+    from app.network.settle import settle_network
 
     console: Console = ctx.obj
     started = time.perf_counter()
     with sessions(data_dir) as (_, factory), console.progress() as bars:
-        segments = rebuild_network(factory, bars.work("network"))
+        segments = settle_network(factory, bars.work("network"))
     seconds = time.perf_counter() - started
     typer.echo(f"{segments} segments of the network in {seconds:.1f} s.")
     write_json(json_file, {"segments": segments, "seconds": round(seconds, 3)})

@@ -134,6 +134,11 @@ class Settings(BaseSettings):
         gt=0,
         description="Seconds without a sign of life after which a drive is given to another worker.",
     )
+    publish_every_s: float = Field(
+        30.0,
+        ge=0,
+        description="While drives wait, slopes of one place are published at most so often, seconds; else at once.",
+    )
     default_method: str | None = Field(
         None,
         min_length=1,

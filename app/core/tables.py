@@ -15,11 +15,13 @@ from geoalchemy2 import Geometry, WKBElement
 from sqlalchemy import (
     BigInteger,
     CheckConstraint,
+    Computed,
     DateTime,
     Double,
     ForeignKey,
     Identity,
     Index,
+    Integer,
     MetaData,
     SmallInteger,
     UniqueConstraint,
@@ -33,6 +35,12 @@ DRIVE_STATUSES = ("queued", "running", "done", "failed", "cancelled")
 
 WITHOUT_HEIGHTS = "dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"
 """Segments that were imported before heights of the elevation model were kept, and wait for them."""
+
+MIDDLE_CELL = """versant_cell(
+    (ST_X(ST_StartPoint(geom_3857)) + ST_X(ST_EndPoint(geom_3857))) / 2,
+    (ST_Y(ST_StartPoint(geom_3857)) + ST_Y(ST_EndPoint(geom_3857))) / 2)
+"""
+"""The square of a segment; ``versant_cell`` is a function of the database, made by a migration."""
 
 SRID_DEGREES = 4326
 SRID_TILES = 3857
@@ -55,6 +63,7 @@ class Base(DeclarativeBase):
         dict[str, Any]: JSONB,
         list[dict[str, Any]]: JSONB,
         list[float]: ARRAY(Double),
+        list[int]: ARRAY(BigInteger),
         float: Double,
     }
 
@@ -119,12 +128,15 @@ class Segment(Base):
     """Of the elevation model at the segment's knots (``fusion.network.unknowns.knot_positions``), NaN unknown."""
     road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
     """The import that brought the row's present geometry."""
+    cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True))
+    """The square that the segment's middle lies in (``app.network.cells``)."""
 
     __table_args__ = (
         UniqueConstraint("osm_way_id", "from_node", "to_node"),
         CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
         Index("ix_segments_geom", "geom", postgresql_using="gist"),
         Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
+        Index("ix_segments_cell", "cell"),
         # What an update left without heights is found at once, and that nothing is left, too.
         Index("ix_segments_without_heights", "id", postgresql_where=text(WITHOUT_HEIGHTS)),
     )
@@ -326,13 +338,49 @@ class ControlPoint(Base):
     __table_args__ = (CheckConstraint("sigma_m > 0", name="sigma"),)
 
 
-class DataVersion(Base):
-    """One row: the number of the published data, raised by every transaction that changes them."""
+class Cell(Base):
+    """A square of the map, a tile of zoom 14: what is shown of it, numbered (``app.network.cells``)."""
 
-    __tablename__ = "data_version"
+    __tablename__ = "cells"
 
-    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
-    version: Mapped[int] = mapped_column(BigInteger)
-    updated_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    id: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
+    """x in the upper bits, y in the lower 14."""
+    version: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    """Raised when, and only when, anything that is shown of the square changes."""
+    changed_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    unsettled_since: Mapped[datetime | None]
+    """Since when something near has changed that only a solution of a wider window takes into account."""
+    driven: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+    """Number and length, m, of the driven segments of each class whose middle lies in the square."""
 
-    __table_args__ = (CheckConstraint("id = 1", name="singleton"),)
+    __table_args__ = (
+        Index(
+            "ix_cells_unsettled_since",
+            "unsettled_since",
+            postgresql_where=text("unsettled_since IS NOT NULL"),
+        ),
+    )
+
+
+class NetworkMark(Base):
+    """What waits to be solved in a square, since one drive came or went or since something else changed there."""
+
+    __tablename__ = "network_marks"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    cell: Mapped[int]
+    drive_id: Mapped[uuid.UUID | None]
+    """The drive that is published, or gone, once all its marks are; it need not be there any more."""
+    generation: Mapped[int | None]
+    touched: Mapped[list[int]]
+    """Segments around which the network is to be solved again."""
+    combined: Mapped[list[int]]
+    """Segments of which only what is published is to be put together again."""
+    due_at: Mapped[datetime]
+    made_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+    __table_args__ = (
+        Index("ix_network_marks_cell", "cell"),
+        Index("ix_network_marks_drive_id", "drive_id"),
+        Index("ix_network_marks_due_at", "due_at"),
+    )

@@ -99,17 +99,17 @@ def reprocess_all(sessions: Sessions, method: str, from_method: str | None = Non
     return moment, len(requests)
 
 
-def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> bool:
-    """Remove a drive, its influence and its bytes, whatever its status; False when there is none.
+def remove_drive(sessions: Sessions, drive_id: uuid.UUID) -> Drive | None:
+    """Cancel a drive whatever its status, and queue its removal; None when there is none.
 
-    A worker that computes it finds it gone and discards its result; its job in the queue ends likewise.
+    A worker that computes it finds it cancelled and discards its result. Its influence, its row and its bytes go in
+    that order (``app.drives.publishing``).
     """
     with sessions.begin() as session:
-        drive = drives.get_drive(session, drive_id)
-        if drive is None or not drives.delete_drive(session, drive_id):
-            return False
-    blobs.delete(drive.blob_key)
-    return True
+        drive, generation = drives.request_removal(session, drive_id)
+        if generation is not None:
+            queue.enqueue_removal(session, drive_id, generation)
+        return drive
 
 
 def sweep_blobs(sessions: Sessions, blobs: BlobStore, older_than: timedelta = ORPHAN_AGE) -> int:

@@ -1,8 +1,8 @@
 """One drive through the library: blob -> log -> roads and elevation around it -> estimates -> database.
 
-All that is published is written in one transaction at the end, so that a run may be cut off at any moment and
-repeated. A run belongs to a generation of its drive: when the drive was deleted or asked for anew meanwhile,
-the result is discarded. Knows no queue and no HTTP.
+All that the drive says is written in one transaction at the end, with marks of what has to be solved for it
+(``publishing``), so that a run may be cut off at any moment and repeated. A run belongs to a generation of its drive:
+when the drive was deleted or asked for anew meanwhile, the result is discarded. Knows no HTTP.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import threading
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -26,16 +26,16 @@ from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.core.version import code_version
+from app.drives import publishing, queue, tracks
 from app.drives import store as drives
-from app.drives import tracks
 from app.drives.documents import Drive
 from app.drives.lags import with_settled_lag
 from app.drives.outputs.track import track_length_m
 from app.drives.progress import Discarded, Interrupted, RunProgress, never
-from app.network import extracts, passes
+from app.network import extracts
 from app.network import results as slopes
-from app.network import versions as locks
 from app.network.extracts import StoredRoads
+from app.network.marks import MarkedBy
 from app.roads import store as road_store
 from app.terrain import store as dem
 from app.terrain.imports import fill_heights_along
@@ -53,8 +53,6 @@ logger = logging.getLogger(__name__)
 
 MAX_ROAD_CHANGES = 5
 """A drive is estimated so many times, each time because roads were imported meanwhile; then it fails."""
-REJECTED_SHARE = 1 / 3
-"""A drive that contradicts the others on more of its segments than this gets a warning."""
 _LOOK_EVERY_S = 0.5
 """How often a drive that waits for another one looks whether it is to end, seconds."""
 
@@ -67,6 +65,7 @@ class Outcome(Enum):
     """How a run ended."""
 
     DONE = "done"
+    """All is said; solvers publish it."""
     FAILED = "failed"
     DISCARDED = "discarded"
 
@@ -85,12 +84,13 @@ class Workbench:
     blobs: BlobStore
     dem_dir: Path
     max_log_bytes: int = 512 * 2**20
+    publish_every_s: float = 30.0
 
     @classmethod
     def of(cls, settings: Settings, sessions: Sessions) -> Workbench:
         """The workbench that the settings describe."""
         blobs = BlobStore(settings.blob_store_url)
-        return cls(sessions, blobs, settings.dem_dir, settings.max_log_bytes)
+        return cls(sessions, blobs, settings.dem_dir, settings.max_log_bytes, settings.publish_every_s)
 
 
 @dataclass(frozen=True)
@@ -102,9 +102,16 @@ class _Surroundings:
 
 
 def process_drive(
-    bench: Workbench, drive_id: uuid.UUID, generation: int, *, should_stop: Callable[[], bool] = never
+    bench: Workbench,
+    drive_id: uuid.UUID,
+    generation: int,
+    *,
+    should_stop: Callable[[], bool] = never,
+    behind: bool = False,
 ) -> Outcome:
-    """Run the drive to its end. Safe to call twice, also at the same time: estimates are replaced, not added.
+    """Run the drive until it has said all; solvers publish it then. Safe to call twice, also at the same time.
+
+    ``behind``: it is one of a batch, whose slopes may wait.
 
     What the log or the method is to blame for ends as a failed drive with a sentence; so does an unexpected
     error, which is logged. Raises ``Interrupted`` when ``should_stop`` turned true (the drive is queued
@@ -117,7 +124,7 @@ def process_drive(
         return Outcome.DISCARDED
     run = RunProgress(bench.sessions, drive, should_stop)
     try:
-        _run(bench, drive, run)
+        _run(bench, drive, run, behind=behind)
     except Discarded:
         return Outcome.DISCARDED
     except Interrupted:
@@ -146,7 +153,7 @@ def is_connection_loss(error: BaseException) -> bool:
     return isinstance(error, DBAPIError) and error.connection_invalidated
 
 
-def _run(bench: Workbench, drive: Drive, run: RunProgress) -> None:
+def _run(bench: Workbench, drive: Drive, run: RunProgress, *, behind: bool) -> None:
     run.begin("reading")
     log = _read(bench, drive, run)
     for _ in range(MAX_ROAD_CHANGES):
@@ -154,7 +161,7 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress) -> None:
         around = _surroundings(bench, log)
         ids, result = _estimate(bench, log, around, drive, run)
         run.begin("saving")
-        if _publish(bench, drive, log, around, ids, result):
+        if _append(bench, drive, log, around, ids, result, behind=behind):
             return
     raise ProcessingError(
         f"The roads were imported anew {MAX_ROAD_CHANGES} times while this drive was processed. "
@@ -208,10 +215,17 @@ def _estimate(
         return ids, with_settled_lag(bench.sessions, drive.id, ids, result)
 
 
-def _publish(
-    bench: Workbench, drive: Drive, log: DriveLog, around: _Surroundings, ids: Ints, result: DriveResult
+def _append(
+    bench: Workbench,
+    drive: Drive,
+    log: DriveLog,
+    around: _Surroundings,
+    ids: Ints,
+    result: DriveResult,
+    *,
+    behind: bool,
 ) -> bool:
-    """Write everything in one transaction; False when the roads changed since they were read."""
+    """Write all that the drive says in one transaction; False when the roads changed since they were read."""
     provenance = slopes.RunProvenance(
         method=drive.method,
         options=parse_options(drive.method, drive.options).model_dump(mode="json"),
@@ -220,25 +234,33 @@ def _publish(
         dem_version_id=None if around.dem is None else around.dem.version_id,
     )
     with bench.sessions.begin() as session:
-        locks.own_network(session)
+        slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
         if not drives.lock_running(session, drive.id, drive.generation):
             raise Discarded
         current = road_store.current_road_version(session)
         if current is None or current.id != around.roads.version_id:
             return False
         tracks.save_track(session, drive.id, result.track, ids, result.measurements)
-        heard = slopes.save_result(
-            session, drive.id, ids, result.slopes, provenance, result.factors, log.fix.time_s
+        slopes.append_result(
+            session,
+            MarkedBy(drive.id, drive.generation),
+            ids,
+            result.slopes,
+            provenance,
+            result.factors,
+            log.fix.time_s,
+            delay_s=publishing.patience_s(session, bench.publish_every_s, behind=behind),
         )
-        drives.mark_done(
+        drives.mark_publishing(
             session,
             drive.id,
-            report=_report(result, provenance, heard),
+            report=_report(result, provenance),
             bounds=log.bounds_deg(),
             epochs=len(result.track),
             distance_m=track_length_m(result.track),
             drive_time=drive_time(log),
         )
+        queue.enqueue_solve(session)
     return True
 
 
@@ -247,25 +269,13 @@ def drive_time(log: DriveLog) -> datetime | None:
     return None if NO_DATE in log.repaired else datetime.fromtimestamp(float(log.fix.time_s[0]), UTC)
 
 
-def _report(result: DriveResult, provenance: slopes.RunProvenance, heard: passes.Hearing) -> dict[str, Any]:
+def _report(result: DriveResult, provenance: slopes.RunProvenance) -> dict[str, Any]:
     return {
         **result.report,
-        **hearing_report(result.report, heard),
         "code_version": provenance.code_version,
         "road_version": provenance.road_version_id,
         "dem_version": provenance.dem_version_id,
     }
-
-
-def hearing_report(report: Mapping[str, Any], heard: passes.Hearing) -> dict[str, Any]:
-    """What the report says on how the drive agrees with the others over the same segments."""
-    warnings = list(report.get("warnings", ()))
-    if heard.rejected > REJECTED_SHARE * heard.segments:
-        warnings.append(
-            f"This drive contradicts other drives on {heard.rejected} of {heard.segments} segments and is not heard "
-            "there. Check its time, its sensors' axes and whether it is the same road; its other segments count."
-        )
-    return {"rejected_segments": heard.rejected, "warnings": warnings}
 
 
 def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outcome:

@@ -7,13 +7,38 @@ from collections.abc import Iterable
 from typing import Any
 
 import procrastinate
+from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 QUEUE = "drives"
 TASK = "process_drive"
+SOLVE = "solve"
+REMOVE = "remove_drive"
+
+AHEAD = 10
+"""Priority of what is short and lets others wait: solving squares, taking back what a removed drive said."""
 
 BEHIND = -100
 """Priority of drives that are processed again by the thousand: uploads go first."""
+
+# The queue's own function raises where a job waits already, which would end the session's transaction.
+_ASK_SOLVER = text(
+    """
+    INSERT INTO procrastinate_jobs (queue_name, task_name, priority, queueing_lock)
+    VALUES (:queue, CAST(:task AS text), :priority, CAST(:task AS text))
+    ON CONFLICT (queueing_lock) WHERE status = 'todo' DO NOTHING
+    """
+)
+
+# Through the queue's index on priorities of waiting jobs.
+_WAIT = text(
+    """
+    SELECT EXISTS (
+        SELECT FROM procrastinate_jobs
+        WHERE status = 'todo' AND priority >= :least AND task_name = :task
+            AND (scheduled_at IS NULL OR scheduled_at <= now()))
+    """
+)
 
 # Never opened: it only formats jobs, which are written on the session's own connection.
 _FORMATTER = procrastinate.App(connector=procrastinate.SyncPsycopgConnector())
@@ -28,6 +53,24 @@ def enqueue(session: Session, drive_id: uuid.UUID, generation: int) -> None:
     connection: Any = session.connection().connection.driver_connection
     job = _FORMATTER.configure_task(TASK, queue=QUEUE, lock=str(drive_id), connection=connection)
     job.defer(drive_id=str(drive_id), generation=generation)
+
+
+def enqueue_removal(session: Session, drive_id: uuid.UUID, generation: int) -> None:
+    """Add the job that takes back what a drive said, ahead of uploads; as ``enqueue``."""
+    connection: Any = session.connection().connection.driver_connection
+    job = _FORMATTER.configure_task(REMOVE, queue=QUEUE, priority=AHEAD, connection=connection)
+    job.defer(drive_id=str(drive_id), generation=generation)
+
+
+def enqueue_solve(session: Session) -> None:
+    """Ask for a solver in the session's transaction; one that waits already will do for all that is marked by then."""
+    session.execute(_ASK_SOLVER, {"queue": QUEUE, "task": SOLVE, "priority": AHEAD})
+
+
+def drives_wait(session: Session, *, behind: bool) -> bool:
+    """Whether drives wait to be processed; ``behind``: also those of batches."""
+    least = 2 * BEHIND if behind else BEHIND // 2
+    return bool(session.execute(_WAIT, {"task": TASK, "least": least}).scalar_one())
 
 
 def enqueue_behind(session: Session, requests: Iterable[tuple[uuid.UUID, int]]) -> None:

@@ -12,8 +12,8 @@ from pathlib import Path
 from app.core.db import Sessions
 from app.drives.bulk import drives_without_job
 from app.drives.queue import enqueue_behind
-from app.network.publish import left_over, refresh_aggregates
-from app.network.versions import bump_data_version, own_network
+from app.network.marks import append_marks
+from app.network.publish import left_over
 from app.terrain.imports import fill_heights
 
 logger = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ def renew(sessions: Sessions) -> None:
             "%d drives are computed again, behind uploads; GET /v1/drives/reprocess tells how far", count
         )
     if count := clear_remains(sessions):
-        logger.info("%d segments lost a slope that no drive stands behind any more", count)
+        logger.info("%d segments lose a slope that no drive stands behind any more", count)
 
 
 class HeightFiller:
@@ -56,13 +56,8 @@ def give_jobs(sessions: Sessions) -> int:
 
 
 def clear_remains(sessions: Sessions) -> int:
-    """Take away what is published of a former model and no drive is about to say again; of how many segments."""
-    with sessions() as session:
-        if not left_over(session):
-            return 0
+    """Let what is published of a former model and no drive is about to say again go; of how many segments."""
     with sessions.begin() as session:
-        own_network(session)
         remains = left_over(session)
-        refresh_aggregates(session, remains)
-        bump_data_version(session)
+        append_marks(session, (), remains)
     return len(remains)

@@ -66,14 +66,18 @@ def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
         return linked(base, found(drives.get_drive(session, drive_id), "drive", drive_id))
 
 
-@router.delete("/{drive_id}", status_code=204, summary="Remove a drive", responses=problems(403, 404, 503))
-def delete_drive(drive_id: uuid.UUID, service: ServiceDep) -> Response:
-    """Always works, whatever the status: a worker that computes it discards its result.
+@router.delete("/{drive_id}", status_code=202, summary="Remove a drive", responses=problems(403, 404, 503))
+def delete_drive(
+    drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, response: Response
+) -> DriveAccepted:
+    """Always works, whatever the status: a worker that computes it stops and discards its result.
 
-    Its log is deleted and its influence leaves every segment.
+    The drive is `cancelled` at once. Its influence leaves every segment within seconds, then the drive and its log are
+    gone: `GET` answers 404. The same bytes uploaded meanwhile bring it back.
     """
-    found(intake.remove_drive(service.sessions, service.blobs, drive_id) or None, "drive", drive_id)
-    return Response(status_code=204)
+    drive = found(intake.remove_drive(service.sessions, drive_id), "drive", drive_id)
+    response.headers["Location"] = drive_address(base, drive)
+    return accepted(base, drive)
 
 
 @router.post(

@@ -17,8 +17,6 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_json, plain_text
 from app.drives.documents import Drive, DrivePlace
-from app.network import results as slopes
-from app.network import versions as locks
 
 # What a Drive is made of; the table is called d.
 _SHOWN = """
@@ -35,35 +33,45 @@ _OF_STATUS = " AND d.status = :status"
 _AFTER = " AND (d.created_at, d.id) < (:after_created_at, :after_id)"
 _NEWEST_FIRST = " ORDER BY d.created_at DESC, d.id DESC LIMIT :limit"
 
-# Another upload of the same bytes that has not committed yet is waited for.
+# Another upload of the same bytes that has not committed yet is waited for. A drive that is being removed just now
+# comes back by them.
 _CREATE = text(
     """
-    INSERT INTO drives (id, sha256, filename, size_bytes, blob_key, status, method, options)
+    INSERT INTO drives AS d (id, sha256, filename, size_bytes, blob_key, status, method, options)
     VALUES (:id, :sha256, :filename, :size_bytes, :blob_key, 'queued', :method, CAST(:options AS jsonb))
-    ON CONFLICT (sha256) DO NOTHING RETURNING id
+    ON CONFLICT (sha256) DO UPDATE SET
+        filename = excluded.filename, blob_key = excluded.blob_key, status = 'queued', stage = NULL, progress = 0,
+        method = excluded.method, options = excluded.options, generation = d.generation + 1,
+        queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL
+    WHERE d.status = 'cancelled'
+    RETURNING id
     """
 )
 
-# A running drive may be claimed as well: its worker may have died and its job have come back.
+# A running drive may be claimed as well: its worker may have died and its job have come back. Not one that has said
+# all: it only waits to be published.
 _CLAIM = text(
     """
     UPDATE drives
     SET status = 'running', stage = NULL, progress = 0, started_at = clock_timestamp(), finished_at = NULL
-    WHERE id = :id AND generation = :generation AND status IN ('queued', 'running') RETURNING id
+    WHERE id = :id AND generation = :generation AND status IN ('queued', 'running')
+        AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
 )
 
-# What a worker writes while it runs: nothing once the drive is no longer its own.
+# What a worker writes while it runs: nothing once the drive is no longer its own, or has said all.
 _SET_PROGRESS = text(
     """
     UPDATE drives SET stage = :stage, progress = :progress
-    WHERE id = :id AND generation = :generation AND status = 'running' RETURNING id
+    WHERE id = :id AND generation = :generation AND status = 'running'
+        AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
 )
 _PUT_BACK = text(
     """
     UPDATE drives SET status = 'queued', stage = NULL, progress = 0
-    WHERE id = :id AND generation = :generation AND status = 'running' RETURNING id
+    WHERE id = :id AND generation = :generation AND status = 'running'
+        AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
 )
 _FAIL = text(
@@ -71,21 +79,69 @@ _FAIL = text(
     UPDATE drives
     SET status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
         finished_at = clock_timestamp()
-    WHERE id = :id AND generation = :generation AND status = 'running' RETURNING id
+    WHERE id = :id AND generation = :generation AND status = 'running'
+        AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
 )
 
-# The end of a run: the row is locked first, so that it is still the worker's when its result is written.
+# The end of a run: the row is locked first, so that it is still the worker's when its result is written. Tables that
+# refer to it may be written meanwhile.
 _LOCK_RUNNING = text(
-    "SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'running' FOR UPDATE"
+    """
+    SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'running'
+        AND stage IS DISTINCT FROM 'publishing' FOR NO KEY UPDATE
+    """
+)
+_SET_PUBLISHING = text(
+    """
+    UPDATE drives
+    SET stage = 'publishing', progress = :progress, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
+        report = CAST(:report AS jsonb), bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326),
+        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time
+    WHERE id = :id
+    """
+)
+
+# What no mark waits for any more; another worker may be about to say so, too.
+_PUBLISHED = text(
+    """
+    SELECT d.id, d.report FROM drives AS d
+    WHERE d.status = 'running' AND d.stage = 'publishing' AND NOT EXISTS (
+        SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
+    ORDER BY d.created_at, d.id FOR NO KEY UPDATE OF d SKIP LOCKED
+    """
 )
 _FINISH = text(
     """
-    UPDATE drives
-    SET status = 'done', stage = NULL, progress = 1, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
-        report = CAST(:report AS jsonb), bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326),
-        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time, finished_at = clock_timestamp()
+    UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp(),
+        report = report || CAST(:report AS jsonb)
     WHERE id = :id
+    """
+)
+
+# A worker that computes the drive finds by the generation that its result is unwanted.
+_CANCEL = text(
+    """
+    UPDATE drives
+    SET status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp()
+    WHERE id = :id AND status <> 'cancelled' RETURNING generation
+    """
+)
+_LOCK_CANCELLED = text(
+    """
+    SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'cancelled' AND stage IS NULL
+    FOR NO KEY UPDATE
+    """
+)
+_SET_REMOVING = text("UPDATE drives SET stage = 'removing' WHERE id = :id")
+_REMOVED = text(
+    """
+    DELETE FROM drives WHERE id IN (
+        SELECT d.id FROM drives AS d
+        WHERE d.status = 'cancelled' AND d.stage = 'removing' AND NOT EXISTS (
+            SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
+        FOR UPDATE OF d SKIP LOCKED)
+    RETURNING blob_key
     """
 )
 
@@ -97,13 +153,15 @@ ASK_ANEW = text(
         failure_where = NULL, method = :method, options = CAST(:options AS jsonb), generation = generation + 1,
         queued_at = coalesce(CAST(:queued_at AS timestamptz), clock_timestamp()), started_at = NULL,
         finished_at = NULL
-    WHERE id = ANY(CAST(:ids AS uuid[])) RETURNING id, generation
+    WHERE id = ANY(CAST(:ids AS uuid[])) AND status <> 'cancelled' RETURNING id, generation
     """
 )
 
-_LOCK = text("SELECT id FROM drives WHERE id = :id FOR UPDATE")
-_DELETE = text("DELETE FROM drives WHERE id = :id")
 _BLOBS = text("SELECT blob_key FROM drives")
+
+
+PUBLISHING_PROGRESS = 0.97
+"""Of a drive that waits for its squares to be solved."""
 
 
 def create_drive(
@@ -116,7 +174,7 @@ def create_drive(
     method: str,
     options: Mapping[str, Any],
 ) -> tuple[Drive, bool]:
-    """Insert a queued drive, or find the one that holds the same bytes; the flag says whether it is new.
+    """Insert a queued drive, or find the one that holds the same bytes; the flag says whether it is new, or back.
 
     Two uploads of the same bytes at the same moment meet at the unique ``sha256``: the second waits for the
     first to commit and gets its drive.
@@ -194,7 +252,7 @@ def lock_running(session: Session, drive_id: uuid.UUID, generation: int) -> bool
     return _changed(session, _LOCK_RUNNING, {"id": drive_id, "generation": generation})
 
 
-def mark_done(
+def mark_publishing(
     session: Session,
     drive_id: uuid.UUID,
     *,
@@ -204,11 +262,21 @@ def mark_done(
     distance_m: float | None,
     drive_time: datetime | None,
 ) -> None:
-    """End a drive whose row is locked as done, with what its run says."""
+    """Note of a drive whose row is locked what its run says; it is done once its squares are solved."""
     west, south, east, north = bounds
     box = {"west": west, "south": south, "east": east, "north": north}
     said = {"report": _json(report), "epochs": epochs, "distance_m": distance_m, "drive_time": drive_time}
-    session.execute(_FINISH, {"id": drive_id, **box, **said})
+    session.execute(_SET_PUBLISHING, {"id": drive_id, "progress": PUBLISHING_PROGRESS, **box, **said})
+
+
+def published_drives(session: Session) -> list[tuple[uuid.UUID, dict[str, Any]]]:
+    """Drives whose squares are all solved, with their reports. Their rows are held."""
+    return [tuple(row) for row in session.execute(_PUBLISHED)]
+
+
+def mark_done(session: Session, drive_id: uuid.UUID, report: Mapping[str, Any]) -> None:
+    """End a drive whose row is held as done, with what is to be added to its report."""
+    session.execute(_FINISH, {"id": drive_id, "report": _json(report)})
 
 
 def request_reprocess(
@@ -223,17 +291,28 @@ def request_reprocess(
     return get_drive(session, drive_id) if _changed(session, ASK_ANEW, values) else None
 
 
-def delete_drive(session: Session, drive_id: uuid.UUID) -> bool:
-    """Remove the drive whatever its status, and its influence on every aggregate; False when there is none.
+def request_removal(session: Session, drive_id: uuid.UUID) -> tuple[Drive | None, int | None]:
+    """Cancel the drive whatever its status: the drive, None: there is none; and its generation if it was not yet.
 
-    The blob is the caller's to delete after the commit (``app.drives.intake.remove_drive``).
+    The caller enqueues the job that takes it back in the same transaction (``app.drives.intake.remove_drive``).
     """
-    locks.own_network(session)
-    if not _changed(session, _LOCK, {"id": drive_id}):
-        return False
-    slopes.remove_result(session, drive_id)
-    session.execute(_DELETE, {"id": drive_id})
-    return True
+    generation = session.execute(_CANCEL, {"id": drive_id}).scalar()
+    return get_drive(session, drive_id), generation
+
+
+def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
+    """Hold the row of a drive that is to be removed; False when that is no longer so, or done."""
+    return _changed(session, _LOCK_CANCELLED, {"id": drive_id, "generation": generation})
+
+
+def mark_removing(session: Session, drive_id: uuid.UUID) -> None:
+    """All that the drive said is taken back; its row goes once its squares are solved without it."""
+    session.execute(_SET_REMOVING, {"id": drive_id})
+
+
+def delete_removed(session: Session) -> list[str]:
+    """Delete the rows of drives of which nothing is left on the map; the keys of their blobs."""
+    return list(session.execute(_REMOVED).scalars())
 
 
 def unreferenced_blobs(session: Session, keys: Sequence[str]) -> list[str]:

@@ -23,10 +23,10 @@ from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings, libpq_url
-from app.drives import intake
+from app.drives import intake, publishing
 from app.drives.process import Workbench, give_up, is_connection_loss, process_drive
 from app.drives.progress import Interrupted
-from app.drives.queue import BEHIND, QUEUE, TASK
+from app.drives.queue import BEHIND, QUEUE, REMOVE, SOLVE, TASK
 from app.drives.renewal import HeightFiller, renew
 
 logger = logging.getLogger(__name__)
@@ -42,6 +42,12 @@ SWEEP_EVERY_S = 3600.0
 
 RENEW_EVERY_S = 600.0
 """How often a worker looks for what an update of the service left to be done, seconds."""
+
+PUBLISH_LOOK_EVERY_S = 1.0
+"""How often a worker looks whether squares are due that nobody was asked to solve, seconds."""
+
+SETTLE_LOOK_EVERY_S = 60.0
+"""How often a worker looks whether squares are to be settled, seconds."""
 
 GRACE_S = 5.0
 """How long a stopping worker lets its drives run on before it puts them back into the queue, seconds."""
@@ -85,11 +91,22 @@ def make_queue(url: str, bench: Workbench, begun: set[int]) -> procrastinate.App
         number = context.job.id or 0
         begun.add(number)
         try:
-            outcome = process_drive(bench, drive, generation, should_stop=context.should_abort).value
+            behind = context.job.priority <= BEHIND // 2
+            outcome = process_drive(
+                bench, drive, generation, should_stop=context.should_abort, behind=behind
+            ).value
         except Interrupted as stop:
             raise exceptions.JobAborted from stop
         begun.discard(number)
         return outcome
+
+    @app.task(name=SOLVE, queue=QUEUE, retry=_AgainLater())
+    def solve() -> int:
+        return publishing.solve_some(bench.sessions, bench.blobs)
+
+    @app.task(name=REMOVE, queue=QUEUE, retry=_AgainLater())
+    def remove(*, drive_id: str, generation: int) -> None:
+        publishing.remove(bench.sessions, bench.blobs, uuid.UUID(drive_id), generation)
 
     return app
 
@@ -131,7 +148,7 @@ def run_worker(
     if settings.database_url is None:
         raise ValueError("the worker needs settings.database_url")
     lanes = concurrency or settings.worker_concurrency
-    engine = make_engine(settings.database_url, pool_size=lanes, max_overflow=lanes)
+    engine = make_engine(settings.database_url, pool_size=2 * lanes, max_overflow=2 * lanes + 2)
     try:
         bench = Workbench.of(settings, session_factory(engine))
         begun: set[int] = set()
@@ -139,9 +156,13 @@ def run_worker(
         serve = functools.partial(_serve, settings, queue, lanes, wait, grace_s)
         retry = functools.partial(_retry_stalled, queue, settings.stalled_after_s, begun)
         heights = HeightFiller(bench.sessions, bench.dem_dir)
+        published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
+        settled = functools.partial(publishing.settle_quietly, bench.sessions)
         renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench)
         chores = (
             (retry, min(settings.stalled_after_s / 4, 10.0)),
+            (_in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
+            (_in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
             (_in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
             (_in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
             (_in_thread(swept, "the blob store could not be swept"), SWEEP_EVERY_S),

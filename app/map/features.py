@@ -35,7 +35,8 @@ from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
 from app.map.coverage import cached_extent, dem_names
 from app.map.segment import HEIGHT_DATUM
 from app.map.segments import EXAMPLE_ADDRESS, FEATURE_EXAMPLE, MAX_ID, GapsQuery, SegmentId
-from app.network.versions import data_version_tag
+from app.network.cells import data_version_tag
+from app.terrain.store import dem_version_id
 
 COLLECTION = "segments"
 CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
@@ -189,7 +190,7 @@ def items(
     box = parse_bbox(bbox)
     size = min(limit or service.settings.items_limit_default, service.settings.items_limit_max)
     with service.reading() as session:
-        etag = f'W/"{data_version_tag(session)}-{ITEMS_SCHEMA}.{size}"'
+        etag = f'W/"{data_version_tag(session)}.{dem_version_id(session)}-{ITEMS_SCHEMA}.{size}"'
         headers = {"ETag": etag, "Cache-Control": REVALIDATE}
         if etag_matches(request, etag):
             return Response(status_code=304, headers=headers)

@@ -25,7 +25,8 @@ from app.map.attribution import attribution, attribution_html
 from app.map.coverage import cached_extent, dem_names
 from app.map.segment import HEIGHT_DATUM
 from app.map.segments import SEGMENT_EXAMPLE
-from app.network.versions import data_version_tag
+from app.network.cells import tile_tag
+from app.terrain.store import dem_version_id
 
 MVT = "application/vnd.mapbox-vector-tile"
 TILE_SCHEMA = 2
@@ -107,7 +108,7 @@ def geojson_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, servi
         }
         return Response(dumps(document), media_type=GEO_JSON)
 
-    return _answer(request, service, (z, x, y), build)
+    return _answer(request, service, (z, x, y), build, with_source=True)
 
 
 @router.get(
@@ -138,12 +139,20 @@ def tile_json(service: ServiceDep, base: BaseUrl) -> dict[str, Any]:
 
 
 def _answer(
-    request: Request, service: Service, tile: tuple[int, int, int], build: Callable[[Session], Response]
+    request: Request,
+    service: Service,
+    tile: tuple[int, int, int],
+    build: Callable[[Session], Response],
+    *,
+    with_source: bool = False,
 ) -> Response:
+    """The tile, or 304; ``with_source``: it names the elevation rasters, too."""
     _check_tile(tile, service.settings.tile_max_zoom)
     with service.reading() as session:
         # The version first: a tile newer than its tag is only fetched once more, an older one would stay.
-        tag = data_version_tag(session)
+        tag = tile_tag(session, *tile)
+        if with_source:
+            tag += f".{dem_version_id(session)}"
         etag = f'W/"{tag}-{TILE_SCHEMA}.{service.settings.tile_min_zoom}.{service.settings.tile_full_zoom}"'
         response = Response(status_code=304) if etag_matches(request, etag) else build(session)
     response.headers["ETag"] = etag

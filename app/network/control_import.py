@@ -11,8 +11,9 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.network.control import widened
 from app.network.extracts import roads_within
-from app.network.solve import refresh_in_regions
-from app.network.versions import bump_data_version, own_network
+from app.network.locks import own_network
+from app.network.marks import append_marks
+from app.network.settle import settle_about
 from fusion.network.control import ControlPoint, place
 from fusion.types import Progress, no_progress
 
@@ -57,7 +58,7 @@ def import_control(
     """Store points, each in the place of what is stored at its place, and solve the roads again where that changes.
 
     With ``replace`` all other points go: those of a file without any remove them all. Of points at one place the last
-    counts. Waits for running writers of the network.
+    counts. The roads are solved after the points are stored.
     """
     with sessions.begin() as session:
         own_network(session)
@@ -71,10 +72,10 @@ def import_control(
         if gone:
             session.execute(_DELETE, [{"lon_deg": p.lon_deg, "lat_deg": p.lat_deg} for p in gone])
         touched = _segments(session, [*added, *changed, *gone])
-        refresh_in_regions(session, touched, progress)
-        if touched:
-            bump_data_version(session)
+        append_marks(session, touched)  # in case that settling is cut off
         without = sum(_on_road(session, one) is None for one in given.values())
+    if touched:
+        settle_about(sessions, touched, progress)  # heights reach farther than slopes
     unchanged = len(given) - len(added) - len(changed)
     return ControlCounts(len(added), len(changed), unchanged, len(gone), without, len(touched))
 

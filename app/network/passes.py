@@ -1,7 +1,7 @@
 """The passes that drives contribute: written drive by drive, read by the segments that they are over.
 
 Passes are the truth; slopes are made of them (``solve``). Those of a drive that is there already, under another id, are
-stored but not read (``twins``). Callers own the network (``app.network.versions``).
+stored but not read (``twins``).
 """
 
 from __future__ import annotations
@@ -54,14 +54,18 @@ _SET_VERDICTS = text(
     """
 )
 
-# A segment is heard where any of the drive's passes over it is.
+# A segment is heard where any of the drive's passes over it is; one that is there already contradicts nobody.
 _HEARD = text(
     """
     SELECT count(*) AS segments, count(*) FILTER (WHERE NOT heard) AS rejected
-    FROM (SELECT bool_or(accepted) AS heard FROM drive_passes WHERE drive_id = :drive_id
-          GROUP BY segment_id) AS one
+    FROM (SELECT bool_or(p.accepted OR d.same_as IS NOT NULL) AS heard
+          FROM drive_passes AS p JOIN drives AS d ON d.id = p.drive_id WHERE p.drive_id = :drive_id
+          GROUP BY p.segment_id) AS one
     """
 )
+
+
+_MOMENTS = text("SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE drive_id = :drive_id")
 
 
 class StoredPass(NamedTuple):
@@ -107,6 +111,11 @@ def replace_passes(
     return touched | {f.segment for f in factors}
 
 
+def moments_of(session: Session, drive_id: uuid.UUID) -> set[float]:
+    """When the drive came to its segments, Unix seconds."""
+    return set(session.execute(_MOMENTS, {"drive_id": drive_id}).scalars())
+
+
 def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPass]:
     """All passes over these segments but those of drives that are there already; drive by drive as driven."""
     rows = fetch_binary(session, _OVER, {"ids": list(segment_ids)})
@@ -149,5 +158,5 @@ def set_verdicts(session: Session, verdicts: Mapping[int, bool]) -> None:
 
 
 def hearing(session: Session, drive_id: uuid.UUID) -> Hearing:
-    """How far the drive agrees with the others over the same segments."""
+    """How far the drive agrees with the others over the same segments, by the verdicts that stand."""
     return Hearing(*session.execute(_HEARD, {"drive_id": drive_id}).one())

@@ -39,7 +39,9 @@ _PARTS = text(
     """  # noqa: S608 - constants
 )
 
-_CLEAR_AGGREGATES = text("DELETE FROM segment_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[]))")
+_CLEAR_AGGREGATES = text(
+    "DELETE FROM segment_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[])) RETURNING segment_id"
+)
 
 # Only rows that differ are written.
 _WRITE_AGGREGATES = text(
@@ -49,6 +51,7 @@ _WRITE_AGGREGATES = text(
         {", ".join(f"{name} = excluded.{name}" for name in _NAMES[1:])}, updated_at = now()
     WHERE ({", ".join(f"a.{name}" for name in _NAMES[1:])}) IS DISTINCT FROM
         ({", ".join(f"excluded.{name}" for name in _NAMES[1:])})
+    RETURNING segment_id
     """  # noqa: S608 - constants
 )
 
@@ -67,14 +70,14 @@ _LEFT_OVER = text(
 )
 
 
-def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> None:
+def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int]:
     """Recompute what is published of these segments from all that is stored; nothing known: no row.
 
-    The caller owns the network (``app.network.versions``).
+    Returns the segments of which that changed. The caller holds their squares (``app.network.cells``).
     """
     ids = sorted({int(i) for i in segment_ids})
     if not ids:
-        return
+        return []
     columns: dict[str, list[Any]] = {name: [] for name in _NAMES}
     for segment_id, group in groupby(
         session.execute(_PARTS, {"ids": ids, "of_terrain": list(OF_TERRAIN)}), key=lambda row: row.segment_id
@@ -84,10 +87,10 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> None:
         for name in _NAMES[1:]:
             columns[name].append(getattr(whole, name))
     emptied = sorted(set(ids) - set(columns["segment_id"]))
-    if emptied:
-        session.execute(_CLEAR_AGGREGATES, {"ids": emptied})
+    changed = list(session.execute(_CLEAR_AGGREGATES, {"ids": emptied}).scalars()) if emptied else []
     if columns["segment_id"]:
-        session.execute(_WRITE_AGGREGATES, columns)
+        changed += session.execute(_WRITE_AGGREGATES, columns).scalars()
+    return changed
 
 
 def left_over(session: Session) -> list[int]:

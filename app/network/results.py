@@ -1,10 +1,10 @@
-"""What one drive says of the segments: stored, replaced, taken back, with all that follows from it.
+"""What one drive says of the segments: stored, replaced, taken back, and what has to be solved on account of it marked.
 
-How a drive comes to say so is not known here, nor what is shown of a segment (``app.map.store``).
+How a drive comes to say so is not known here, nor what is shown of a segment (``app.map.store``), nor when it is solved
+(``app.network.swap``).
 
-The rule that keeps aggregates right whatever runs at the same time: whoever changes what drives say owns the
-network (``app.network.versions``), and recomputes from everything that is stored. PostgreSQL's READ COMMITTED makes
-the recomputation see all that was committed before the lock was granted.
+The rule that keeps the map right whatever runs at the same time: what drives say is only ever stored together with
+marks of the squares that it touches, and a square is solved from everything that is stored.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import plain_json
-from app.network.passes import Hearing, hearing, replace_passes
-from app.network.publish import refresh_aggregates
-from app.network.solve import refresh_network
+from app.network.locks import own_hours, share_network
+from app.network.marks import MarkedBy, append_marks
+from app.network.passes import moments_of, replace_passes
 from app.network.twins import choose_witnesses, drives_that_name
-from app.network.versions import bump_data_version
 from fusion.network.pass_factor import PassFactor
+from fusion.network.witnesses import LONGEST_ENTRY_S
 from fusion.types import Floats, Ints, SegmentSlope
 
 _NO_EPOCHS = np.empty(0)
@@ -71,41 +71,51 @@ _INSERT_ESTIMATES = text(
 )
 
 
-def save_result(
+def begin_change(session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor] = ()) -> None:
+    """Keep out imports, and drives that can be the same as this one, before the drive's row is taken.
+
+    ``factors`` are those that the drive is about to say; what it said counts as well.
+    """
+    share_network(session)
+    own_hours(session, {f.first_time_s for f in factors} | moments_of(session, drive_id), LONGEST_ENTRY_S)
+
+
+def append_result(
     session: Session,
-    drive_id: uuid.UUID,
+    drive: MarkedBy,
     segment_ids: Ints,
     estimates: Sequence[SegmentSlope],
     provenance: RunProvenance,
     factors: Sequence[PassFactor] = (),
     epoch_s: Floats = _NO_EPOCHS,
-) -> Hearing:
-    """Replace what the drive says and renew all that is published on account of it.
+    *,
+    delay_s: float = 0.0,
+) -> list[int]:
+    """Replace what the drive says, and mark what has to be solved for it, within ``delay_s``; the squares marked.
 
     ``segment_ids`` maps the segments of estimates and factors (indices into the network of the run) to the
     database's ids. ``epoch_s`` are the times of the log's positions (e,): without them two logs of one drive are
     told by their entries into segments alone. An estimate whose slope or sigma is not finite says nothing and is left
-    out. The caller owns the network and holds the drive's row. Returns how far the other drives agree.
+    out. The caller has begun the change (``begin_change``) and holds the drive's row.
     """
     known = [e for e in estimates if np.isfinite(e.slope_percent) and np.isfinite(e.slope_sigma_percent)]
     ids = [int(segment_ids[e.segment]) for e in known]
-    former = _forget_estimates(session, drive_id)
-    provenance_id = _insert_provenance(session, drive_id, provenance)
+    former = _forget_estimates(session, drive.drive_id)
+    provenance_id = _insert_provenance(session, drive.drive_id, provenance)
     if known:
-        _insert_estimates(session, drive_id, provenance_id, ids, known, bool(factors))
-    heard = _exchange(session, drive_id, in_database(factors, segment_ids), epoch_s)
-    refresh_aggregates(session, [*former, *(() if factors else ids)])
-    bump_data_version(session)
-    return heard
+        _insert_estimates(session, drive.drive_id, provenance_id, ids, known, bool(factors))
+    touched = _exchange(session, drive.drive_id, in_database(factors, segment_ids), epoch_s)
+    return append_marks(session, touched, [*former, *(() if factors else ids)], drive, delay_s)
 
 
-def remove_result(session: Session, drive_id: uuid.UUID) -> None:
-    """Take back all that the drive says; the caller owns the network and holds the drive's row."""
-    former = _forget_estimates(session, drive_id)
-    _exchange(session, drive_id, [], _NO_EPOCHS)
-    refresh_aggregates(session, former)
-    if former:
-        bump_data_version(session)
+def append_removal(session: Session, drive: MarkedBy) -> list[int]:
+    """Take back all that the drive says, and mark what has to be solved for it; the squares marked.
+
+    The caller has begun the change (``begin_change``) and holds the drive's row.
+    """
+    former = _forget_estimates(session, drive.drive_id)
+    touched = _exchange(session, drive.drive_id, [], _NO_EPOCHS)
+    return append_marks(session, touched, former, drive)
 
 
 def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> list[PassFactor]:
@@ -115,14 +125,13 @@ def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> list[PassFa
 
 def _exchange(
     session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], epoch_s: Floats
-) -> Hearing:
-    """Exchange the drive's passes and solve anew, with those that were the same drive as it until now."""
+) -> set[int]:
+    """Exchange the drive's passes; the segments around which this changes what is heard."""
     was_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
     changed = replace_passes(session, drive_id, factors, epoch_s)
     others = choose_witnesses(session, {drive_id, *drives_that_name(session, drive_id)})
     is_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
-    refresh_network(session, {*(changed if was_heard or is_heard else ()), *others})
-    return hearing(session, drive_id) if is_heard else Hearing(len({f.segment for f in factors}), 0)
+    return {*(changed if was_heard or is_heard else ()), *others}
 
 
 def _forget_estimates(session: Session, drive_id: uuid.UUID) -> list[int]:

@@ -62,7 +62,7 @@ def write_slopes(
     Returns the segments that are new or moved by more than so many of their sigmas. Segments that meet and are written
     together have one height where they meet. At the edge of what is written two can stand: the one inside is of the
     new solution, the one outside waits until its own roads are solved again, as slopes there do. They differ by what
-    windows leave, which is more for heights, which come from far away, than for slopes. ``rebuild_network`` leaves such
+    windows leave, which is more for heights, which come from far away, than for slopes. ``settle_network`` leaves such
     edges between its regions.
     """
     values: dict[str, Any] = {name: _nullable(getattr(result, name)[rows]) for name in NETWORK_ONLY}

@@ -31,7 +31,7 @@ _LINES = text(
 # segment is driven where a drive that is heard has a pass; the first that is found will do.
 SURROUNDINGS = text(
     f"""
-    SELECT {ROAD_COLUMNS}, coalesce(p.driven, false) AS driven, n.drives, n.slope_percent, n.slope_sigma_percent
+    SELECT {ROAD_COLUMNS}, s.cell, coalesce(p.driven, false) AS driven, n.drives, n.slope_percent, n.slope_sigma_percent
     FROM segments AS s
     LEFT JOIN LATERAL (
         SELECT true AS driven FROM drive_passes AS p JOIN drives AS d ON d.id = p.drive_id
@@ -57,6 +57,8 @@ class Surroundings:
 
     table: RoadTable
     ids: Ints
+    cell: Ints
+    """The square of each row (``app.network.cells``)."""
     driven: Bools
     drives: Ints
     """As stored: -1 where the network has no slope."""
@@ -81,6 +83,7 @@ def surroundings(session: Session, touched: Collection[int], scale: float) -> Su
     return Surroundings(
         table,
         ids,
+        np.array([row.cell for row in rows], np.int64),
         np.array([row.driven for row in rows], bool),
         np.array([-1 if row.drives is None else row.drives for row in rows], np.int64),
         slope,

@@ -1,8 +1,8 @@
 """One drive that is there twice, uploaded again or in another format: one of them is heard, the others name it.
 
 Who is heard follows from what is stored alone, not from who came first, and by the rule that holds without a service
-too (``fusion.network.witnesses``). What the drives say is in ``passes``; callers own the network
-(``app.network.versions``).
+too (``fusion.network.witnesses``). What the drives say is in ``passes``; callers own the hours of the drive
+(``app.network.locks``), so that of two that come at once one sees the other.
 """
 
 from __future__ import annotations

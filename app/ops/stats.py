@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from app.core.http import ServiceDep, problems
 from app.core.text import Moment
 from app.drives.documents import DriveStatus
-from app.network.versions import data_version
+from app.network.cells import data_version
 from app.ops import store
 from app.roads.store import current_road_version
 

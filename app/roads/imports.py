@@ -1,6 +1,6 @@
 """Roads come in: the roads of an OpenStreetMap file take the place of the stored network, in one transaction.
 
-The file's roads are copied beside the stored ones (``app.roads.copy``), what that costs is noted and repaired
+The file's roads are copied beside the stored ones (``app.roads.copy``), what that costs is noted and marked for repair
 (``app.roads.losses``), and the statements here merge the two. How a file is read is the library's business.
 """
 
@@ -17,10 +17,13 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.network.versions import bump_data_version, own_network
+from app.network.cells import raise_versions
+from app.network.locks import own_network
+from app.network.swap import solve_all_marked
 from app.roads.copy import copy_roads
-from app.roads.losses import note_losses, repair_network
+from app.roads.losses import cells_lost, cells_new, mark_repairs, note_losses
 from app.terrain.imports import terrain_under
+from app.terrain.store import current_dem
 from fusion.errors import RoadsError
 from fusion.network.unknowns import knot_positions
 from fusion.roads.osm import read_roads
@@ -48,7 +51,7 @@ class ImportCounts:
 def import_roads(
     sessions: Sessions, path: Path, dem_dir: Path, progress: Progress = no_progress
 ) -> ImportCounts:
-    """Make the drivable roads of an OpenStreetMap file the whole network (``replace_roads``).
+    """Make the drivable roads of an OpenStreetMap file the whole network (``merge_roads``), and solve.
 
     Raises ``RoadsError`` for a file that cannot be used, also for one without a single drivable road: it is
     taken for a mistake, since it would drop every segment.
@@ -62,12 +65,25 @@ def import_roads(
         )
     with path.open("rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    while (counts := _import(sessions, table, path.name, sha256, dem_dir, progress)) is None:
+        pass  # elevation rasters came in meanwhile
+    solve_all_marked(sessions, progress)
+    return counts
+
+
+def _import(
+    sessions: Sessions, table: RoadTable, source_name: str, sha256: str, dem_dir: Path, progress: Progress
+) -> ImportCounts | None:
+    """One try: what takes long first, outside of any lock; None where the elevation set is another by then."""
+    with sessions() as session:
+        before = current_dem(session, dem_dir)
+    slope, heights = terrain_under(before, table)
     with sessions.begin() as session:
-        own_network(session)  # before the elevation set is read, so that it is the one that stays
-        slope, heights = terrain_under(session, table, dem_dir)
-        return replace_roads(
-            session, table, path.name, sha256, progress, dem_slope_percent=slope, dem_heights_m=heights
-        )
+        copy_roads(session, table, slope, heights, progress)
+        own_network(session)
+        if current_dem(session, dem_dir) != before:
+            return None
+        return merge_roads(session, table, source_name, sha256, progress)
 
 
 _NEW_VERSION = text(
@@ -128,6 +144,7 @@ _UPDATE_TAGS = text(
         AND (s.highway, s.name, s.oneway, s.bridge, s.tunnel, s.layer, s.dem_slope_percent, s.dem_heights_m)
             IS DISTINCT FROM (t.highway, t.name, i.oneway, i.bridge, i.tunnel, i.layer,
                               nullif(i.dem_slope_percent, 'NaN'), nullif(i.dem_heights_m, '{}'))
+    RETURNING s.id
     """
 )
 
@@ -158,34 +175,43 @@ def replace_roads(
     dem_slope_percent: Floats | None = None,
     dem_heights_m: Floats | None = None,
 ) -> ImportCounts:
-    """Make ``table`` the whole network: a segment that is not in it is dropped, wherever it lies.
+    """Make ``table`` the whole network in the caller's transaction, and keep drives and solvers out until it ends.
 
-    A segment whose (way, from, to) and geometry are unchanged is kept with its id and its estimates, and its
-    tags are brought up to date; one whose geometry changed ("moved") keeps its id and loses its estimates. The
-    network is solved anew around what changed.
     ``dem_slope_percent`` has shape (n,), ``dem_heights_m`` one height a knot (``knot_positions``), NaN unknown; None:
-    unknown everywhere. Waits for running writers of
-    estimates and keeps new ones out until the caller commits.
+    unknown everywhere.
     """
-    own_network(session)
     slope = np.full(len(table), np.nan) if dem_slope_percent is None else dem_slope_percent
     heights = np.full(len(knot_positions(table)[0]), np.nan) if dem_heights_m is None else dem_heights_m
     copy_roads(session, table, slope, heights, progress)
+    own_network(session)
+    return merge_roads(session, table, source_name, sha256, progress)
+
+
+def merge_roads(
+    session: Session, table: RoadTable, source_name: str, sha256: str, progress: Progress = no_progress
+) -> ImportCounts:
+    """Make what was copied (``copy_roads``) the whole network: a segment that is not in it is dropped.
+
+    A segment whose (way, from, to) and geometry are unchanged is kept with its id and its estimates, and its
+    tags are brought up to date; one whose geometry changed ("moved") keeps its id and loses its estimates. What has to
+    be solved anew around that is marked. The caller owns the network.
+    """
     values: dict[str, Any] = {"source_name": source_name, "sha256": sha256, "segments": len(table)}
     version = int(session.execute(_NEW_VERSION, values).scalar_one())
     progress("merging", 0.0)
     measured_lost, drives_affected = note_losses(session)
+    cells = cells_lost(session)
     dropped = _count(session.execute(_DROP))
     moved = int(session.execute(_MOVE, {"version": version}).scalar_one())
     progress("merging", 0.3)
-    session.execute(_UPDATE_TAGS)
+    changed = list(session.execute(_UPDATE_TAGS).scalars())
     progress("merging", 0.5)
     added = _count(session.execute(_ADD, {"version": version}))
     merged = {"kept": len(table) - moved - added, "moved": moved, "dropped": dropped, "added": added}
     session.execute(_SET_COUNTS, {"id": version, **merged})
     session.execute(_ANALYZE)
-    repair_network(session, version, progress)
-    bump_data_version(session)
+    mark_repairs(session, version)
+    raise_versions(session, cells | cells_new(session, version, changed))
     progress("merging", 1.0)
     return ImportCounts(
         **merged,

@@ -9,11 +9,13 @@ the roads themselves are merged is in ``app.roads.imports``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.network.solve import refresh_in_regions
-from fusion.types import Progress
+from app.network.cells import OVER
+from app.network.marks import append_marks
 
 _FORGET = text("DROP TABLE IF EXISTS pg_temp.road_lost")
 
@@ -29,6 +31,10 @@ _NOTE_LOST = text(
 )
 # The planner knows nothing of a table that was just filled.
 _ANALYZE_LOST = text("ANALYZE road_lost")
+
+# The squares where anything that is shown goes, changes or comes.
+_CELLS_LOST = text(OVER.format(where="s.id IN (SELECT id FROM road_lost)"))
+_CELLS_NEW = text(OVER.format(where="s.road_version_id = :version OR s.id = ANY(CAST(:changed AS bigint[]))"))
 
 _COUNT = text(
     """
@@ -63,7 +69,16 @@ def note_losses(session: Session) -> tuple[int, int]:
     return int(segments), int(drives)
 
 
-def repair_network(session: Session, version: int, progress: Progress) -> None:
-    """Solve the network anew around all that changed; after merging."""
-    neighbours = session.execute(_NEIGHBOURS, {"version": version}).scalars()
-    refresh_in_regions(session, sorted(neighbours), progress)
+def cells_lost(session: Session) -> set[int]:
+    """The squares in which segments were shown that go or move; before merging."""
+    return set(session.execute(_CELLS_LOST).scalars())
+
+
+def cells_new(session: Session, version: int, changed: Sequence[int]) -> set[int]:
+    """Those in which segments are shown that came or moved, and ``changed`` ones; after merging."""
+    return set(session.execute(_CELLS_NEW, {"version": version, "changed": list(changed)}).scalars())
+
+
+def mark_repairs(session: Session, version: int) -> None:
+    """Let the network be solved anew around all that changed; after merging."""
+    append_marks(session, list(session.execute(_NEIGHBOURS, {"version": version}).scalars()))

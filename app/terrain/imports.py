@@ -21,8 +21,9 @@ from rasterio.warp import transform_bounds
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
+from app.network.cells import cells_over, raise_versions
 from app.network.extracts import roads_within, roads_without_heights, roads_without_heights_in
-from app.network.versions import bump_data_version, own_network
+from app.network.locks import own_network
 from app.terrain.store import DemSet, DemSource, current_dem, replace_dem, set_terrain
 from fusion.errors import TerrainError
 from fusion.network.curve import interval_count, knot_length
@@ -75,7 +76,7 @@ def add_dem(
     A raster that is in the set already changes nothing; one with the name of an active raster but other bytes
     takes its place. Names are compared without regard to case: N50E007.hgt and n50e007.HGT are one tile.
     Drives processed before keep their estimates; the network takes the new heights into account where later
-    drives pass, or by ``rebuild_network``. Waits for running writers of estimates.
+    drives pass, or by `versant settle`. Waits for running writers of estimates.
     """
     own_network(session)
     active = current_dem(session, dem_dir)
@@ -89,16 +90,14 @@ def add_dem(
     with Dem.open([dem_dir / source.uri for source in whole]) as dem:
         found = replace_dem(session, whole, dem.datum, dem_dir)
         _renew_terrain(session, dem, [dem_dir / source.uri for source in [*new, *gone]], progress)
-    bump_data_version(session)
     return found
 
 
-def terrain_under(session: Session, table: RoadTable, dem_dir: Path) -> tuple[Floats, Floats]:
-    """Each segment's slope by the active rasters, percent, shape (n,), and the heights at the knots of all, m.
+def terrain_under(active: DemSet | None, table: RoadTable) -> tuple[Floats, Floats]:
+    """Each segment's slope by these rasters, percent, shape (n,), and the heights at the knots of all, m.
 
     NaN unknown; ``fusion.network.unknowns.knot_positions`` has the order of the knots.
     """
-    active = current_dem(session, dem_dir)
     if active is None or not len(table):
         return np.full(len(table), np.nan), np.full(len(knot_positions(table)[0]), np.nan)
     with Dem.open(active.paths) as dem:
@@ -159,6 +158,7 @@ def _write_terrain(session: Session, dem: Dem, table: RoadTable, ids: Ints) -> N
     heights = dem.heights(*knot_positions(table))
     last = np.cumsum(interval_count(knot_length(table.length_m)) + 1)[:-1]
     set_terrain(session, ids, dem_slopes(dem, table), np.split(heights, last))
+    raise_versions(session, cells_over(session, ids.tolist()))
 
 
 def _bounds_deg(path: Path) -> Bounds:

@@ -65,6 +65,8 @@ _ADD = text(
 )
 
 # Only rows whose values change are written; NaN stands for an unknown slope in the array.
+_ACTIVE_ID = text("SELECT coalesce(max(id), 0) FROM dem_versions WHERE active")
+
 _SET_TERRAIN = text(
     """
     UPDATE segments AS s SET dem_slope_percent = t.slope, dem_heights_m = t.heights
@@ -87,6 +89,11 @@ def replace_dem(session: Session, sources: Sequence[DemSource], datum: str, dem_
     session.execute(_RETIRE)
     listed = json.dumps([asdict(source) for source in sources])
     return _set(session.execute(_ADD, {"sources": listed, "datum": datum}).one(), dem_dir)
+
+
+def dem_version_id(session: Session) -> int:
+    """The number of the active set of rasters; 0 without any."""
+    return int(session.execute(_ACTIVE_ID).scalar_one())
 
 
 def set_terrain(

@@ -10,17 +10,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from sqlalchemy import text
 
+from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.drives import store as drives
 from app.network import passes
 from app.network import results as slopes
-from app.network import versions as locks
+from app.network.marks import MarkedBy
+from app.network.swap import solve_all_marked
 from app.roads import store as roads
 from fusion.network.curve import knot_length, slope_row
 from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints, SegmentSlope
+from processing_support import remove_drive
 
 T0_S = 1_700_000_000.0
 HEIGHT_SIGMA_M = 1000.0
@@ -97,18 +100,29 @@ def new_drive(sessions: Sessions, name: str | None = None, method: str = "profil
     return drive.id
 
 
-def publish(
+def append(
     sessions: Sessions, drive: uuid.UUID, ids: Ints, made: Sequence[Made], epoch_s: Sequence[float] = ()
-) -> passes.Hearing:
+) -> None:
     """Store what the drive says, as the worker does; segments are rows of the table behind ``ids``."""
+    factors = [factor for factor, _ in made]
     with sessions.begin() as session:
-        locks.own_network(session)
+        slopes.begin_change(session, drive, slopes.in_database(factors, ids))
         version = roads.current_road_version(session)
         assert version is not None
         provenance = slopes.RunProvenance("profile", {}, "1.0", version.id, None)
         own = list({estimate.segment: estimate for _, estimate in made}.values())
-        factors = [factor for factor, _ in made]
-        return slopes.save_result(session, drive, ids, own, provenance, factors, np.array(epoch_s, float))
+        epochs = np.array(epoch_s, float)
+        slopes.append_result(session, MarkedBy(drive, 1), ids, own, provenance, factors, epochs)
+
+
+def publish(
+    sessions: Sessions, drive: uuid.UUID, ids: Ints, made: Sequence[Made], epoch_s: Sequence[float] = ()
+) -> passes.Hearing:
+    """``append`` and solve."""
+    append(sessions, drive, ids, made, epoch_s)
+    solve_all_marked(sessions)
+    with sessions() as session:
+        return passes.hearing(session, drive)
 
 
 def drive_over(
@@ -178,9 +192,8 @@ def walks(town: Town, count: int) -> list[Said]:
 
 
 def delete(sessions: Sessions, drive: uuid.UUID) -> None:
-    """Remove the drive, as the API does."""
-    with sessions.begin() as session:
-        assert drives.delete_drive(session, drive)
+    """Remove the drive, as the API and a worker do."""
+    assert remove_drive(sessions, BlobStore("memory://blobs"), drive)
 
 
 def count_of(sessions: Sessions, relation: str) -> int:

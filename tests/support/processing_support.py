@@ -10,10 +10,11 @@ from sqlalchemy import text
 
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.db import Sessions
-from app.drives import intake
+from app.drives import intake, process, publishing
 from app.drives import store as drives
 from app.drives.documents import Drive
-from app.drives.process import Workbench
+from app.drives.process import Outcome, Workbench
+from app.network.swap import solve_all_marked
 from fusion.pipeline import parse_options
 
 Send = Callable[..., Drive]
@@ -40,6 +41,29 @@ def accept_upload(
     parse_options(method, options or {})
     blob = put_blob(blobs, chunks)
     return intake.register_upload(sessions, blobs, blob, filename=filename, method=method, options=options)
+
+
+def process_drive(bench: Workbench, drive_id: uuid.UUID, generation: int, **options: Any) -> Outcome:
+    """Process a drive and publish it, as workers do one after the other."""
+    outcome = process.process_drive(bench, drive_id, generation, **options)
+    publish_all(bench.sessions, bench.blobs)
+    return outcome
+
+
+def publish_all(sessions: Sessions, blobs: BlobStore) -> None:
+    """Solve all that is marked, and end the drives that waited for it."""
+    solve_all_marked(sessions)
+    publishing.finish(sessions, blobs)
+
+
+def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> bool:
+    """Remove a drive as the API and a worker do; whether it was there."""
+    with sessions.begin() as session:
+        drive, generation = drives.request_removal(session, drive_id)
+    if generation is not None:
+        publishing.remove(sessions, blobs, drive_id, generation)
+        publish_all(sessions, blobs)
+    return drive is not None
 
 
 def drive_now(bench: Workbench, drive_id: uuid.UUID) -> Drive:

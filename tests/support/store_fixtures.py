@@ -9,17 +9,19 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pytest
 
+from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import store as drives
 from app.network import extracts
 from app.network import results as slopes
-from app.network import versions as locks
+from app.network.marks import MarkedBy
 from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.network.unknowns import knot_positions
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints, SegmentSlope
+from processing_support import publish_all
 
 AddDrive = Callable[..., uuid.UUID]
 T0_S = 1_700_000_000.0
@@ -110,9 +112,9 @@ def _add_drive(
         )
         drives.mark_running(session, drive.id, drive.generation)
     with sessions.begin() as session:
-        locks.own_network(session)
+        slopes.begin_change(session, drive.id)
         assert drives.lock_running(session, drive.id, drive.generation)
-        drives.mark_done(
+        drives.mark_publishing(
             session,
             drive.id,
             report={"epochs": 5},
@@ -124,7 +126,8 @@ def _add_drive(
         version = road_store.current_road_version(session)
         assert version is not None
         provenance = slopes.RunProvenance("raw", {"min_epochs": 4}, "1.0", version.id, None)
-        slopes.save_result(session, drive.id, ids, _slopes(estimates), provenance)
+        slopes.append_result(session, MarkedBy(drive.id, 1), ids, _slopes(estimates), provenance)
+    publish_all(sessions, BlobStore("memory://blobs"))
     return drive.id
 
 

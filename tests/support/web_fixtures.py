@@ -27,10 +27,12 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.main import create_app
 from app.network import extracts
 from app.network import results as slopes
+from app.network.marks import MarkedBy
 from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.roads.table import RoadTable
 from fusion.types import SegmentSlope, Track
+from processing_support import publish_all
 
 GRID = 8  # streets each way
 WEST, SOUTH, STEP = 8.40, 49.00, 0.002
@@ -153,7 +155,7 @@ def add_drive(
         assert drives.mark_running(session, drive.id, drive.generation)
         track = track_along(table, indices)
         tracks.save_track(session, drive.id, track, ids)
-        drives.mark_done(
+        drives.mark_publishing(
             session,
             drive.id,
             report={"matched_share": 1.0},
@@ -169,7 +171,8 @@ def add_drive(
         version = road_store.current_road_version(session)
         assert version is not None
         provenance = slopes.RunProvenance("raw", {"min_epochs": 4}, "test", version.id, None)
-        slopes.save_result(session, drive.id, ids, estimates, provenance)
+        slopes.append_result(session, MarkedBy(drive.id, 1), ids, estimates, provenance)
+    publish_all(sessions, BlobStore("memory://blobs"))
     return drive.id
 
 

@@ -16,7 +16,7 @@ from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.drives import intake, process, tracks
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench, process_drive
+from app.drives.process import Outcome, Workbench
 from app.map import store as slopes
 from app.roads import imports as road_imports
 from fusion.formats import read_log
@@ -26,7 +26,7 @@ from fusion.pipeline import run_drive
 from fusion.roads.osm import read_roads
 from fusion.terrain.dem import Dem
 from fusion.types import Track
-from processing_support import accept_upload, drive_now, state
+from processing_support import accept_upload, drive_now, process_drive, state
 
 Send = Callable[..., Drive]
 

@@ -18,7 +18,7 @@ from app.core.db import Sessions
 from app.drives import intake, process, progress
 from app.drives import store as drives
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench, process_drive
+from app.drives.process import Outcome, Workbench
 from app.drives.progress import Interrupted
 from app.network import passes
 from app.network import results as slopes
@@ -26,7 +26,7 @@ from app.roads import imports as road_imports
 from fusion.pipeline import run_drive
 from fusion.simulate.scene.town import Town
 from fusion.types import Progress
-from processing_support import drive_now, state
+from processing_support import drive_now, process_drive, state
 
 Send = Callable[..., Drive]
 

@@ -14,19 +14,20 @@ from app.cli.fuse_files import Fusion
 from app.core.db import Sessions
 from app.drives import intake, process
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench, hearing_report, process_drive
+from app.drives.process import Outcome, Workbench
+from app.drives.publishing import hearing_report
 from app.map import store as segments
 from app.network import extracts as roads
 from app.network import passes
 from app.network import results as slopes
-from app.network.rebuild import rebuild_network
+from app.network.settle import settle_network
 from fusion.formats import read_log
 from fusion.pipeline import parse_options, run_drive
 from fusion.roads.osm import read_roads
 from fusion.roads.table import rows_of as table_rows
 from fusion.terrain.dem import Dem
 from network_support import Rows, assert_same, rows_of
-from processing_support import drive_now
+from processing_support import drive_now, process_drive
 
 Send = Callable[..., Drive]
 Key = tuple[int, int, int]
@@ -89,7 +90,7 @@ def test_several_logs_give_the_same_numbers_but_for_what_windows_leave(
     found = served(bench)
     assert max(row[2] for row in found.values()) >= 2
     assert_same(numbered(found), numbered(fused(files, [0, 1, 2], "profile")))
-    rebuild_network(bench.sessions)
+    settle_network(bench.sessions)
     assert_same(numbered(found), numbered(served(bench)))
 
 

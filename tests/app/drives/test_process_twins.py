@@ -13,14 +13,14 @@ import pytest
 from app.cli.fuse_files import Fusion
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives.process import Outcome, Workbench, process_drive
+from app.drives.process import Outcome, Workbench
 from app.roads import imports as road_imports
 from fusion.formats import read_log
 from fusion.pipeline import parse_options, solve_network
 from fusion.roads.osm import read_roads
 from fusion.types import DriveLog
 from network_support import rows_of
-from processing_support import accept_upload, drive_now
+from processing_support import accept_upload, drive_now, process_drive
 
 SECONDS = 150
 Logs = dict[str, bytes]

@@ -12,10 +12,10 @@ from app.core.db import Sessions
 from app.drives import intake
 from app.drives.bulk import batch_progress
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench, process_drive
+from app.drives.process import Outcome, Workbench
 from app.drives.renewal import HeightFiller, clear_remains, give_jobs, renew
 from network_support import rows_of
-from processing_support import drive_now
+from processing_support import drive_now, process_drive
 
 Send = Callable[..., Drive]
 

@@ -17,13 +17,14 @@ from sqlalchemy import text
 
 from app.drives import store, tracks
 from app.drives.outputs.profile import PROFILE_EXAMPLE, PROFILE_SCHEMA
-from app.drives.process import Outcome, process_drive
+from app.drives.process import Outcome
 from app.map.segment import PROPERTIES
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
 from fusion.types import DrawnMeasurements, Track
+from processing_support import process_drive
 
 MakeDrive = Callable[..., uuid.UUID]
 

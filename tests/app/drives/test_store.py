@@ -10,12 +10,14 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from sqlalchemy import text
 
+from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.drives import store as drives
 from app.drives.documents import Drive, DrivePlace
 from app.map import store as map_store
-from app.network import versions
+from app.network import cells
 from fusion.types import Ints
+from processing_support import remove_drive
 
 
 def create(sessions: Sessions, sha256: str = "a" * 64, **values: object) -> tuple[Drive, bool]:
@@ -97,12 +99,13 @@ def test_a_report_may_hold_what_json_cannot(sessions: Sessions) -> None:
     row, _ = create(sessions)
     report = {"a": float("nan"), "b": [float("inf"), 1.5], "c": {"d": "x\x00y"}, "e": (1, None)}
     with sessions.begin() as session:
-        drives.mark_done(
+        drives.mark_publishing(
             session, row.id, report=report, bounds=(8, 49, 9, 50), epochs=2, distance_m=None, drive_time=None
         )
+        drives.mark_done(session, row.id, {"f": 1})
         done = drives.get_drive(session, row.id)
     assert done is not None
-    assert done.report == {"a": None, "b": [None, 1.5], "c": {"d": "x\ufffdy"}, "e": [1, None]}
+    assert done.report == {"a": None, "b": [None, 1.5], "c": {"d": "x\ufffdy"}, "e": [1, None], "f": 1}
     assert done.bbox == (8.0, 49.0, 9.0, 50.0)
     assert (done.status, done.progress) == ("done", 1.0)
 
@@ -141,11 +144,11 @@ def test_a_deleted_drive_leaves_no_trace(
     stays = add_drive(segment_ids, {0: (1.0, 1.0)})
     with sessions() as session:
         before = map_store.get_segment(session, int(segment_ids[0]))
-        version = versions.data_version(session)
+        version = cells.data_version(session)
     goes = add_drive(segment_ids, {0: (4.0, 0.1), 1: (2.0, 0.1)})
-    with sessions.begin() as session:
-        assert drives.delete_drive(session, goes)
-        assert not drives.delete_drive(session, goes)
+    blobs = BlobStore("memory://blobs")
+    assert remove_drive(sessions, blobs, goes)
+    assert not remove_drive(sessions, blobs, goes)
     with sessions() as session:
         after = map_store.get_segment(session, int(segment_ids[0]))
         assert before is not None
@@ -154,7 +157,7 @@ def test_a_deleted_drive_leaves_no_trace(
             before.slope_percent, before.slope_sigma_percent, 1
         )  # fmt: skip
         assert map_store.segment_items(session, driven=True) == [after]
-        assert versions.data_version(session) > version
+        assert cells.data_version(session) > version
         for table in ("drive_segments", "provenances"):
             owners = session.execute(text(f"SELECT DISTINCT drive_id FROM {table}")).scalars().all()
             assert owners == [stays]

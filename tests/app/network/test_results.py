@@ -17,11 +17,14 @@ from app.core.db import Sessions
 from app.drives import store as drives
 from app.map import store as map_store
 from app.network import results as slopes
+from app.network.marks import MarkedBy
+from app.network.swap import solve_all_marked
 from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.network.combine import combine
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
+from network_support import delete
 
 AddDrive = Callable[..., uuid.UUID]
 Estimates = dict[int, tuple[float, float]]
@@ -60,15 +63,15 @@ def test_aggregates_are_those_of_the_drives_that_are_left(
     given_drives: list[Estimates],
     data: st.DataObject,
 ) -> None:
-    with sessions.begin() as session:
-        for row in drives.list_drives(session):
-            drives.delete_drive(session, row.id)
+    with sessions() as session:
+        rows = drives.list_drives(session)
+    for row in rows:
+        delete(sessions, row.id)
     assert aggregates(sessions) == {}
     order = data.draw(st.permutations(range(len(given_drives))))
     stored = {k: add_drive(segment_ids, given_drives[k]) for k in order}
     for k in data.draw(st.lists(st.sampled_from(order), unique=True)):
-        with sessions.begin() as session:
-            assert drives.delete_drive(session, stored.pop(k))
+        delete(sessions, stored.pop(k))
     assert aggregates(sessions) == from_scratch(segment_ids, [given_drives[k] for k in stored])
 
 
@@ -78,7 +81,8 @@ def test_a_second_run_replaces_the_first(sessions: Sessions, segment_ids: Ints, 
         version = road_store.current_road_version(session)
         assert version is not None
         provenance = slopes.RunProvenance("dem", {}, "1.1", version.id, None)
-        slopes.save_result(session, drive, segment_ids, [], provenance)
+        slopes.append_result(session, MarkedBy(drive, 1), segment_ids, [], provenance)
+    solve_all_marked(sessions)
     with sessions() as session:
         assert map_store.drive_segment_rows(session, drive) == []
         assert session.execute(text("SELECT method FROM provenances")).scalars().all() == ["dem"]
@@ -110,35 +114,12 @@ def test_many_drives_at_once_end_in_the_right_aggregates(
         for k in range(lane, 12, 4):
             stored[k] = add_drive(segment_ids, wanted[k])
             if k % 3 == 0:
-                with sessions.begin() as session:
-                    assert drives.delete_drive(session, stored.pop(k))
+                delete(sessions, stored.pop(k))
 
     with ThreadPoolExecutor(4) as pool:
         for future in [pool.submit(work, lane) for lane in range(4)]:
             future.result(timeout=60)
     assert aggregates(sessions) == from_scratch(segment_ids, [wanted[k] for k in stored])
-
-
-def test_a_writer_waits_for_the_one_before_it_and_sees_its_estimates(
-    sessions: Sessions, segment_ids: Ints, add_drive: AddDrive
-) -> None:
-    kept: Estimates = {0: (2.0, 1.0), 1: (4.0, 1.0)}
-    late: Estimates = {1: (6.0, 0.5), 0: (1.0, 0.5)}
-    add_drive(segment_ids, kept)
-    goes = add_drive(segment_ids, {0: (9.0, 1.0)})
-    stored = threading.Event()
-
-    def store_late() -> None:
-        add_drive(segment_ids, late)
-        stored.set()
-
-    with sessions.begin() as session:
-        drives.delete_drive(session, goes)
-        thread = threading.Thread(target=store_late)
-        thread.start()
-        assert not stored.wait(0.5)
-    thread.join(timeout=30)
-    assert aggregates(sessions) == from_scratch(segment_ids, [kept, late])
 
 
 def test_items_reach_every_segment_once(sessions: Sessions, segment_ids: Ints) -> None:

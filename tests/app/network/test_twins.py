@@ -8,9 +8,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
+from app.core.blobs import BlobStore
 from app.core.db import Sessions
+from app.drives import publishing
 from app.drives import store as drives
-from app.network.rebuild import rebuild_network
+from app.network.settle import settle_network
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import (
@@ -59,7 +61,7 @@ def drive(
 def alone(sessions: Sessions, chain: Chain, segment_ids: Ints) -> Rows:
     """What the better of two logs of a drive publishes, alone."""
     one = drive(sessions, chain(), segment_ids, 9)
-    rebuild_network(sessions)
+    settle_network(sessions)
     found = rows_of(sessions)
     delete(sessions, one)
     return found
@@ -89,7 +91,7 @@ def test_who_is_heard_does_not_depend_on_the_order(
 ) -> None:
     for n in (5, 9, 7):
         drive(sessions, chain(), segment_ids, n)
-    rebuild_network(sessions)
+    settle_network(sessions)
     assert_settled(alone, rows_of(sessions))
 
 
@@ -99,7 +101,7 @@ def test_the_report_of_the_one_that_is_not_heard_says_so(
     weak, strong = (drive(sessions, chain(), segment_ids, n) for n in (5, 9))
     for one in (weak, strong):
         with sessions.begin() as session:
-            drives.mark_done(
+            drives.mark_publishing(
                 session,
                 one,
                 report={"warnings": ["first"]},
@@ -108,6 +110,7 @@ def test_the_report_of_the_one_that_is_not_heard_says_so(
                 distance_m=100.0,
                 drive_time=None,
             )
+    publishing.finish(sessions, BlobStore("memory://blobs"))
     with sessions() as session:
         told = {one: drives.get_drive(session, one) for one in (weak, strong)}
     first, second = told[weak].report["warnings"]  # type: ignore[union-attr, index]

@@ -4,27 +4,31 @@ from __future__ import annotations
 
 import threading
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from sqlalchemy import text
+from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.network import solve as network
-from app.network import surroundings, versions
-from app.network.rebuild import rebuild_network
+from app.network import cells, extracts, marks, surroundings, swap
+from app.network.settle import settle_network
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
 from network_support import (
     Rows,
+    append,
     assert_same,
     count_of,
     delete,
     drive_over,
+    new_drive,
+    passes_of,
     rows_of,
     walks,
 )
@@ -53,42 +57,75 @@ def test_two_workers_at_once_end_where_one_after_the_other_does(
     assert_same(at_once, rows_of(sessions))
 
 
-def test_a_publication_that_breaks_off_leaves_nothing(
+def test_a_swap_that_breaks_off_leaves_what_stood_and_the_marks(
     sessions: Sessions, streets: Driven, town: Town, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one, two = walks(town, 2)
     drive_over(sessions, *streets, one)
 
-    def state() -> tuple[Rows, Rows, int]:
-        return rows_of(sessions), rows_of(sessions, "network_slopes"), count_of(sessions, "drive_passes")
+    def state() -> tuple[Rows, Rows, list[tuple[object, ...]]]:
+        with sessions() as session:
+            versions = [
+                tuple(row) for row in session.execute(text("SELECT id, version FROM cells ORDER BY id"))
+            ]
+        return rows_of(sessions), rows_of(sessions, "network_slopes"), versions
 
     before = state()
     with monkeypatch.context() as patch:
-        patch.setattr(network, "refresh_aggregates", lambda *_: 1 / 0)
+        patch.setattr(swap, "raise_versions", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             drive_over(sessions, *streets, two)
     assert state() == before
+    assert count_of(sessions, "network_marks") > 0
+    swap.solve_all_marked(sessions)
+    after = state()
+    assert all(now != then for now, then in zip(after, before, strict=True))
+    assert count_of(sessions, "network_marks") == 0
+
+
+def test_a_solution_that_is_out_of_date_is_found_again(
+    sessions: Sessions, streets: Driven, town: Town, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While one solver computes, a drive comes and another solver writes in one of the squares."""
+    one, two, three = walks(town, 3)
+    drive_over(sessions, *streets, one)
+    genuine, tries = swap.solve_around, []
+
+    def slowly(session: Session, touched: Collection[int]) -> object:
+        found = genuine(session, touched)
+        tries.append(len(touched))
+        if len(tries) == 1:
+            append(sessions, new_drive(sessions), streets[1], passes_of(streets[0], three))
+            with sessions.begin() as other:
+                cells.raise_versions(other, cells.cells_over(other, touched)[:1])
+        return found
+
+    monkeypatch.setattr(swap, "solve_around", slowly)
     drive_over(sessions, *streets, two)
-    assert state() != before
+    assert len(tries) == 2
+    assert tries[1] > tries[0]  # with what came
+    at_once = rows_of(sessions)
+    settle_network(sessions)
+    assert_same(at_once, rows_of(sessions))
 
 
 def test_only_what_changed_is_written(sessions: Sessions, streets: Driven, town: Town) -> None:
     for one in walks(town, 3):
         drive_over(sessions, *streets, one)
-    rebuild_network(sessions)
+    settle_network(sessions)
     query = text("SELECT 'a', segment_id, xmin::text FROM segment_slopes UNION ALL "
                  "SELECT 'n', segment_id, xmin::text FROM network_slopes ORDER BY 1, 2")  # fmt: skip
     with sessions() as session:
         before = session.execute(query).all()
-    rebuild_network(sessions)
+    settle_network(sessions)
     with sessions() as session:
         assert session.execute(query).all() == before
+    version = cells.data_version(session)
     with sessions.begin() as session:
-        versions.own_network(session)
-        network.refresh_network(session, rows_of(sessions).keys())
-    with sessions.begin() as session:
-        versions.own_network(session)
-        assert network.adjust_around(session, list(rows_of(sessions))) == []
+        marks.append_marks(session, rows_of(sessions).keys())
+    swap.solve_all_marked(sessions)
+    with sessions() as session:
+        assert cells.data_version(session) == version
 
 
 def node_heights(sessions: Sessions, streets: Driven) -> dict[int, set[float]]:
@@ -115,7 +152,7 @@ def test_segments_that_meet_have_one_height_there(sessions: Sessions, streets: D
         at = node_heights(sessions, streets)
         two = [max(heights) - min(heights) for heights in at.values() if len(heights) > 1]
         assert len(two) <= (0 if number == 0 else 0.1 * len(at)), (number, len(two), len(at))
-    rebuild_network(sessions)
+    settle_network(sessions)
     at = node_heights(sessions, streets)
     assert sum(len(heights) > 1 for heights in at.values()) <= 0.02 * len(at)
 
@@ -135,14 +172,43 @@ def test_the_window_is_found_by_the_index(sessions: Sessions, chain: Callable[..
     assert "Seq Scan on segments" not in plan
 
 
-def test_the_data_version_rises_with_every_drive(sessions: Sessions, streets: Driven, town: Town) -> None:
-    def version() -> int:
-        with sessions() as session:
-            return versions.data_version(session)
+def test_a_version_rises_where_something_changed_and_only_there(
+    sessions: Sessions, chain: Callable[..., RoadTable]
+) -> None:
+    """Two streets 70 km apart: tiles over one of them do not see what happens on the other, those over both do."""
+    k = np.arange(16)
+    lon = np.where(k < 8, 8.5, 9.5) + 0.001 * (k % 8)
+    table = chain(
+        16, osm_way_id=7 + k // 8, from_node=100 + k + k // 8, to_node=101 + k + k // 8, lon0_deg=lon,
+        lon1_deg=lon + 0.001,
+    )  # fmt: skip
+    with sessions.begin() as session:
+        roads.replace_roads(session, table, "x", "0" * 64)
+        table, ids = extracts.all_roads(session)
+    tiles = {
+        "here": (14, 8578, 5626), "there": (14, 8624, 5626), "here from afar": (10, 536, 351), "both": (6, 33, 21)
+    }  # fmt: skip
 
-    seen = [version()]
-    drive = drive_over(sessions, *streets, walks(town, 1)[0])
-    seen.append(version())
+    def tags() -> dict[str, str]:
+        with sessions() as session:
+            return {name: cells.tile_tag(session, *tile) for name, tile in tiles.items()}
+
+    def changed(before: dict[str, str]) -> set[str]:
+        return {name for name, tag in tags().items() if tag != before[name]}
+
+    seen = tags()
+    drive = drive_over(sessions, table, ids, dict.fromkeys(range(8), (2.0, 0.5)))
+    assert changed(seen) == {"here", "here from afar", "both"}
+    seen = tags()
+    drive_over(sessions, table, ids, dict.fromkeys(range(8, 16), (2.0, 0.5)))
+    assert changed(seen) == {"there", "both"}
+    seen = tags()
     delete(sessions, drive)
-    seen.append(version())
-    assert seen == sorted(set(seen))
+    assert changed(seen) == {"here", "here from afar", "both"}
+    seen = tags()
+    with sessions.begin() as session:
+        other = replace(
+            table, name=np.array(["Weg" if i < 8 else name for i, name in enumerate(table.name)], object)
+        )
+        roads.replace_roads(session, other, "x", "1" * 64)
+    assert changed(seen) == {"here", "here from afar", "both"}

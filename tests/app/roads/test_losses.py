@@ -11,7 +11,8 @@ from sqlalchemy import text
 from app.core.db import Sessions
 from app.map import store as segments
 from app.network import extracts as road_store
-from app.network.rebuild import rebuild_network
+from app.network.settle import settle_network
+from app.network.swap import solve_all_marked
 from app.roads import imports as roads
 from app.roads.imports import ImportCounts
 from fusion.roads.table import RoadTable
@@ -23,7 +24,9 @@ Chain = Callable[..., RoadTable]
 
 def imported(sessions: Sessions, table: RoadTable) -> ImportCounts:
     with sessions.begin() as session:
-        return roads.replace_roads(session, table, "again.osm", "a" * 64)
+        counts = roads.replace_roads(session, table, "again.osm", "a" * 64)
+    solve_all_marked(sessions)
+    return counts
 
 
 def moved(chain: Chain, row: int) -> RoadTable:
@@ -58,7 +61,7 @@ def test_a_moved_segment_loses_its_passes_and_its_neighbours_are_solved_anew(
     found = rows_of(sessions)
     assert found[int(segment_ids[1])][2] == 0  # by now a gap between 0 and 2
     assert [i for _, i in passes(sessions)] == [int(segment_ids[k]) for k in (0, 2, 3)]
-    rebuild_network(sessions)
+    settle_network(sessions)
     assert_same(found, rows_of(sessions))
 
 
@@ -99,5 +102,5 @@ def test_the_passes_before_and_after_a_lost_one_stay(
         behind = segments.segment_observations(session, int(segment_ids[4]))
     assert {one.drive_id for one in behind} == {drive, other}
     found = rows_of(sessions)
-    rebuild_network(sessions)
+    settle_network(sessions)
     assert_same(found, rows_of(sessions))

@@ -14,9 +14,10 @@ from affine import Affine
 
 from app.core.db import Sessions
 from app.map import store as map_store
-from app.network import versions
+from app.network import cells
 from app.roads import imports as roads
 from app.terrain import imports as dem
+from app.terrain import store as dem_store
 from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
@@ -59,7 +60,7 @@ def test_slopes_of_the_covered_segments_are_renewed(
 ) -> None:
     with sessions() as session:
         assert current_dem(session, tmp_path) is None
-        version = versions.data_version(session)
+        version = cells.data_version(session)
     assert stored_slopes(sessions) == [None] * 10
     east = write_raster(tmp_path / "east.tif", 8.5055, 49.01, 2.0)
     found = add(sessions, [east], tmp_path / "dem")
@@ -68,7 +69,7 @@ def test_slopes_of_the_covered_segments_are_renewed(
     assert stored_slopes(sessions)[7:] == pytest.approx([200 / run_m] * 3, rel=1e-3)
     assert found.names == ("east.tif",)
     with sessions() as session:
-        assert versions.data_version(session) > version
+        assert cells.data_version(session) > version
 
     west = write_raster(tmp_path / "west.tif", 8.4915, 49.01, -1.0)
     found = add(sessions, [west], tmp_path / "dem")
@@ -83,11 +84,11 @@ def test_the_same_raster_again_changes_nothing(
     path = write_raster(tmp_path / "a.tif", 8.49, 49.01, 1.0)
     first = add(sessions, [path, path], tmp_path / "dem")
     with sessions() as session:
-        version = versions.data_version(session)
+        version = cells.data_version(session)
     assert add(sessions, [path], tmp_path / "dem") == first
     assert first.names == ("a.tif",)
     with sessions() as session:
-        assert versions.data_version(session) == version
+        assert cells.data_version(session) == version
 
 
 def test_a_raster_of_the_same_name_takes_the_others_place(
@@ -114,7 +115,7 @@ def test_a_raster_made_of_several_files_becomes_one(
     tile.unlink()
     mosaic.unlink()
     with sessions() as session:
-        again, _ = dem.terrain_under(session, chain_in_db, tmp_path / "dem")
+        again, _ = dem.terrain_under(dem_store.current_dem(session, tmp_path / "dem"), chain_in_db)
     assert found.names == ("mosaic.tif",)
     assert np.isfinite(again).all()
     assert stored_slopes(sessions) == pytest.approx(again.tolist())
@@ -138,7 +139,9 @@ def test_a_moved_folder_still_serves(sessions: Sessions, chain_in_db: RoadTable,
     add(sessions, [write_raster(tmp_path / "a.tif", 8.4995, 49.01, 1.0)], tmp_path / "dem")
     (tmp_path / "dem").rename(tmp_path / "elsewhere")
     with sessions() as session:
-        slope, heights = dem.terrain_under(session, chain_in_db, tmp_path / "elsewhere")
+        slope, heights = dem.terrain_under(
+            dem_store.current_dem(session, tmp_path / "elsewhere"), chain_in_db
+        )
     assert np.isfinite(slope).all()
     assert np.isfinite(heights).all()
 

@@ -1,0 +1,116 @@
+"""What comes after a drive has said what it has to say: squares are solved, drives become done, removed ones go.
+
+Between both stand marks (``app.network.marks``): a drive is done once its squares were solved with it, and gone once
+they were solved without it. All of it may be cut off at any moment and done twice.
+"""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from app.core.blobs import BlobStore
+from app.core.db import Sessions
+from app.drives import queue
+from app.drives import store as drives
+from app.network import passes
+from app.network import results as slopes
+from app.network.marks import MarkedBy, any_due, count_cells
+from app.network.settle import settle_due
+from app.network.swap import BusyError, solve_marked
+
+logger = logging.getLogger(__name__)
+
+REJECTED_SHARE = 1 / 3
+"""A drive that contradicts the others on more of its segments than this gets a warning."""
+
+SOLVING_S = 0.5
+"""While drives wait, a square that is marked waits for so long times the number of marked ones: solving one takes half
+of that, so that most of the time is the drives'."""
+
+SETTLE_AFTER_S = 600.0
+"""What changed is settled in a wide window so long after, when nothing else waits."""
+
+
+def patience_s(session: Session, publish_every_s: float, *, behind: bool) -> float:
+    """How long a drive's squares may wait to be solved, s: not at all, unless other drives wait as well.
+
+    ``behind``: the drive is of those that are processed again by the thousand.
+    """
+    if not queue.drives_wait(session, behind=behind):
+        return 0.0
+    return max(publish_every_s, SOLVING_S * count_cells(session))
+
+
+def solve_some(sessions: Sessions, blobs: BlobStore) -> int:
+    """Solve squares that are due, and see to the drives that waited for them; the number of squares.
+
+    Where more are due than one solver takes, another is asked for first.
+    """
+
+    def ask() -> None:
+        with sessions.begin() as session:
+            queue.enqueue_solve(session)
+
+    try:
+        count = solve_marked(sessions, more=ask)
+    except BusyError:
+        logger.info("squares that others write in are left for the next solver", exc_info=True)
+        count = 0
+    finish(sessions, blobs)
+    return count
+
+
+def look_after(sessions: Sessions, blobs: BlobStore) -> None:
+    """Finish drives whose squares were solved elsewhere, and ask for a solver where marks are due and none waits."""
+    finish(sessions, blobs)
+    with sessions.begin() as session:
+        if any_due(session):
+            queue.enqueue_solve(session)
+
+
+def settle_quietly(sessions: Sessions) -> bool:
+    """Settle a square that has changed a while ago, when no drive waits; whether there was one."""
+    with sessions() as session:
+        if queue.drives_wait(session, behind=True) or count_cells(session):
+            return False
+    return settle_due(sessions, SETTLE_AFTER_S)
+
+
+def finish(sessions: Sessions, blobs: BlobStore) -> int:
+    """End the drives of which no mark is left: those that were published are done, those that were removed go."""
+    with sessions.begin() as session:
+        published = drives.published_drives(session)
+        for drive_id, report in published:
+            drives.mark_done(session, drive_id, hearing_report(report, passes.hearing(session, drive_id)))
+    with sessions.begin() as session:
+        keys = drives.delete_removed(session)
+    for key in keys:
+        blobs.delete(key)
+    return len(published) + len(keys)
+
+
+def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation: int) -> None:
+    """Take back what a drive said whose removal was asked for; its row goes when its squares are solved."""
+    with sessions.begin() as session:
+        slopes.begin_change(session, drive_id)
+        if drives.lock_cancelled(session, drive_id, generation):
+            slopes.append_removal(session, MarkedBy(drive_id, generation))
+            drives.mark_removing(session, drive_id)
+            queue.enqueue_solve(session)
+    finish(sessions, blobs)
+
+
+def hearing_report(report: Mapping[str, Any], heard: passes.Hearing) -> dict[str, Any]:
+    """What the report says on how the drive agrees with the others over the same segments."""
+    warnings = list(report.get("warnings", ()))
+    if heard.rejected > REJECTED_SHARE * heard.segments:
+        warnings.append(
+            f"This drive contradicts other drives on {heard.rejected} of {heard.segments} segments and is not heard "
+            "there. Check its time, its sensors' axes and whether it is the same road; its other segments count."
+        )
+    return {"rejected_segments": heard.rejected, "warnings": warnings}

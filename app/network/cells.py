@@ -1,0 +1,166 @@
+"""The squares of the map in which it is solved, and by which its tiles know whether they are new: tiles of zoom 14.
+
+A square is a number, ``x << 14 | y``. A segment is solved with the square of its middle and shown in all that it
+meets. Each square has a version, raised when and only when something that is shown of it changes: a tile is as new as
+the squares under it. ``cells`` is written in short transactions at the end of which everything stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import Any
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+ZOOM = 14
+_SIDE = 1 << ZOOM
+
+TILE_MARGIN = 1 / 32
+"""A tile draws lines a little beyond its edge; of a tile's side, twice what it draws."""
+
+# The squares in which segments (s) are shown. Few reach from one into another: what that costs is only theirs.
+OVER = """
+    SELECT DISTINCT id FROM (
+        SELECT s.cell AS id FROM segments AS s WHERE {where}
+        UNION ALL
+        SELECT along FROM segments AS s, versant_cells_along(s.geom_3857) AS along
+        WHERE {where}
+            AND versant_cell(ST_X(ST_StartPoint(s.geom_3857)), ST_Y(ST_StartPoint(s.geom_3857)))
+                <> versant_cell(ST_X(ST_EndPoint(s.geom_3857)), ST_Y(ST_EndPoint(s.geom_3857)))) AS shown
+"""
+_CELLS_OVER = text(OVER.format(where="s.id = ANY(CAST(:ids AS bigint[]))") + "ORDER BY id")
+
+_MAKE = text(
+    """
+    INSERT INTO cells (id) SELECT unnest(CAST(:ids AS integer[])) ORDER BY 1 ON CONFLICT (id) DO NOTHING
+    """
+)
+_VERSIONS = text("SELECT id, version FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id")
+# All who hold several squares take them in this order.
+_LOCK = text("SELECT id, version FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id FOR UPDATE")
+
+# Taken in the same order.
+_RAISE = text(
+    """
+    INSERT INTO cells AS c (id, version) SELECT unnest(CAST(:ids AS integer[])), 1 ORDER BY 1
+    ON CONFLICT (id) DO UPDATE SET version = c.version + 1, changed_at = clock_timestamp()
+    """
+)
+
+_SUM_DRIVEN = text(
+    """
+    WITH by_class AS (
+        SELECT s.cell, s.highway, count(*) AS n, sum(s.length_m) AS m
+        FROM segments AS s JOIN segment_slopes AS a ON a.segment_id = s.id
+        WHERE s.cell = ANY(CAST(:ids AS integer[])) AND a.drives > 0 GROUP BY s.cell, s.highway
+    ), summed AS (
+        SELECT cell, jsonb_object_agg(highway, jsonb_build_array(n, m)) AS driven FROM by_class GROUP BY cell
+    )
+    UPDATE cells AS c SET driven = coalesce(summed.driven, '{}')
+    FROM unnest(CAST(:ids AS integer[])) AS one (id) LEFT JOIN summed ON summed.cell = one.id
+    WHERE c.id = one.id AND c.driven <> coalesce(summed.driven, '{}')
+    """
+)
+
+# Squares beside each other are so near that a wide window over one reaches into the other.
+_UNSETTLE = text(
+    """
+    UPDATE cells SET unsettled_since = clock_timestamp()
+    WHERE unsettled_since IS NULL AND id IN (
+        SELECT id + (dx << 14) + dy FROM unnest(CAST(:ids AS integer[])) AS near (id),
+            generate_series(-1, 1) AS dx, generate_series(-1, 1) AS dy)
+    """
+)
+_TAKE_UNSETTLED = text("UPDATE cells SET unsettled_since = NULL WHERE id = ANY(CAST(:ids AS integer[]))")
+_UNSETTLED = text(
+    """
+    SELECT id FROM cells WHERE unsettled_since < clock_timestamp() - make_interval(secs => :age_s)
+    ORDER BY unsettled_since, id LIMIT :limit
+    """
+)
+
+# The sum tells any change of any of them; the time tells two databases behind one address apart.
+_TAG = text(
+    """
+    SELECT coalesce(sum(version), 0) AS version,
+           coalesce(CAST(extract(epoch FROM max(changed_at)) * 1000000 AS bigint), 0) AS changed_us
+    FROM cells
+    WHERE id BETWEEN (CAST(:x0 AS integer) << 14) AND (CAST(:x1 AS integer) << 14 | 16383)
+        AND (id & 16383) BETWEEN :y0 AND :y1
+    """
+)
+
+
+def cells_over(session: Session, segment_ids: Collection[int]) -> list[int]:
+    """The squares in which these segments are shown, sorted."""
+    return list(session.execute(_CELLS_OVER, {"ids": list(segment_ids)}).scalars())
+
+
+def versions_of(session: Session, cells: Collection[int]) -> dict[int, int]:
+    """The versions of squares; one that has no row yet has 0."""
+    found = {row.id: row.version for row in session.execute(_VERSIONS, {"ids": list(cells)})}
+    return {cell: found.get(cell, 0) for cell in cells}
+
+
+def lock_cells(session: Session, cells: Collection[int]) -> dict[int, int]:
+    """Keep other writers of these squares out until the transaction ends; their versions."""
+    ids = sorted(cells)
+    session.execute(_MAKE, {"ids": ids})
+    return {row.id: row.version for row in session.execute(_LOCK, {"ids": ids})}
+
+
+def raise_versions(session: Session, cells: Collection[int]) -> None:
+    """Say that what is shown of these squares has changed, and count anew what is driven there."""
+    if cells:
+        ids = sorted(cells)
+        session.execute(_RAISE, {"ids": ids})
+        session.execute(_SUM_DRIVEN, {"ids": ids})
+
+
+def unsettle(session: Session, cells: Collection[int]) -> None:
+    """Note that these squares and those beside them are to be settled some time."""
+    if cells:
+        session.execute(_UNSETTLE, {"ids": sorted(cells)})
+
+
+def unsettled(session: Session, age_s: float, limit: int) -> list[int]:
+    """Squares that have waited to be settled for so long, the longest first."""
+    return list(session.execute(_UNSETTLED, {"age_s": age_s, "limit": limit}).scalars())
+
+
+def take_unsettled(session: Session, cells: Collection[int]) -> None:
+    """These squares are about to be settled: from here on only what comes lets them wait anew."""
+    session.execute(_TAKE_UNSETTLED, {"ids": sorted(cells)})
+
+
+def tile_tag(session: Session, z: int, x: int, y: int) -> str:
+    """A short text that is equal for equal data of a tile, across databases too."""
+    x0, x1 = _span(z, x)
+    y0, y1 = _span(z, y)
+    row: Any = session.execute(_TAG, {"x0": x0, "x1": x1, "y0": y0, "y1": y1}).one()
+    return f"{row.version}.{row.changed_us:x}"
+
+
+def data_version_tag(session: Session) -> str:
+    """The same of all data."""
+    return tile_tag(session, 0, 0, 0)
+
+
+def data_version(session: Session) -> int:
+    """How often anything that is shown of any square has changed."""
+    values = {"x0": 0, "x1": _SIDE - 1, "y0": 0, "y1": _SIDE - 1}
+    return int(session.execute(_TAG, values).one().version)
+
+
+def beside(cell: int) -> Iterable[int]:
+    """The squares around one."""
+    x, y = cell >> ZOOM, cell & (_SIDE - 1)
+    return ((x + dx) << ZOOM | (y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy)
+
+
+def _span(z: int, column: int) -> tuple[int, int]:
+    """The columns, or rows, of squares that a tile's column and what it draws beyond it meet."""
+    scale = 2.0 ** (ZOOM - z)
+    low, high = (column - TILE_MARGIN) * scale, (column + 1 + TILE_MARGIN) * scale
+    return max(0, int(low // 1)), min(_SIDE - 1, int(high // 1))

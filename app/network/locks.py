@@ -1,0 +1,78 @@
+"""The locks of those who change the map. Nobody holds one while anything is computed.
+
+Drives and solvers share the network: any number at once, for as long as a short transaction takes. Whoever changes the
+roads or what lies under them owns it meanwhile. Whoever reads needs no lock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.db import Sessions
+
+# Any constants that no other user of this database takes.
+_NETWORK = 0x5653_4E54  # "VSNT"
+_HOURS = 0x5653_4852  # "VSHR"
+_CELLS = 0x5653_434C  # "VSCL"
+
+_OWN = text("SELECT pg_advisory_xact_lock(:key)")
+_SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
+_HOUR = text(
+    "SELECT pg_advisory_xact_lock(:key, h) FROM (SELECT unnest(CAST(:hours AS integer[])) AS h ORDER BY 1) AS o"
+)
+_TRY_CELL = text("SELECT pg_try_advisory_lock(:key, :cell)")
+_FREE_ALL = text("SELECT pg_advisory_unlock_all()")
+
+HOUR_S = 3600.0
+
+
+def own_network(session: Session) -> None:
+    """Wait for and keep out all who share the network until this transaction ends."""
+    session.execute(_OWN, {"key": _NETWORK})
+
+
+def share_network(session: Session) -> None:
+    """Keep the roads and what lies under them as they are until this transaction ends."""
+    session.execute(_SHARE, {"key": _NETWORK})
+
+
+def own_hours(session: Session, moments_s: Iterable[float], apart_s: float) -> None:
+    """Keep out whoever adds or removes a drive of the same hours, until this transaction ends.
+
+    ``moments_s`` are Unix seconds; drives whose moments are within ``apart_s`` of each other have an hour in common.
+    Only such drives can be one and the same, and each has to see the other.
+    """
+    hours = {int((m + d) // HOUR_S) for m in moments_s for d in (-apart_s, apart_s)}
+    session.execute(_HOUR, {"key": _HOURS, "hours": sorted(hours)})
+
+
+class CellClaims:
+    """Squares that one solver has taken for itself, for as long as its connection lasts: nobody waits for them."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.cells: set[int] = set()
+
+    def take(self, cell: int) -> bool:
+        """Whether the square is this solver's now."""
+        if (
+            cell not in self.cells
+            and self._session.execute(_TRY_CELL, {"key": _CELLS, "cell": cell}).scalar_one()
+        ):
+            self.cells.add(cell)
+        return cell in self.cells
+
+
+@contextmanager
+def cell_claims(sessions: Sessions) -> Iterator[CellClaims]:
+    """Claims that end with the block, or with the process."""
+    with sessions() as session:
+        session.connection(execution_options={"isolation_level": "AUTOCOMMIT"})
+        try:
+            yield CellClaims(session)
+        finally:
+            session.execute(_FREE_ALL)  # else they would go back into the pool with the connection

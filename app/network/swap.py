@@ -1,0 +1,214 @@
+"""What is marked, solved and put in the place of what stood there: on a snapshot, outside of any lock.
+
+A solver takes squares for itself, reads in one snapshot, solves, and writes in one short transaction, if no other has
+written in those squares since; else it does all again with what came. It may die at any moment: the marks stay.
+"""
+
+from __future__ import annotations
+
+import logging
+import random
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+from sqlalchemy import text
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.orm import Session
+
+from app.core.db import Sessions
+from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
+from app.network.locks import CellClaims, cell_claims, share_network
+from app.network.marks import Marked, Waiting, count_cells, marked_in, take_away, waiting_cells
+from app.network.passes import set_verdicts
+from app.network.publish import refresh_aggregates
+from app.network.slopes import clear_slopes, write_slopes
+from app.network.solve import Solution, solve_around
+from fusion.types import Bools, Progress, no_progress
+
+logger = logging.getLogger(__name__)
+
+TOLERANCE_SIGMAS = 1e-3
+"""Smaller changes are not written: what is stored stays within it of what was found, however often."""
+
+MOST_CELLS = 16
+"""Squares solved together: those of a drive of ten kilometres."""
+MOST_TOUCHED = 4000
+"""Touched segments, each as often as it was marked, after which no further square is taken."""
+
+_TRIES = 20
+_PAUSE_S = 0.02
+"""Before another try, a few times as long each: swaps take some tens of milliseconds."""
+_LOCK_WAIT = text("SET LOCAL lock_timeout = '50ms'")
+_ROADS = text("SELECT coalesce(max(id), 0) FROM road_versions")
+
+
+def _nobody() -> None:
+    """Asks no other solver."""
+
+
+class BusyError(Exception):
+    """Others were quicker again and again; what was to be written is still marked."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What one snapshot yielded, and what has to stand as it did there when it is written."""
+
+    marks: list[int]
+    combined: set[int]
+    solution: Solution | None
+    shown: Bools
+    roads: int
+    versions: dict[int, int] = field(default_factory=dict)
+    """Of all squares in which anything of it is shown."""
+
+
+def solve_marked(sessions: Sessions, *, only_due: bool = True, more: Callable[[], None] = _nobody) -> int:
+    """Take marked squares that no other solver has, solve and publish them; of how many.
+
+    ``only_due``: nothing is begun where no mark is due; then all that is marked near by is taken along. ``more`` is
+    called before anything is solved if there is work for another solver.
+    """
+    with cell_claims(sessions) as claims:
+        with sessions() as session:
+            waiting = waiting_cells(session)
+        cells = _take(claims, waiting, only_due)
+        if cells:
+            if any((w.due or not only_due) and w.cell not in cells for w in waiting):
+                more()
+            publish_cells(sessions, cells)
+    return len(cells)
+
+
+def publish_cells(sessions: Sessions, cells: Collection[int]) -> None:
+    """Solve all that is marked in these squares, which the caller has taken, and swap it in."""
+    for attempt in range(_TRIES):
+        with snapshot(sessions) as session:
+            found = _find(session, marked_in(session, cells))
+        if swap(sessions, found):
+            return
+        logger.debug("squares %s changed while they were solved; again", sorted(cells))
+        time.sleep(_PAUSE_S * random.uniform(0.5, 1.5) * min(attempt + 1, 5))  # noqa: S311 - no secret
+    raise BusyError(f"{_TRIES} times others wrote in the same squares first")
+
+
+@contextmanager
+def snapshot(sessions: Sessions) -> Iterator[Session]:
+    """A session that sees the database as it is at its first statement, and writes nothing."""
+    with sessions() as session:
+        session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+        yield session
+
+
+def solve_all_marked(sessions: Sessions, progress: Progress = no_progress) -> None:
+    """Solve until nothing is marked any more, beside other solvers; what they have taken is waited for."""
+    most = 1
+    while True:
+        with sessions() as session:
+            waiting = count_cells(session)
+        most = max(most, waiting)
+        progress("slopes", 1 - waiting / most)
+        if not waiting:
+            return
+        if not solve_marked(sessions, only_due=False):
+            time.sleep(_PAUSE_S)
+
+
+def road_version(session: Session) -> int:
+    """The number of the last import of roads."""
+    return int(session.execute(_ROADS).scalar_one())
+
+
+def shown_cells(
+    session: Session, solution: Solution, shown: Bools, combined: Collection[int]
+) -> dict[int, int]:
+    """The squares in which rows that are ``shown`` and combined segments lie, and their versions."""
+    return versions_of(session, cells_over(session, {*solution.around.ids[shown].tolist(), *combined}))
+
+
+def swap(
+    sessions: Sessions, found: Found, tolerance_sigmas: float = TOLERANCE_SIGMAS, *, settled: bool = False
+) -> bool:
+    """Write what was found, in one short transaction; False: it is out of date, or others are writing there just now.
+
+    Squares of which anything shown changed get a new version, and are noted as not ``settled``, with those around.
+    """
+    try:
+        with sessions.begin() as session:
+            session.execute(_LOCK_WAIT)
+            share_network(session)
+            if road_version(session) != found.roads or lock_cells(session, found.versions) != found.versions:
+                return False
+            touched = (
+                []
+                if found.solution is None
+                else _write(session, found.solution, found.shown, tolerance_sigmas)
+            )
+            changed = refresh_aggregates(session, [*touched, *found.combined])
+            cells = cells_over(session, changed) if changed else []
+            raise_versions(session, cells)
+            if not settled:
+                unsettle(session, cells)
+            take_away(session, found.marks)
+    except OperationalError as error:
+        if getattr(error.orig, "sqlstate", None) in {
+            "55P03",
+            "40P01",
+        }:  # waited too long; waited for each other
+            return False
+        raise
+    return True
+
+
+def _take(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int]:
+    """The first square that can be had, and marked ones about it as long as they are few."""
+    marked = {w.cell: w for w in waiting}
+    for first in waiting:
+        if (first.due or not only_due) and claims.take(first.cell):
+            break
+    else:
+        return set()
+    edge, touched = [first.cell], first.touched
+    while edge and len(claims.cells) < MOST_CELLS:
+        for cell in beside(edge.pop(0)):
+            near = marked.get(cell)
+            if near is None or cell in claims.cells or touched + near.touched > MOST_TOUCHED:
+                continue
+            if len(claims.cells) < MOST_CELLS and claims.take(cell):
+                touched += near.touched
+                edge.append(cell)
+    return claims.cells
+
+
+def _find(session: Session, marked: Marked) -> Found:
+    roads = road_version(session)
+    if not marked.touched:
+        versions = versions_of(session, cells_over(session, marked.combined))
+        return Found(marked.marks, marked.combined, None, np.zeros(0, bool), roads, versions)
+    solution, shown = solve_around(session, marked.touched)
+    versions = shown_cells(session, solution, shown, marked.combined)
+    return Found(marked.marks, marked.combined, solution, shown, roads, versions)
+
+
+def _write(session: Session, solution: Solution, shown: Bools, tolerance_sigmas: float) -> list[int]:
+    """Write the slopes of the rows that are ``shown`` and the verdicts over their passes; ids whose slope changed."""
+    around, result = solution.around, solution.result
+    gone = shown & (around.drives >= 0)
+    if result is None:
+        return clear_slopes(session, around.ids[gone].tolist())
+    solved = np.flatnonzero(solution.window.solved)
+    usable = np.isfinite(result.slope_percent) & np.isfinite(result.slope_sigma_percent) & shown[solved]
+    rows = solved[usable]
+    gone[rows] = False
+    mine = set(around.ids[shown].tolist())
+    heard = [(p, good) for p, good in solution.heard() if p.factor.segment in mine]
+    set_verdicts(session, {p.id: good for p, good in heard if p.id is not None and p.accepted != good})
+    drives = Counter(segment for segment, _ in {(p.factor.segment, p.drive_id) for p, good in heard if good})
+    ids = around.ids[rows].tolist()
+    counts = [drives[segment] for segment in ids]
+    changed = write_slopes(session, ids, counts, result, usable, tolerance_sigmas)
+    return [*clear_slopes(session, around.ids[gone].tolist()), *changed]

@@ -1,0 +1,48 @@
+"""The squares of the map: which a segment is shown in, and which a tile is made of."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import text
+
+from app.core.db import Sessions
+from app.network.cells import ZOOM, beside
+
+SIDE_M = 2 * math.pi * 6_378_137.0 / 2**ZOOM
+HALF_M = math.pi * 6_378_137.0
+
+_ALONG = text(
+    "SELECT versant_cells_along(ST_SetSRID(ST_MakeLine(ST_Point(:x0, :y0), ST_Point(:x1, :y1)), 3857))"
+)
+
+
+def cell_at(x: float, y: float) -> int:
+    column, row = math.floor((x + HALF_M) / SIDE_M), math.floor((HALF_M - y) / SIDE_M)
+    return column << ZOOM | row
+
+
+SQUARES = st.floats(-4, 4).map(lambda n: n * SIDE_M)
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(x0=SQUARES, y0=SQUARES, x1=SQUARES, y1=SQUARES)
+def test_a_line_is_in_every_square_that_it_meets_and_no_other(
+    sessions: Sessions, x0: float, y0: float, x1: float, y1: float
+) -> None:
+    with sessions() as session:
+        found = set(session.execute(_ALONG, {"x0": x0, "y0": y0, "x1": x1, "y1": y1}).scalars())
+    shares = [k / 997 for k in range(998)]
+    met = {cell_at(x0 + t * (x1 - x0), y0 + t * (y1 - y0)) for t in shares}
+    assert met <= found
+    # One that is met at a corner, or for less than a step, is not among those that were looked at.
+    assert all(any(near in met for near in (cell, *beside(cell))) for cell in found)
+    assert len(found) <= len(met) + 4
+
+
+def test_a_line_around_the_world_costs_thousands_of_squares_and_not_millions(sessions: Sessions) -> None:
+    with sessions() as session:
+        ends = {"x0": -HALF_M, "y0": -HALF_M, "x1": HALF_M, "y1": HALF_M / 3}
+        assert 16_000 < len(session.execute(_ALONG, ends).all()) < 33_000
