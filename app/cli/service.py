@@ -86,7 +86,7 @@ def api(
     settings = settings_for(data_dir, port=port, host=host)
     _begin(settings, with_parent)
     with database(settings, embedded=True if data_dir else None) as ready:
-        _require_database(ready)
+        _require_database(ready, migrated=False)  # until it is, /readyz says so
         number = free_port(ready)
         if not with_parent:
             console.note(f"Versant's API listens on {ready.host}:{number}. {reach(ready)}")
@@ -116,13 +116,23 @@ def worker(
     settings = settings_for(data_dir, worker_concurrency=concurrency)
     _begin(settings, with_parent)
     with database(settings, embedded=True if data_dir else None) as ready:
-        _require_database(ready)
+        _require_database(ready, migrated=True)
         run_worker(ready)
 
 
 @app.command("migrate")
-def migrate(ctx: typer.Context, data_dir: DataDir = None) -> None:
-    """Bring the database to the schema of this version."""
+def migrate(
+    ctx: typer.Context,
+    data_dir: DataDir = None,
+    finish: Annotated[
+        bool,
+        typer.Option(
+            "--finish",
+            help="Also take away what only programs of older versions use: when none runs any more.",
+        ),
+    ] = False,
+) -> None:
+    """Bring the database to the schema of this version. Programs of the version before may run on."""
     from app.cli.database import database, settings_for
     from app.core import migrate as migrations
 
@@ -130,15 +140,22 @@ def migrate(ctx: typer.Context, data_dir: DataDir = None) -> None:
     settings = settings_for(data_dir)
     with database(settings, embedded=True if data_dir else None) as ready:
         assert ready.database_url is not None  # noqa: S101 - database() sees to it
-        migrations.upgrade(ready.database_url)
-    console.note(f"The database is at revision {migrations.latest_revision()}.")
+        logging.basicConfig(level=logging.WARNING, format="%(message)s")
+        migrations.upgrade(ready.database_url, finish=finish)
+        revision = migrations.standing_of(ready.database_url).revision
+    console.note(f"The database is at revision {revision}.")
 
 
-def _require_database(settings: Settings) -> None:
+def _require_database(settings: Settings, *, migrated: bool) -> None:
+    """Raise unless the database is there and, with ``migrated`` or where it is newer, fits this program."""
     from app.core.databases import require_reachable
+    from app.core.migrate import standing_of
 
     assert settings.database_url is not None  # noqa: S101 - database() sees to it
     require_reachable(settings.database_url)
+    found = standing_of(settings.database_url)
+    if migrated or found.newer:
+        found.demand()
 
 
 def _begin(settings: Settings, with_parent: bool) -> None:
