@@ -28,13 +28,13 @@ TOP_LEVEL = {
 SQL_PLACES = {
     Path("app") / place
     for place in (
-        "core/computations.py",
         "core/databases.py",
         "core/schema.py",
         "drives/bulk.py",
         "drives/queue.py",
         "drives/store.py",
         "drives/tracks.py",
+        "jobs/computations.py",
         "map/store.py",
         "ops/store.py",
         "roads/copy.py",

@@ -11,7 +11,7 @@ from app.core.tables import Base
 
 
 class Computation(Base):
-    """A job that is computed just now or took its process along in an earlier run (``app.core.computations``)."""
+    """A job that is computed just now or took its process along in an earlier run (``app.jobs.computations``)."""
 
     __tablename__ = "computations"
 

@@ -6,17 +6,16 @@ import uuid
 from collections.abc import Iterable
 from typing import Any
 
-import procrastinate
 from sqlalchemy.orm import Session
 
-QUEUE = "drives"
+from app.jobs.task import FORMATTER as _FORMATTER
+from app.jobs.task import QUEUE, Kind, add_job
+
 TASK = "process_drive"
+PROCESS_DRIVE = Kind(TASK)
 
 BEHIND = -100
 """Priority of drives that are processed again by the thousand: uploads go first."""
-
-# Never opened: it only formats jobs, which are written on the session's own connection.
-_FORMATTER = procrastinate.App(connector=procrastinate.SyncPsycopgConnector())
 
 
 def enqueue(session: Session, drive_id: uuid.UUID, generation: int) -> None:
@@ -25,9 +24,7 @@ def enqueue(session: Session, drive_id: uuid.UUID, generation: int) -> None:
     Jobs of one drive run one after the other: a job for an older generation ends at its next sign of
     progress.
     """
-    connection: Any = session.connection().connection.driver_connection
-    job = _FORMATTER.configure_task(TASK, queue=QUEUE, lock=str(drive_id), connection=connection)
-    job.defer(drive_id=str(drive_id), generation=generation)
+    add_job(session, PROCESS_DRIVE, lock=str(drive_id), drive_id=str(drive_id), generation=generation)
 
 
 def enqueue_behind(session: Session, requests: Iterable[tuple[uuid.UUID, int]]) -> None:
