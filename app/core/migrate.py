@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -144,6 +145,7 @@ def _known(revision: str) -> bool:
         return False
 
 
+@cache
 def _scripts() -> ScriptDirectory:
     return ScriptDirectory(str(_scripts_folder()))
 

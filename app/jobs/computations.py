@@ -41,6 +41,7 @@ _END = """
     WHERE job_id = %(job)s AND backend = %(backend)s AND backend_start = %(start)s
 """
 _END_ALL = "UPDATE computations SET since = NULL WHERE backend = %(backend)s AND backend_start = %(start)s"
+_ALIVE = "SELECT 1"
 _DEATHS = "SELECT deaths FROM computations WHERE job_id = %(job)s"
 _FORGET = "DELETE FROM computations WHERE job_id = %(job)s"
 
@@ -65,6 +66,7 @@ class Witness:
         self._name = f"{socket.gethostname()}:{os.getpid()}"
         self._connection: psycopg.Connection[Any] | None = None
         self._identity: dict[str, Any] = {}
+        self._marks: dict[int, dict[str, Any]] = {}
         self._lock = threading.Lock()
         self._stopping = threading.Event()
 
@@ -75,13 +77,22 @@ class Witness:
             yield
             return
         with self._lock:
-            connection = self._open()
-            mark = {"job": job, **self._identity}
-            connection.execute(_BEGIN, {"process": self._name, **mark})
+            self._mark(job)
         try:
             yield
         finally:
-            self._clear(_END, mark)
+            self._clear(_END, self._marks.pop(job))
+
+    def look(self) -> None:
+        """Where the connection was cut, renew it and the marks, so that nobody takes this process for dead."""
+        with self._lock:
+            if not self._marks or self._stopping.is_set():
+                return
+            try:
+                self._open().execute(_ALIVE)
+            except psycopg.Error:
+                for job in tuple(self._marks):
+                    self._mark(job)
 
     def deaths(self, job: int) -> int:
         """In how many runs of the job the process died of it."""
@@ -105,12 +116,19 @@ class Witness:
             if self._connection is not None:
                 self._connection.close()
 
+    def _mark(self, job: int) -> None:
+        connection = self._open()
+        mark = {"job": job, **self._identity}
+        connection.execute(_BEGIN, {"process": self._name, **mark})
+        self._marks[job] = mark
+
     def _open(self) -> psycopg.Connection[Any]:
         if self._connection is None or self._connection.closed:
             self._connection = psycopg.connect(
                 self._url,
                 autocommit=True,
                 connect_timeout=CONNECT_TIMEOUT_S,
+                tcp_user_timeout=CONNECT_TIMEOUT_S * 1000,
                 options=_OPTIONS,
                 application_name="versant witness",
             )

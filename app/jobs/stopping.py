@@ -58,10 +58,12 @@ class Stopping:
         self._queue, self._runs, self._busy = queue, runs, busy
         self._grace_s, self._may_exit = grace_s, may_exit
         self._over = threading.Event()
+        self._given_up: set[int] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def begin(self) -> None:
         """The worker was asked to stop."""
+        self._in_background(self._runs.witness.stop)
         self._in_background(self._stop)
         if self._may_exit:
             self._in_background(self._exit_at_the_end)
@@ -71,22 +73,22 @@ class Stopping:
         self._over.set()
 
     def give_up_overdue(self) -> None:
-        """End runs that are beyond their limit and do not look; the process goes with them if it is its own."""
-        overdue = self._runs.overdue()
+        """End a run that is beyond its limit and does not look; the process goes with it if it is its own."""
+        overdue = [run for run in self._runs.overdue() if run.job not in self._given_up]
         if not overdue:
             return
-        for run in overdue:
-            logger.error("job %s does not end after %.0f s: it is given up", run.job, run.took_s)
+        self._given_up.update(run.job for run in overdue)
         if self._may_exit:
+            self._in_background(self._runs.witness.stop)
             self._in_background(lambda: self._exit_at_the_end(1))
-        self._runs.witness.stop()
         self._busy.cancel()
         for run in overdue:
-            with suppress(Exception):
+            logger.error("job %s does not end after %.0f s: it is given up", run.job, run.took_s)
+            with suppress(Exception):  # it ends all the same
                 run.task.give_up(run.too_long.kind, str(run.too_long), **run.arguments)
+            with suppress(Exception):
                 self._in_loop(run, jobs.Status.FAILED)
         if self._may_exit:
-            self._put_back([run for run in tuple(self._runs.current.values()) if run not in overdue])
             _exit(1)
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -94,7 +96,6 @@ class Stopping:
         self._loop = loop
 
     def _stop(self) -> None:
-        self._runs.witness.stop()
         if self._over.wait(self._grace_s * RUN_ON_SHARE):
             return
         self._runs.stopping.set()

@@ -72,12 +72,14 @@ class Worker:
         stop = asyncio.Event()
         self._stopping.attach(asyncio.get_running_loop())
         limits = in_thread(self._stopping.give_up_overdue, "what takes too long could not be given up")
+        alive = in_thread(self._runs.witness.look, "the database could not be told that this worker lives")
         with _stop_signals(stop):
             async with contextlib.AsyncExitStack() as meanwhile:
                 for beside in (
                     _watch(stop_event, stop),
                     self._end_when(stop),
                     _again_and_again(limits, _LOOK_AT_LIMITS_EVERY_S, None),
+                    _again_and_again(alive, self._settings.heartbeat_interval_s, None),
                 ):
                     await meanwhile.enter_async_context(_background(beside))
                 await meanwhile.enter_async_context(self._queue.open_async())
