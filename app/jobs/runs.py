@@ -27,6 +27,9 @@ MAX_DEATHS = 3
 LONGEST_PAUSE_S = 600
 """Between two runs of a job that loses the database again and again."""
 
+ONCE_AGAIN_S = 1.0
+"""Pause before a job of which one is enough is asked for anew, having lost the database."""
+
 LEEWAY = 1.1
 """A run that takes so many times its limit does not look at it any more: its process is given up."""
 
@@ -59,6 +62,8 @@ class Run:
     task: Task
     arguments: Mapping[str, Any]
     limit_s: float
+    once: bool = False
+    """One such job that waits is enough: this one cannot go back where another waits."""
     began_s: float = field(default_factory=time.monotonic)
 
     @property
@@ -93,7 +98,8 @@ class Runs:
 
     def perform(self, task: Task, context: procrastinate.JobContext, arguments: Mapping[str, Any]) -> str:
         """Run the job to its end, or say to the queue what is to become of it."""
-        run = Run(context.job.id or 0, task, arguments, self.limit_s)
+        once = context.job.queueing_lock is not None
+        run = Run(context.job.id or 0, task, arguments, self.limit_s, once)
         deaths = self.witness.deaths(run.job)
         if deaths >= MAX_DEATHS:
             task.give_up("interrupted", _died(task, deaths), **arguments)
@@ -105,10 +111,12 @@ class Runs:
         except Interrupted as stop:
             if context.abort_reason() == job_context.AbortReason.USER_REQUEST:
                 raise exceptions.JobAborted from stop
-            raise CutOffError from stop
+            if not once:
+                raise CutOffError from stop
+            task.put_back(**arguments)
+            outcome = "put back"
         except Exception as error:
-            self._cut_off_or_failed(run, context, error)
-            raise
+            outcome = self._cut_off_or_failed(run, context, error)
         self.begun.discard(run.job)
         self.witness.forget(run.job)
         return outcome
@@ -119,7 +127,7 @@ class Runs:
                 raise run.too_long
             return self.stopping.is_set() or context.should_abort()
 
-        return Work(should_stop, lambda: self.witness.computing(run.job))
+        return Work(should_stop, lambda: self.witness.computing(run.job), context.job.priority)
 
     @contextmanager
     def _entered(self, run: Run) -> Iterator[None]:
@@ -130,19 +138,28 @@ class Runs:
         finally:
             del self.current[run.job]
 
-    def _cut_off_or_failed(self, run: Run, context: procrastinate.JobContext, error: Exception) -> None:
-        """See to a run that ended by an error; what this does not raise is the queue's to judge."""
+    def _cut_off_or_failed(self, run: Run, context: procrastinate.JobContext, error: Exception) -> str:
+        """See to a run that ended by an error; raises what the queue is to judge."""
         if is_connection_loss(error):
-            if self.stopping.is_set() or context.should_abort():  # its statement was cancelled, most likely
-                with suppress(Exception):  # the database may be gone indeed; its next run begins all the same
-                    run.task.put_back(**run.arguments)
-                raise CutOffError from error
-            logger.warning("job %s lost the database and is run again later", run.job, exc_info=error)
-            return
+            stopped = (
+                self.stopping.is_set() or context.should_abort()
+            )  # its statement was cancelled, most likely
+            if not stopped:
+                logger.warning("job %s lost the database and is run again later", run.job, exc_info=error)
+            if run.once:
+                self.stopping.wait(0.0 if stopped else ONCE_AGAIN_S)
+                run.task.put_back(**run.arguments)
+                return "put back"
+            if not stopped:
+                raise error
+            with suppress(Exception):  # the database may be gone indeed; its next run begins all the same
+                run.task.put_back(**run.arguments)
+            raise CutOffError from error
         logger.error("job %s (%s) failed", run.job, run.task.kind.name, exc_info=error)
         run.task.give_up(*_in_words(run.task, error), **run.arguments)
         self.begun.discard(run.job)
         self.witness.forget(run.job)
+        raise error
 
 
 def make_queue(url: str, tasks: Sequence[Task], runs: Runs) -> procrastinate.App:

@@ -116,7 +116,7 @@ class Stopping:
             with suppress(Exception):  # a drive that still says "running" is taken up all the same
                 run.task.put_back(**run.arguments)
             with suppress(Exception):
-                self._in_loop(run, None)
+                self._in_loop(run, jobs.Status.ABORTED if run.once else None)
 
     def _in_loop(self, run: Run, status: jobs.Status | None) -> None:
         """Write to the queue, whose connections belong to the loop; without a status the job is run again."""

@@ -56,6 +56,8 @@ class Work:
     """Whether the worker stops; raises ``TooLongError`` when the run has taken as long as it may."""
     computing: Callable[[], AbstractContextManager[None]]
     """To be held around the computation proper."""
+    priority: int = 0
+    """Of the job."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ class Task:
     give_up: Callable[..., None]
     """``give_up(kind, reason, **arguments)``: it will not be run again; ``reason`` is a sentence for people."""
     put_back: Callable[..., None]
-    """``put_back(**arguments)``: its run is over without an end and it waits for another."""
+    """``put_back(**arguments)``: its run is over without an end and it waits for another. A job with a queueing lock
+    (one that waits is enough) ends with its run: then this adds another unless one waits."""
     subject: str = "job"
     """What people call that which is computed."""
     advice: str = "Ask for it again."

@@ -142,7 +142,10 @@ class Worker:
                 if number not in self._runs.begun:
                     await in_thread(functools.partial(self._charge, number), "a death was not counted")()
                 self._runs.begun.discard(number)
-                await self._queue.job_manager.retry_job(job)
+                try:
+                    await self._queue.job_manager.retry_job(job)
+                except exceptions.UniqueViolation:  # one is enough and another waits
+                    await self._queue.job_manager.finish_job(job, jobs.Status.ABORTED, delete_job=True)
         except exceptions.ConnectorException:
             logger.warning("stalled jobs could not be looked after; trying again later", exc_info=True)
 

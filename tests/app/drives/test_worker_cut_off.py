@@ -61,6 +61,28 @@ def test_a_drive_whose_workers_vanish_while_it_is_not_computed_is_innocent(
     assert drive_now(bench, drive.id).status == "done"
 
 
+def test_one_stalled_job_that_cannot_go_back_keeps_no_other(
+    settings: Settings, bench: Workbench, send: Send
+) -> None:
+    """A job of which one is enough, while another one waits."""
+    solver = (
+        "INSERT INTO procrastinate_jobs (queue_name, task_name, queueing_lock, status)"
+        " VALUES ('other', 't', 't', '{}')"
+    )
+    with bench.sessions.begin() as session:
+        session.execute(text(solver.format("doing")))
+        session.execute(text(solver.format("todo")))
+        session.execute(text("UPDATE procrastinate_jobs SET queue_name = 'drives' WHERE status = 'doing'"))
+    drive = send(0)
+    with bench.sessions.begin() as session:
+        session.execute(text("UPDATE procrastinate_jobs SET status = 'doing' WHERE task_name <> 't'"))
+    run_worker(settings, wait=False)
+    assert drive_now(bench, drive.id).status == "done"
+    with bench.sessions() as session:
+        query = text("SELECT queue_name, status::text FROM procrastinate_jobs")
+        assert session.execute(query).all() == [("other", "todo")]
+
+
 async def _nothing(*_: object) -> None:
     return
 

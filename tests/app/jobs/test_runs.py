@@ -11,6 +11,7 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from app.core.db import Sessions
+from app.jobs import runs
 from app.jobs.computations import Witness
 from app.jobs.runs import LONGEST_PAUSE_S, MAX_DEATHS, Runs, make_queue
 from app.jobs.task import Interrupted, Kind, Task, Work, add_job
@@ -43,10 +44,12 @@ class Desk:
             advice="Split it.",
         )
 
-    def add(self, *kinds: Kind) -> int:
+    def add(self, *kinds: Kind, once: bool = False) -> int:
         with self.sessions.begin() as session:
             for kind in kinds:
                 add_job(session, kind, lock="x", **ARGUMENTS)
+            if once:
+                session.execute(text("UPDATE procrastinate_jobs SET queueing_lock = 'solve'"))
             return int(session.execute(text("SELECT max(id) FROM procrastinate_jobs")).scalar_one())
 
     def work(self, does: Callable[[Work], None] = lambda _: None) -> list[tuple[Any, ...]]:
@@ -125,6 +128,25 @@ def test_a_statement_that_a_stop_cancelled_puts_the_job_back(desk: Desk) -> None
             lose(work)
 
     assert [said[0] for said in desk.work(cancelled)] == ["plain", "put back", "plain"]
+
+
+@pytest.mark.parametrize("how", ["stops", "loses"])
+def test_a_job_of_which_one_is_enough_is_asked_for_anew(
+    desk: Desk, how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another waits by then: going back would break the queue's rule, and the job would be nobody's for ever."""
+    monkeypatch.setattr(runs, "ONCE_AGAIN_S", 0.0)
+    desk.add(desk.kinds[0], once=True)
+
+    def cut_off(_: Work) -> None:
+        if len(desk.said) == 1:
+            desk.add(desk.kinds[1], once=True)
+            if how == "loses":
+                lose(_)
+            raise Interrupted
+
+    assert [said[0] for said in desk.work(cut_off)] == ["plain", "put back", "urgent"]
+    assert desk.jobs() == []
 
 
 class OwnError(FusionError):
