@@ -11,8 +11,9 @@ from alembic import context
 from geoalchemy2 import alembic_helpers
 from sqlalchemy import Connection, create_engine, pool
 
+from app.core import migrate, schema
+from app.core.service_tables import Base
 from app.core.settings import sqlalchemy_url
-from app.core.tables import Base
 
 
 def include_object(thing: Any, name: str | None, kind: str, reflected: bool, compare_to: Any) -> bool:
@@ -20,6 +21,13 @@ def include_object(thing: Any, name: str | None, kind: str, reflected: bool, com
     if kind == "table" and name is not None and name.startswith("procrastinate_"):
         return False
     return bool(alembic_helpers.include_object(thing, name, kind, reflected, compare_to))
+
+
+def note_support(*, ctx: Any, step: Any, heads: Any, **_: Any) -> None:
+    """After each migration: which programs the schema serves now."""
+    for head in heads:
+        module = step.revision_map.get_revision(head).module
+        schema.note_support(ctx.connection, migrate.oldest_program(module))
 
 
 def run(connection: Connection) -> None:
@@ -31,6 +39,7 @@ def run(connection: Connection) -> None:
         process_revision_directives=alembic_helpers.writer,
         render_item=alembic_helpers.render_item,
         compare_server_default=False,
+        on_version_apply=note_support,
     )
     with context.begin_transaction():
         context.run_migrations()

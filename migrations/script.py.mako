@@ -12,6 +12,9 @@ down_revision = ${repr(down_revision)}
 branch_labels = ${repr(branch_labels)}
 depends_on = ${repr(depends_on)}
 
+# The revision of the oldest programs that work with what this leaves (app.core.migrate): expand, then contract.
+oldest_program = ${repr(down_revision)}
+
 
 def upgrade() -> None:
     """Apply."""

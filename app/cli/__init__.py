@@ -38,7 +38,10 @@ COMMANDS = {
     "worker": Command(
         "app.cli.service", "Process uploaded drives. Any number of workers may share one database."
     ),
-    "migrate": Command("app.cli.service", "Bring the database to the schema of this version."),
+    "migrate": Command(
+        "app.cli.service",
+        "Bring the database to the schema of this version. Programs of the version before may run on.",
+    ),
     "import-roads": Command(
         "app.cli.imports", "Make the drivable roads of an OpenStreetMap file the road network."
     ),

@@ -52,5 +52,5 @@ def database(settings: Settings, *, embedded: bool | None = None) -> Iterator[Se
 def open_cluster(settings: Settings) -> Iterator[EmbeddedPostgres]:
     """Yield the cluster in ``settings.data_dir``, started and migrated, for as long as the block lasts."""
     with EmbeddedPostgres(settings.data_dir) as cluster:
-        migrate.upgrade(cluster.url)
+        migrate.upgrade(cluster.url, finish=True)  # the cluster has no programs but this installation's
         yield cluster

@@ -51,8 +51,9 @@ def up(
     While it runs, `versant import-roads`, `import-dem`, `export` (with the same --data-dir) and `upload` work
     beside it.
     """
+    from app.cli.children import stop_signals
     from app.cli.database import open_cluster, settings_for
-    from app.cli.supervisor import Service, stop_signals
+    from app.cli.supervisor import Service
 
     console: Console = ctx.obj
     settings = settings_for(data_dir, port=port, host=host)
@@ -60,7 +61,7 @@ def up(
         console.note(f"Starting in {settings.data_dir} ...")
         with open_cluster(settings) as cluster:
             ready = settings.model_copy(update={"database_url": cluster.url})
-            with Service(ready, console, cluster) as service:
+            with Service(ready, console, cluster=cluster) as service:
                 for line in welcome(service, settings):
                     typer.echo(line)
                 service.serve_forever()
@@ -86,7 +87,7 @@ def api(
     settings = settings_for(data_dir, port=port, host=host)
     _begin(settings, with_parent)
     with database(settings, embedded=True if data_dir else None) as ready:
-        _require_database(ready)
+        _require_database(ready, migrated=False)  # until it is, /readyz says so
         number = free_port(ready)
         if not with_parent:
             console.note(f"Versant's API listens on {ready.host}:{number}. {reach(ready)}")
@@ -105,24 +106,46 @@ def worker(
     ctx: typer.Context,
     data_dir: DataDir = None,
     concurrency: Annotated[
-        int | None, typer.Option(min=1, help="Drives computed at once.  [default: 1]", show_default=False)
+        int | None,
+        typer.Option(
+            min=1,
+            help="Drives computed at once, each in a process of its own.  [default: as cores and memory allow]",
+            show_default=False,
+        ),
     ] = None,
     with_parent: WithParent = False,
+    without_chores: Annotated[bool, typer.Option("--without-chores", hidden=True)] = False,
 ) -> None:
     """Process uploaded drives. Any number of workers may share one database."""
+    from app.cli.children import Children, lanes, stop_signals
     from app.cli.database import database, settings_for
-    from app.drives.worker import run_worker
 
     settings = settings_for(data_dir, worker_concurrency=concurrency)
     _begin(settings, with_parent)
     with database(settings, embedded=True if data_dir else None) as ready:
-        _require_database(ready)
-        run_worker(ready)
+        _require_database(ready, migrated=True)
+        if with_parent:
+            from app.drives.worker import run_worker
+
+            run_worker(ready, with_chores=not without_chores)
+            return
+        with stop_signals(), Children(ready, ctx.obj, lanes(ready)) as workers:
+            workers.look_after_all()
 
 
 @app.command("migrate")
-def migrate(ctx: typer.Context, data_dir: DataDir = None) -> None:
-    """Bring the database to the schema of this version."""
+def migrate(
+    ctx: typer.Context,
+    data_dir: DataDir = None,
+    finish: Annotated[
+        bool,
+        typer.Option(
+            "--finish",
+            help="Also take away what only programs of older versions use: when none runs any more.",
+        ),
+    ] = False,
+) -> None:
+    """Bring the database to the schema of this version. Programs of the version before may run on."""
     from app.cli.database import database, settings_for
     from app.core import migrate as migrations
 
@@ -130,15 +153,22 @@ def migrate(ctx: typer.Context, data_dir: DataDir = None) -> None:
     settings = settings_for(data_dir)
     with database(settings, embedded=True if data_dir else None) as ready:
         assert ready.database_url is not None  # noqa: S101 - database() sees to it
-        migrations.upgrade(ready.database_url)
-    console.note(f"The database is at revision {migrations.latest_revision()}.")
+        logging.basicConfig(level=logging.WARNING, format="%(message)s")
+        migrations.upgrade(ready.database_url, finish=finish)
+        revision = migrations.standing_of(ready.database_url).revision
+    console.note(f"The database is at revision {revision}.")
 
 
-def _require_database(settings: Settings) -> None:
+def _require_database(settings: Settings, *, migrated: bool) -> None:
+    """Raise unless the database is there and, with ``migrated`` or where it is newer, fits this program."""
     from app.core.databases import require_reachable
+    from app.core.migrate import standing_of
 
     assert settings.database_url is not None  # noqa: S101 - database() sees to it
     require_reachable(settings.database_url)
+    found = standing_of(settings.database_url)
+    if migrated or found.newer:
+        found.demand()
 
 
 def _begin(settings: Settings, with_parent: bool) -> None:
@@ -147,7 +177,7 @@ def _begin(settings: Settings, with_parent: bool) -> None:
     for chatty in ("procrastinate", "uvicorn", "httpx", "alembic", "matplotlib"):
         logging.getLogger(chatty).setLevel(max(logging.WARNING, logging.getLevelName(settings.log_level)))
     if with_parent:
-        from app.cli.supervisor import stop_with_parent
+        from app.cli.children import stop_with_parent
 
         stop_with_parent()
 

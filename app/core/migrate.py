@@ -1,17 +1,59 @@
-"""Brings a database to the schema of this code (alembic, ``migrations/``). Knows no table."""
+"""Brings a database to the schema of this code (alembic, ``migrations/``). Knows no table.
+
+Expand, then contract: a migration adds what the new code needs and leaves what older programs use, so that they go on
+until they are replaced. Each states in ``oldest_program`` the revision of the oldest programs that work with the schema
+as it leaves it (without: its own alone), which the database keeps. A database newer than a program is fine as long as
+that program is not older than this.
+"""
 
 from __future__ import annotations
 
+import logging
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 from alembic import command
 from alembic.config import Config
 from alembic.script import ScriptDirectory
+from alembic.util.exc import CommandError
+from sqlalchemy import Connection
+from sqlalchemy.orm import Session
 
 from app.core import databases
+from app.core.db import make_engine
+from app.core.schema import bring_queue_up, schema_state
 from app.core.settings import sqlalchemy_url
+from fusion.errors import FusionError
+
+logger = logging.getLogger(__name__)
 
 HEAD = "head"
+
+
+class SchemaError(FusionError):
+    """Database and program do not fit together; the message says which of them is to be updated."""
+
+    kind = "schema"
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a database's schema and this program stand to each other."""
+
+    revision: str | None
+    usable: bool
+    newer: bool = False
+    sentence: str = ""
+    """What is to be said of it; empty where both are of one revision."""
+
+    def demand(self) -> None:
+        """Raise ``SchemaError`` unless this program works with the database; say it when that is newer."""
+        if not self.usable:
+            raise SchemaError(self.sentence)
+        if self.sentence:
+            logger.warning(self.sentence)
 
 
 def alembic_config(url: str) -> Config:
@@ -25,10 +67,20 @@ def alembic_config(url: str) -> Config:
     return config
 
 
-def upgrade(url: str, revision: str = HEAD) -> None:
-    """Apply the migrations that are missing, one program at a time; none if the revision is reached."""
+def upgrade(url: str, revision: str = HEAD, *, finish: bool = False) -> None:
+    """Apply the migrations that are missing, ours and the queue's, one program at a time; none if none is.
+
+    ``finish`` also takes away what only older programs use: for when none runs any more. A newer database is
+    left as it is, with a word in the log; ``SchemaError`` where it does not serve this program.
+    """
     with databases.one_migration_at_a_time(url):
+        found = standing_of(url)
+        if revision == HEAD and found.newer:
+            found.demand()
+            return
         command.upgrade(alembic_config(url), revision)
+        for name in bring_queue_up(url, finish=finish):
+            logger.info("the queue's schema: %s", name)
 
 
 def downgrade(url: str, revision: str = "base") -> None:
@@ -44,7 +96,58 @@ def check(url: str) -> None:
 
 def latest_revision() -> str | None:
     """The revision that this code wants."""
-    return ScriptDirectory(str(_scripts_folder())).get_current_head()
+    return _scripts().get_current_head()
+
+
+def standing_of(url: str) -> Standing:
+    """How the database at ``url`` and this program stand to each other."""
+    engine = make_engine(url, pool_size=1)
+    try:
+        with engine.connect() as connection:
+            return standing(connection)
+    finally:
+        engine.dispose()
+
+
+def standing(session: Session | Connection) -> Standing:
+    """How the session's database and this program stand to each other."""
+    state, wanted = schema_state(session), latest_revision()
+    at = f"The database is at migration {state.revision}"
+    if state.revision is None or (state.revision != wanted and _known(state.revision)):
+        return Standing(
+            state.revision, False, sentence=f"{at}, this program needs {wanted}: run `versant migrate`."
+        )
+    if state.revision != wanted:
+        if state.oldest_program is not None and _known(state.oldest_program):
+            serves = f"{at}, newer than this program's {wanted}, which it still serves."
+            return Standing(state.revision, True, newer=True, sentence=serves)
+        late = f"{at} and serves no program as old as this one, of {wanted}: update the program."
+        return Standing(state.revision, False, newer=True, sentence=late)
+    if state.queue_waits:
+        return Standing(
+            state.revision,
+            False,
+            sentence="The queue's schema is older than its program: run `versant migrate`.",
+        )
+    return Standing(state.revision, True)
+
+
+def oldest_program(migration: ModuleType) -> str:
+    """The revision of the oldest programs that work with the schema as ``migration`` leaves it."""
+    return str(getattr(migration, "oldest_program", migration.revision))
+
+
+def _known(revision: str) -> bool:
+    """Whether this code has the migration: then it is at least as new."""
+    try:
+        return _scripts().get_revision(revision) is not None
+    except CommandError:
+        return False
+
+
+@cache
+def _scripts() -> ScriptDirectory:
+    return ScriptDirectory(str(_scripts_folder()))
 
 
 def _scripts_folder() -> Path:

@@ -123,8 +123,22 @@ class Settings(BaseSettings):
     )
 
     # The worker
-    worker_concurrency: int = Field(
-        1, ge=1, le=256, description="Drives that one worker process computes at once."
+    worker_concurrency: int | None = Field(
+        None,
+        ge=1,
+        le=256,
+        description="Drives that `versant worker` and `versant up` compute at once, each in a process of its own; "
+        "unset: as many as there are cores, as far as memory goes (1 GiB each), at most 8.",
+    )
+    grace_s: float = Field(
+        10.0,
+        gt=0,
+        le=3600,
+        description="Seconds in which a worker ends that is asked to stop: for half of them its drive goes on, then it "
+        "goes back into the queue.",
+    )
+    run_limit_s: float = Field(
+        3600.0, gt=0, description="Seconds that processing a drive may take; beyond them it fails."
     )
     heartbeat_interval_s: float = Field(
         5.0, gt=0, description="Seconds between two signs of life of a worker that computes."

@@ -44,7 +44,8 @@ def demo(
 
     Needs PostgreSQL with PostGIS installed and nothing else; no database is touched but its own.
     """
-    from app.cli.supervisor import reach, stop_signals
+    from app.cli.children import stop_signals
+    from app.cli.supervisor import reach
     from app.demo.files import figures, write_files
     from app.demo.run import demo_service, run_demo
 

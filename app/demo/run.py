@@ -90,7 +90,7 @@ def demo_service(console: Console, port: int = 0) -> Iterator[tuple[Service, Set
         settings = Settings(
             database_url=cluster.url, data_dir=Path(folder), port=port, host="127.0.0.1", log_level="WARNING"
         )
-        with Service(settings, console, cluster) as service:
+        with Service(settings, console, cluster=cluster) as service:
             yield service, service.settings
 
 

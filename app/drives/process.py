@@ -8,10 +8,9 @@ when the drive was deleted or asked for anew meanwhile, the result is discarded.
 from __future__ import annotations
 
 import logging
-import threading
 import uuid
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum
@@ -19,8 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
-from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
@@ -31,7 +28,8 @@ from app.drives import store as drives
 from app.drives.documents import Drive
 from app.drives.lags import with_settled_lag
 from app.drives.outputs.track import track_length_m
-from app.drives.progress import Discarded, Interrupted, RunProgress, never
+from app.drives.progress import Discarded, RunProgress, never
+from app.jobs.task import Interrupted, is_connection_loss
 from app.network import extracts
 from app.network import results as slopes
 from app.network.extracts import StoredRoads
@@ -53,12 +51,9 @@ logger = logging.getLogger(__name__)
 
 MAX_ROAD_CHANGES = 5
 """A drive is estimated so many times, each time because roads were imported meanwhile; then it fails."""
-_LOOK_EVERY_S = 0.5
-"""How often a drive that waits for another one looks whether it is to end, seconds."""
 
-# The compiled loops use all cores by themselves, and numba's plainest threading layer must not be entered by
-# two threads: within a process drives are estimated one at a time, while others are read and saved.
-_ESTIMATING = threading.Lock()
+Computing = Callable[[], AbstractContextManager[None]]
+"""To be held around the computation proper (``app.jobs.task.Work``)."""
 
 
 class Outcome(Enum):
@@ -108,6 +103,7 @@ def process_drive(
     *,
     should_stop: Callable[[], bool] = never,
     behind: bool = False,
+    computing: Computing = nullcontext,
 ) -> Outcome:
     """Run the drive until it has said all; solvers publish it then. Safe to call twice, also at the same time.
 
@@ -124,7 +120,7 @@ def process_drive(
         return Outcome.DISCARDED
     run = RunProgress(bench.sessions, drive, should_stop)
     try:
-        _run(bench, drive, run, behind=behind)
+        _run(bench, drive, run, computing, behind=behind)
     except Discarded:
         return Outcome.DISCARDED
     except Interrupted:
@@ -138,28 +134,23 @@ def process_drive(
     return Outcome.DONE
 
 
-def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, reason: str) -> None:
-    """Fail a drive whose runs were cut off again and again: it must not take worker after worker along."""
+def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
+    """Fail a drive that is not run again: it must not take worker after worker along, or keep one for ever."""
     with bench.sessions.begin() as session:
         if drives.mark_running(session, drive_id, generation) is None:
             return
-        drives.mark_failed(session, drive_id, generation, kind="interrupted", reason=reason, stage=None)
+        drives.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None)
 
 
-def is_connection_loss(error: BaseException) -> bool:
-    """Whether the database could not be reached or cut a transaction off, so that another run may succeed."""
-    if isinstance(error, OperationalError | InterfaceError | PoolTimeoutError):
-        return True
-    return isinstance(error, DBAPIError) and error.connection_invalidated
-
-
-def _run(bench: Workbench, drive: Drive, run: RunProgress, *, behind: bool) -> None:
+def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool) -> None:
     run.begin("reading")
-    log = _read(bench, drive, run)
+    with computing():
+        log = _read(bench, drive, run)
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
-        around = _surroundings(bench, log)
-        ids, result = _estimate(bench, log, around, drive, run)
+        with computing():
+            around = _surroundings(bench, log)
+        ids, result = _estimate(bench, log, around, drive, run, computing)
         run.begin("saving")
         if _append(bench, drive, log, around, ids, result, behind=behind):
             return
@@ -195,24 +186,26 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
 
 
 def _estimate(
-    bench: Workbench, log: DriveLog, around: _Surroundings, drive: Drive, run: RunProgress
+    bench: Workbench,
+    log: DriveLog,
+    around: _Surroundings,
+    drive: Drive,
+    run: RunProgress,
+    computing: Computing,
 ) -> tuple[Ints, DriveResult]:
     """The result, and the database's id of each segment of the network that it refers to."""
     run.begin("estimating")
     progress = run.part("estimating")
-    with ExitStack() as stack:
+    with computing(), ExitStack() as stack:
         terrain = None if around.dem is None else stack.enter_context(Dem.open(around.dem.paths))
-        while not _ESTIMATING.acquire(timeout=_LOOK_EVERY_S):
-            progress("waiting for another drive", 0.0)
-        stack.callback(_ESTIMATING.release)
         network, result = run_drive(
             log, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
         )
-        ids = around.roads.ids[rows_of(around.roads.table, network.table)]
-        if result.factors:
-            driven = network.table.subset(np.unique([f.segment for f in result.factors]))
-            fill_heights_along(bench.sessions, bench.dem_dir, driven)
-        return ids, with_settled_lag(bench.sessions, drive.id, ids, result)
+    ids = around.roads.ids[rows_of(around.roads.table, network.table)]
+    if result.factors:
+        driven = network.table.subset(np.unique([f.segment for f in result.factors]))
+        fill_heights_along(bench.sessions, bench.dem_dir, driven)
+    return ids, with_settled_lag(bench.sessions, drive.id, ids, result)
 
 
 def _append(

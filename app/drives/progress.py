@@ -10,15 +10,12 @@ import numpy as np
 from app.core.db import Sessions
 from app.drives import store as drives
 from app.drives.documents import Drive
+from app.jobs.task import Interrupted
 
 PROGRESS_EVERY_S = 0.5
 
 PARTS = {"reading": (0.0, 0.1), "roads": (0.1, 0.15), "estimating": (0.15, 0.95), "saving": (0.95, 1.0)}
 """The parts of a run and the shares of the whole at which they begin and end."""
-
-
-class Interrupted(Exception):  # noqa: N818  (no error: the worker was asked to stop)
-    """The worker stops; the drive is back in the queue."""
 
 
 class Discarded(Exception):  # noqa: N818  (no error: the drive is somebody else's by now)

@@ -1,4 +1,4 @@
-"""The job queue inside the database (procrastinate): a drive's row and its job commit together."""
+"""The drives' jobs: a drive's row and its job commit together. What a job is, ``app.jobs`` knows."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ import uuid
 from collections.abc import Iterable
 from typing import Any
 
-import procrastinate
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-QUEUE = "drives"
-TASK = "process_drive"
-SOLVE = "solve"
-REMOVE = "remove_drive"
+from app.jobs.task import FORMATTER as _FORMATTER
+from app.jobs.task import QUEUE, Kind, add_job
 
 AHEAD = 10
 """Priority of what is short and lets others wait: solving squares, taking back what a removed drive said."""
-
 BEHIND = -100
 """Priority of drives that are processed again by the thousand: uploads go first."""
+
+TASK = "process_drive"
+PROCESS_DRIVE = Kind(TASK)
+REMOVE_DRIVE = Kind("remove_drive", AHEAD)
+SOLVE = Kind("solve", AHEAD)
 
 # The queue's own function raises where a job waits already, which would end the session's transaction.
 _ASK_SOLVER = text(
@@ -40,9 +41,6 @@ _WAIT = text(
     """
 )
 
-# Never opened: it only formats jobs, which are written on the session's own connection.
-_FORMATTER = procrastinate.App(connector=procrastinate.SyncPsycopgConnector())
-
 
 def enqueue(session: Session, drive_id: uuid.UUID, generation: int) -> None:
     """Add the drive's job in the session's transaction: a rollback drops it, a commit wakes a worker.
@@ -50,21 +48,17 @@ def enqueue(session: Session, drive_id: uuid.UUID, generation: int) -> None:
     Jobs of one drive run one after the other: a job for an older generation ends at its next sign of
     progress.
     """
-    connection: Any = session.connection().connection.driver_connection
-    job = _FORMATTER.configure_task(TASK, queue=QUEUE, lock=str(drive_id), connection=connection)
-    job.defer(drive_id=str(drive_id), generation=generation)
+    add_job(session, PROCESS_DRIVE, lock=str(drive_id), drive_id=str(drive_id), generation=generation)
 
 
 def enqueue_removal(session: Session, drive_id: uuid.UUID, generation: int) -> None:
-    """Add the job that takes back what a drive said, ahead of uploads; as ``enqueue``."""
-    connection: Any = session.connection().connection.driver_connection
-    job = _FORMATTER.configure_task(REMOVE, queue=QUEUE, priority=AHEAD, connection=connection)
-    job.defer(drive_id=str(drive_id), generation=generation)
+    """Add the job that takes back what a drive said; as ``enqueue``."""
+    add_job(session, REMOVE_DRIVE, drive_id=str(drive_id), generation=generation)
 
 
 def enqueue_solve(session: Session) -> None:
     """Ask for a solver in the session's transaction; one that waits already will do for all that is marked by then."""
-    session.execute(_ASK_SOLVER, {"queue": QUEUE, "task": SOLVE, "priority": AHEAD})
+    session.execute(_ASK_SOLVER, {"queue": QUEUE, "task": SOLVE.name, "priority": SOLVE.priority})
 
 
 def drives_wait(session: Session, *, behind: bool) -> bool:

@@ -11,7 +11,6 @@ from sqlalchemy.exc import SQLAlchemyError
 from app.core import migrate
 from app.core.errors import FieldError, NotReadyError
 from app.core.http import Service, ServiceDep, problems
-from app.ops.store import schema_revision
 
 log = logging.getLogger(__name__)
 
@@ -46,16 +45,13 @@ def readyz(service: ServiceDep) -> Health:
 
 
 def _database(service: Service) -> str:
-    wanted = migrate.latest_revision()
     try:
         with service.reading() as session:
-            revision = schema_revision(session)
+            standing = migrate.standing(session)
     except SQLAlchemyError:
         log.exception("readiness: the database cannot be used")
         return "The database does not answer."
-    if revision != wanted:
-        return f"The database is at migration {revision}, this program needs {wanted}: run `versant migrate`."
-    return "ok"
+    return "ok" if standing.usable else standing.sentence
 
 
 def _blobs(service: Service) -> str:

@@ -58,9 +58,6 @@ _TOTALS = text(
     """
 )
 
-_HAS_REVISION = text("SELECT to_regclass('alembic_version') IS NOT NULL")
-_REVISION = text("SELECT version_num FROM alembic_version")
-
 
 class Queue(NamedTuple):
     """The drives that wait: their number, and how long the first has waited, s; None while none does."""
@@ -101,14 +98,6 @@ def totals(session: Session) -> Row[Any]:
     ``driven_distance_km`` is the sum over the drives: a road counts as often as it was driven.
     """
     return session.execute(_TOTALS).one()
-
-
-def schema_revision(session: Session) -> str | None:
-    """The migration that the database is at, or None where none was applied."""
-    if not session.execute(_HAS_REVISION).scalar_one():
-        return None
-    revision = session.execute(_REVISION).scalar()
-    return None if revision is None else str(revision)
 
 
 def _pairs(session: Session, query: TextClause) -> dict[str, Any]:

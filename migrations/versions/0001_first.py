@@ -6,8 +6,9 @@ Revision: 0001.
 import sqlalchemy as sa
 from alembic import op
 from geoalchemy2 import Geometry
-from procrastinate.schema import SchemaManager
 from sqlalchemy.dialects import postgresql
+
+from app.core.schema import install_queue
 
 revision = "0001"
 down_revision = None
@@ -79,8 +80,7 @@ def upgrade() -> None:
         sa.CheckConstraint("id = 1", name="singleton"),
     )
     op.execute("INSERT INTO data_version (id, version) VALUES (1, 1)")
-    # The driver's own execute: SQLAlchemy's would take a per cent sign in the script for a parameter.
-    op.get_bind().connection.driver_connection.execute(SchemaManager.get_schema())
+    install_queue(op.get_bind().connection.driver_connection)
 
 
 def downgrade() -> None:

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import psycopg
 import pytest
+from typer.testing import CliRunner
 
+from app.cli import app
 from app.cli.database import database
 from app.core import migrate
 from app.core.settings import Settings, libpq_url
@@ -50,3 +52,29 @@ def test_a_test_gets_a_migrated_copy_and_never_the_template(database_url: str, t
         row = connection.execute("SELECT current_database()").fetchone()
     assert row is not None
     assert row[0] != template_db
+
+
+@pytest.mark.parametrize("command", ["api", "worker"])
+def test_programs_refuse_a_database_that_no_longer_serves_them(
+    command: str, database_url: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with psycopg.connect(libpq_url(database_url)) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+        connection.execute("UPDATE schema_support SET oldest_program = '9998'")
+    monkeypatch.setenv("VERSANT_DATABASE_URL", database_url)
+    monkeypatch.setenv("VERSANT_DATA_DIR", str(tmp_path))
+    result = CliRunner().invoke(app, [command])
+    assert result.exit_code == 1
+    assert "serves no program as old as this one" in result.stderr
+
+
+def test_migrating_from_an_older_program_leaves_a_newer_database_as_it_is(
+    database_url: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with psycopg.connect(libpq_url(database_url)) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+    monkeypatch.setenv("VERSANT_DATABASE_URL", database_url)
+    monkeypatch.setenv("VERSANT_DATA_DIR", str(tmp_path))
+    result = CliRunner().invoke(app, ["migrate"])
+    assert result.exit_code == 0
+    assert "at revision 9999" in result.stderr

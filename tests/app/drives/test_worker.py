@@ -18,13 +18,14 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
+from app.cli.children import child_environment
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
 from app.drives import intake
 from app.drives import store as drives
 from app.drives.documents import Drive
-from app.drives.worker import MAX_ATTEMPTS, run_worker
+from app.drives.worker import run_worker
 from app.roads import imports as road_imports
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
@@ -44,7 +45,11 @@ Workers = Callable[[], AbstractContextManager["subprocess.Popen[bytes]"]]
 @pytest.fixture
 def settings(database_url: str, tmp_path: Path) -> Settings:
     return Settings(
-        database_url=database_url, data_dir=tmp_path, heartbeat_interval_s=0.5, stalled_after_s=2.0
+        database_url=database_url,
+        data_dir=tmp_path,
+        heartbeat_interval_s=0.5,
+        stalled_after_s=2.0,
+        grace_s=4.0,
     )
 
 
@@ -83,15 +88,10 @@ def worker_process(settings: Settings) -> Workers:
 
     @contextlib.contextmanager
     def start() -> Iterator[subprocess.Popen[bytes]]:
-        environment = os.environ | {
-            "VERSANT_DATABASE_URL": str(settings.database_url),
-            "VERSANT_DATA_DIR": str(settings.data_dir),
-            "VERSANT_HEARTBEAT_INTERVAL_S": str(settings.heartbeat_interval_s),
-            "VERSANT_STALLED_AFTER_S": str(settings.stalled_after_s),
-        }
+        environment = os.environ | child_environment(settings)
         program = (
             "from app.core.settings import Settings; from app.drives.worker import run_worker; "
-            "run_worker(Settings(), grace_s=0.2)"
+            "run_worker(Settings())"
         )
         with subprocess.Popen([sys.executable, "-c", program], cwd=REPOSITORY, env=environment) as process:
             try:
@@ -160,12 +160,6 @@ def test_the_queue_is_worked_off_past_a_bad_drive(settings: Settings, sessions: 
         assert session.execute(text("SELECT count(*) FROM procrastinate_workers")).scalar_one() == 0
 
 
-def test_two_lanes_work_the_queue_off(settings: Settings, sessions: Sessions, send: Send) -> None:
-    made = [send(0), send(1), send(2)]
-    run_worker(settings, concurrency=2, wait=False)
-    assert [now(sessions, drive.id).status for drive in made] == ["done", "done", "done"]
-
-
 def test_a_waiting_worker_takes_new_drives_until_it_is_stopped(
     settings: Settings, sessions: Sessions, send: Send
 ) -> None:
@@ -193,17 +187,14 @@ def test_a_worker_survives_the_loss_of_its_connections(
         assert wait_for(sessions, send(1), ended).status == "done"
 
 
-def test_a_drive_that_is_cut_off_again_and_again_is_given_up(
+def test_a_drive_that_is_cut_off_again_and_again_is_innocent(
     settings: Settings, sessions: Sessions, send: Send
 ) -> None:
     drive = send(0)
     with sessions.begin() as session:
-        session.execute(text("UPDATE procrastinate_jobs SET attempts = :n"), {"n": MAX_ATTEMPTS})
+        session.execute(text("UPDATE procrastinate_jobs SET attempts = 100"))
     run_worker(settings, wait=False)
-    failed = now(sessions, drive.id)
-    assert failed.failure is not None
-    assert (failed.status, failed.failure.kind) == ("failed", "interrupted")
-    assert counts(sessions) == (0, 0, 0, 0, 0)
+    assert now(sessions, drive.id).status == "done"
 
 
 def test_the_job_of_a_removed_drive_ends_quietly(settings: Settings, sessions: Sessions, send: Send) -> None:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import threading
 import time
 from pathlib import Path
 
 import pytest
-from procrastinate.jobs import Job
 from sqlalchemy import text
-from sqlalchemy.exc import OperationalError
 
 from app.core.settings import Settings
-from app.drives import intake, worker
+from app.drives import intake, process, worker
 from app.drives.process import Workbench
-from app.drives.queue import BEHIND
-from app.drives.worker import MAX_ATTEMPTS, MAX_DEATHS, make_queue, run_worker
+from app.drives.worker import run_worker
+from app.jobs import worker as jobs_worker
+from app.jobs.runs import MAX_DEATHS
 from processing_support import Send, drive_now, put_blob
 
 PATIENCE_S = 120.0
@@ -29,32 +27,14 @@ def settings(database_url: str, tmp_path: Path) -> Settings:
     return Settings(database_url=database_url, data_dir=tmp_path)
 
 
-def lost_sight_of(settings: Settings, bench: Workbench, begun: set[int]) -> None:
-    """The one job is taken by a worker that then gives no sign of life; another one looks after it."""
-    with bench.sessions.begin() as session:
-        session.execute(text("UPDATE procrastinate_jobs SET status = 'doing', worker_id = NULL"))
-
-    async def look_after() -> None:
-        queue = make_queue(str(settings.database_url), bench, begun)
-        async with queue.open_async():
-            await worker._retry_stalled(queue, settings.stalled_after_s, begun)
-
-    asyncio.run(look_after())
-
-
-def job_number(bench: Workbench) -> int:
-    with bench.sessions() as session:
-        return int(session.execute(text("SELECT id FROM procrastinate_jobs")).scalar_one())
-
-
 @pytest.mark.parametrize("deaths", [MAX_DEATHS - 1, MAX_DEATHS])
-def test_a_drive_that_its_workers_die_of_is_given_up_sooner(
+def test_a_drive_that_its_workers_die_of_is_given_up(
     settings: Settings, bench: Workbench, send: Send, deaths: int
 ) -> None:
-    assert MAX_DEATHS < MAX_ATTEMPTS
     drive = send(0)
-    for _ in range(deaths):
-        lost_sight_of(settings, bench, begun=set())
+    with bench.sessions.begin() as session:
+        guilty = text("INSERT INTO computations (job_id, deaths) SELECT id, :n FROM procrastinate_jobs")
+        session.execute(guilty, {"n": deaths})
     run_worker(settings, wait=False)
     found = drive_now(bench, drive.id)
     if deaths < MAX_DEATHS:
@@ -62,49 +42,89 @@ def test_a_drive_that_its_workers_die_of_is_given_up_sooner(
     else:
         assert found.failure is not None
         assert (found.status, found.failure.kind) == ("failed", "interrupted")
-        assert f"died {MAX_DEATHS} times" in found.failure.reason
+        assert f"died {MAX_DEATHS} times while it processed this drive" in found.failure.reason
+        assert "Split the log" in found.failure.reason
 
 
-@pytest.mark.parametrize("priority", [0, BEHIND])
-@pytest.mark.parametrize("deaths", range(MAX_DEATHS + 1))
-def test_deaths_are_counted_behind_uploads_as_well(priority: int, deaths: int) -> None:
-    job = Job(queue="q", lock=None, queueing_lock=None, task_name="t", priority=priority - deaths)
-    assert worker._deaths(job) == deaths
-
-
-def test_a_worker_cut_off_from_the_database_did_not_die(
+def test_a_drive_whose_workers_vanish_while_it_is_not_computed_is_innocent(
     settings: Settings, bench: Workbench, send: Send
 ) -> None:
     drive = send(0)
-    for _ in range(MAX_DEATHS):
-        lost_sight_of(settings, bench, begun={job_number(bench)})
+    for _ in range(MAX_DEATHS + 1):
+        with bench.sessions.begin() as session:
+            session.execute(text("UPDATE procrastinate_jobs SET status = 'doing', worker_id = NULL"))
+            session.execute(text("UPDATE drives SET status = 'running'"))
+        with pytest.MonkeyPatch.context() as patch:  # look after stalled jobs, take none
+            patch.setattr(jobs_worker.Worker, "_serve", _nothing)
+            run_worker(settings, wait=False)
     run_worker(settings, wait=False)
     assert drive_now(bench, drive.id).status == "done"
 
 
-def test_a_worker_remembers_the_jobs_that_it_did_not_bring_to_an_end(
+def test_one_stalled_job_that_cannot_go_back_keeps_no_other(
+    settings: Settings, bench: Workbench, send: Send
+) -> None:
+    """A job of which one is enough, while another one waits."""
+    solver = (
+        "INSERT INTO procrastinate_jobs (queue_name, task_name, queueing_lock, status)"
+        " VALUES ('other', 't', 't', '{}')"
+    )
+    with bench.sessions.begin() as session:
+        session.execute(text(solver.format("doing")))
+        session.execute(text(solver.format("todo")))
+        session.execute(text("UPDATE procrastinate_jobs SET queue_name = 'drives' WHERE status = 'doing'"))
+    drive = send(0)
+    with bench.sessions.begin() as session:
+        session.execute(text("UPDATE procrastinate_jobs SET status = 'doing' WHERE task_name <> 't'"))
+    run_worker(settings, wait=False)
+    assert drive_now(bench, drive.id).status == "done"
+    with bench.sessions() as session:
+        query = text("SELECT queue_name, status::text FROM procrastinate_jobs")
+        assert session.execute(query).all() == [("other", "todo")]
+
+
+async def _nothing(*_: object) -> None:
+    return
+
+
+def test_only_the_computation_of_a_drive_is_marked(
     settings: Settings, bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drive = send(0)
-    begun: set[int] = set()
-    queue = make_queue(str(settings.database_url), bench, begun)
+    marks: dict[str, bool] = {}
 
-    async def run() -> None:
-        async with queue.open_async():
-            await queue.run_worker_async(wait=False, install_signal_handlers=False)
+    def watched(name: str) -> None:
+        former = getattr(process, name)
 
-    def lose_connection(*_: object, **__: object) -> None:
-        raise OperationalError("x", {}, Exception())
+        def look(*arguments: object, **named: object) -> object:
+            with bench.sessions() as session:
+                query = text("SELECT EXISTS (SELECT FROM computations WHERE since IS NOT NULL)")
+                marks[name] = bool(session.execute(query).scalar_one())
+            return former(*arguments, **named)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(worker, "process_drive", lose_connection)
-        asyncio.run(run())
-    assert begun == {job_number(bench)}
-    with bench.sessions.begin() as session:
-        session.execute(text("UPDATE procrastinate_jobs SET scheduled_at = NULL"))
-    asyncio.run(run())
-    assert begun == set()
+        monkeypatch.setattr(process, name, look)
+
+    for name in ("read_log", "run_drive", "fill_heights_along", "_publish"):
+        watched(name)
+    drive = send(0, "profile")
+    run_worker(settings, wait=False)
     assert drive_now(bench, drive.id).status == "done"
+    assert marks == {"read_log": True, "run_drive": True, "fill_heights_along": False, "_publish": False}
+    with bench.sessions() as session:
+        assert session.execute(text("SELECT count(*) FROM computations")).scalar_one() == 0
+
+
+def test_a_drive_that_takes_too_long_fails_and_the_next_is_processed(
+    settings: Settings, bench: Workbench, send: Send
+) -> None:
+    first = send(0)
+    run_worker(settings.model_copy(update={"run_limit_s": 1e-6}), wait=False)
+    failed = drive_now(bench, first.id)
+    assert failed.failure is not None
+    assert (failed.status, failed.failure.kind) == ("failed", "too-long")
+    assert "Split the log" in failed.failure.reason
+    second = send(1)
+    run_worker(settings, wait=False)
+    assert drive_now(bench, second.id).status == "done"
 
 
 def test_a_worker_sweeps_the_blob_store_again_and_again(

@@ -1,0 +1,231 @@
+"""Child processes that are kept running and stopped within a stated time: the service's parts, a worker's lanes.
+
+Knows them by their commands alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Protocol, Self
+
+from app.cli.console import Console
+from app.core.settings import ENV_PREFIX, Settings
+
+STOP_MARGIN_S = 5.0
+"""Beyond the grace that children have: they end within that, unless the machine is overloaded."""
+
+LONGEST_PAUSE_S = 30.0  # between two attempts to start what keeps ending
+STEADY_S = 60.0  # a child that ran this long is no longer in a series of crashes
+MOST_LANES = 8
+MEMORY_PER_LANE_BYTES = 2**30
+_LOOK_EVERY_S = 0.2
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+_MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
+
+
+@dataclass
+class Child:
+    """One process, restarted with growing pauses while it keeps ending by itself."""
+
+    name: str
+    command: Sequence[str]
+    environment: dict[str, str]
+    process: subprocess.Popen[bytes] | None = None
+    started_s: float = 0.0
+    restart_s: float = 0.0
+    pause_s: float = 1.0
+
+    def start(self) -> None:
+        """Start it in its own session: a Ctrl-C in the terminal is for the parent, which stops everything.
+
+        The pipe at its standard input is never written to. It closes when the parent dies, however it dies.
+        """
+        self.started_s = time.monotonic()
+        self.process = subprocess.Popen(  # noqa: S603 - our own program with our own arguments
+            self.command, env=self.environment, stdin=subprocess.PIPE, start_new_session=True
+        )
+
+    def look_after(self, console: Console) -> None:
+        """Start it again if it has ended, after a pause that doubles from crash to crash."""
+        now = time.monotonic()
+        if self.process is not None and self.process.poll() is not None:
+            self.pause_s = 1.0 if now - self.started_s > STEADY_S else min(self.pause_s * 2, LONGEST_PAUSE_S)
+            self.restart_s = now + self.pause_s
+            ended = self.process.returncode
+            console.complain(
+                f"the {self.name} ended with status {ended}; starting it again in {self.pause_s:.0f} s."
+            )
+            self.process = None
+        if self.process is None and now >= self.restart_s:
+            self.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether the process is there."""
+        return self.process is not None and self.process.poll() is None
+
+
+class Watched(Protocol):
+    """What is looked after again and again."""
+
+    def look_after(self, console: Console) -> None:
+        """Set right what has gone wrong, and say so."""
+
+
+@dataclass
+class Children:
+    """Several of them; use as a context manager."""
+
+    settings: Settings
+    console: Console
+    children: list[Child] = field(default_factory=list)
+
+    def __enter__(self) -> Self:
+        try:
+            for child in self.children:
+                child.start()
+            self.await_ready()
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def await_ready(self) -> None:
+        """Return once they can be used."""
+
+    def look_after_all(self, others: Sequence[Watched] = ()) -> None:
+        """Look after ``others`` and the children until a signal interrupts (``stop_signals``)."""
+        while True:
+            time.sleep(_LOOK_EVERY_S)
+            for one in (*others, *self.children):
+                one.look_after(self.console)
+
+    def stop(self) -> None:
+        """End every child: asked first, killed after ``stop_timeout_s``; no signal interrupts this."""
+        with _signals_ignored():
+            running = [c.process for c in self.children if c.process is not None and c.running]
+            for process in running:
+                process.terminate()
+            deadline = time.monotonic() + stop_timeout_s(self.settings)
+            for process in running:
+                try:
+                    process.wait(max(deadline - time.monotonic(), 0.01))
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+            for child in self.children:
+                if child.process is not None and child.process.stdin is not None:
+                    child.process.stdin.close()
+                child.process = None
+
+
+def stop_timeout_s(settings: Settings) -> float:
+    """How long children are waited for that were asked to stop."""
+    return settings.grace_s + STOP_MARGIN_S
+
+
+def versant(*arguments: str) -> list[str]:
+    """A command of ours that stops with this process."""
+    return [sys.executable, "-m", "app.cli", *arguments, "--stop-with-parent"]
+
+
+def lanes(settings: Settings) -> list[Child]:
+    """Workers that compute side by side: as many as the settings want, each with its share of the cores."""
+    count = settings.worker_concurrency or sensible_lanes()
+    threads = str(max(1, _cores() // count))
+    shares = dict.fromkeys(_THREADS, threads) if count > 1 else {}
+    environment = shares | child_environment(settings)  # what is set by hand stays
+    return [
+        Child(
+            "worker" if count == 1 else f"worker {number}",
+            versant("worker", *(["--without-chores"] if number > 1 else [])),
+            environment,
+        )
+        for number in range(1, count + 1)
+    ]
+
+
+def sensible_lanes() -> int:
+    """One for each core that this process may use, as far as memory goes."""
+    return max(1, min(_cores(), _memory_bytes() // MEMORY_PER_LANE_BYTES, MOST_LANES))
+
+
+def _cores() -> int:
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not everywhere
+        return os.cpu_count() or 1
+
+
+def _memory_bytes() -> int:
+    """Of the machine, or of the container."""
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    with contextlib.suppress(OSError, ValueError):  # no such limit, or "max"
+        whole = min(whole, int(_MEMORY_LIMIT.read_text()))
+    return whole
+
+
+def child_environment(settings: Settings) -> dict[str, str]:
+    """The environment in which a child reads exactly these settings."""
+    changed = settings.model_dump(mode="json", exclude_none=True)
+    ours = {ENV_PREFIX + name.upper(): str(value) for name, value in changed.items()}
+    return {name: v for name, v in os.environ.items() if not name.startswith(ENV_PREFIX)} | ours
+
+
+@contextmanager
+def stop_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP do what Ctrl-C does: leave the block by ``KeyboardInterrupt``, caught here."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    wanted = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+    former = {number: signal.signal(number, interrupt) for number in wanted}
+    try:
+        yield
+    except KeyboardInterrupt:
+        pass
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
+
+
+def stop_with_parent() -> None:
+    """End this process as by SIGTERM once its standard input closes, as it does when the parent dies."""
+
+    def watch() -> None:
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _signals_ignored() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    wanted = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+    former = {number: signal.signal(number, signal.SIG_IGN) for number in wanted}
+    try:
+        yield
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)

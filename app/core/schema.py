@@ -1,0 +1,148 @@
+"""What the schema of a database is at: the project's revision, which programs it still serves, and the queue's own.
+
+The queue (procrastinate) ships its schema as one script and the way to it as a file for each change. The first
+migration takes the script; from then on ``bring_queue_up`` applies the files that are missing and notes each, so that
+an update of the package brings its schema along.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psycopg
+from procrastinate.schema import SchemaManager
+from sqlalchemy import Connection, text
+from sqlalchemy.orm import Session
+
+from app.core.settings import libpq_url
+
+_HAS_TABLE = text("SELECT to_regclass(:name) IS NOT NULL")
+_REVISION = text("SELECT version_num FROM alembic_version")
+_OLDEST_PROGRAM = text("SELECT oldest_program FROM schema_support")
+_SUPPORT = text(
+    """
+    INSERT INTO schema_support (id, oldest_program) VALUES (1, :revision)
+    ON CONFLICT (id) DO UPDATE SET oldest_program = excluded.oldest_program
+    """
+)
+_APPLIED = text("SELECT name FROM queue_migrations")
+
+_APPLIED_DIRECTLY = "SELECT name FROM queue_migrations"
+_HAS_RECORD = "SELECT to_regclass('queue_migrations') IS NOT NULL"
+_RECORD = "INSERT INTO queue_migrations (name) VALUES (%s) ON CONFLICT DO NOTHING"
+_COMMENT = "COMMENT ON TABLE procrastinate_jobs IS {}"
+_READ_COMMENT = "SELECT obj_description('procrastinate_jobs'::regclass)"
+
+_BEFORE_THE_FIRST = "03"
+"""No release of the project had a queue older than its version 3: what is older is in every database."""
+
+_HAS_FUNCTION = "EXISTS (SELECT FROM pg_proc WHERE proname = 'procrastinate_{}')"
+_SAYS = "EXISTS (SELECT FROM pg_proc WHERE proname = 'procrastinate_{}' AND prosrc LIKE '%{}%')"
+_WORKERS = "to_regclass('procrastinate_workers') IS NOT NULL"
+_TO_DEFER = "to_regtype('procrastinate_job_to_defer_v1') IS NOT NULL"
+
+_SIGNS = {
+    "03.00.00_01_pre_cancel_notification.sql": "EXISTS (SELECT FROM pg_attribute WHERE attname = 'abort_requested'"
+    " AND attrelid = 'procrastinate_jobs'::regclass)",
+    "03.00.00_50_post_cancel_notification.sql": "EXISTS (SELECT FROM pg_trigger"
+    " WHERE tgname = 'procrastinate_jobs_notify_queue_job_inserted_v1')",
+    "03.01.00_01_pre_add_heartbeat.sql": _WORKERS,
+    "03.01.00_50_post_add_heartbeat.sql": f"{_WORKERS} AND NOT {_HAS_FUNCTION.format('fetch_job_v1')}",
+    "03.02.00_01_pre_batch_defer_jobs.sql": _TO_DEFER,
+    "03.02.00_50_post_batch_defer_jobs.sql": f"{_TO_DEFER} AND NOT {_HAS_FUNCTION.format('defer_job_v1')}",
+    "03.03.00_01_pre_priority_lock_fetch_job.sql": _SAYS.format("fetch_job_v2", "other_jobs"),
+    "03.04.00_01_pre_add_retry_failed_job_procedure.sql": _HAS_FUNCTION.format("retry_job_v2"),
+    "03.04.00_50_post_add_retry_failed_job_procedure.sql": _SAYS.format(
+        "trigger_function_status_events_update_v1", "retried"
+    ),
+}
+"""By what a database from before the files were noted shows that one was applied."""
+
+
+@dataclass(frozen=True)
+class SchemaState:
+    """What a database says of its schema; ``revision`` None: it was never migrated."""
+
+    revision: str | None
+    oldest_program: str | None
+    """The revision of the oldest programs that work with it; None: those of its own alone."""
+    queue_waits: tuple[str, ...]
+    """Files of the queue's schema that this program needs and that are not applied."""
+
+
+def schema_state(session: Session | Connection) -> SchemaState:
+    """Read it, in the session's transaction."""
+    if not _has(session, "alembic_version"):
+        return SchemaState(None, None, ())
+    revision = session.execute(_REVISION).scalar()
+    oldest = session.execute(_OLDEST_PROGRAM).scalar() if _has(session, "schema_support") else None
+    applied = set(session.execute(_APPLIED).scalars()) if _has(session, "queue_migrations") else None
+    waits = () if applied is None else tuple(n for n in queue_files() if n not in applied and not _later(n))
+    return SchemaState(None if revision is None else str(revision), oldest, waits)
+
+
+def note_support(connection: Connection, oldest_program: str) -> None:
+    """Note the revision of the oldest programs that work with the schema as it is now."""
+    if _has(connection, "schema_support"):
+        connection.execute(_SUPPORT, {"revision": oldest_program})
+
+
+def queue_files() -> list[str]:
+    """Names of the files of the installed queue's schema, in their order."""
+    return sorted(path.name for path in Path(SchemaManager.get_migrations_path()).glob("*.sql"))
+
+
+def install_queue(connection: psycopg.Connection[Any]) -> None:
+    """Give a new database the installed queue's schema, with a note of how far that is."""
+    # The driver's own execute: SQLAlchemy's would take a per cent sign in the script for a parameter.
+    connection.execute(SchemaManager.get_schema())
+    comment_on_queue(connection, queue_files()[-1])
+
+
+def comment_on_queue(connection: psycopg.Connection[Any], last: str) -> None:
+    """Say at the queue's table, while there is no record, up to which file its schema goes."""
+    connection.execute(psycopg.sql.SQL(_COMMENT).format(psycopg.sql.Literal(last)))
+
+
+def adopt_queue(connection: psycopg.Connection[Any]) -> None:
+    """Begin the record of files with those that the database shows to have."""
+    (last,) = connection.execute(_READ_COMMENT).fetchone() or (None,)
+    for name in queue_files():
+        if name < _BEFORE_THE_FIRST or (name <= last if last else _shows(connection, name)):
+            connection.execute(_RECORD, (name,))
+
+
+def bring_queue_up(url: str, *, finish: bool) -> list[str]:
+    """Apply what is missing of the queue's schema, a transaction for each file; returns the files' names.
+
+    Files that take away what older programs need (their names say "post") wait for ``finish``.
+    """
+    with psycopg.connect(libpq_url(url), autocommit=True) as connection:
+        if not (connection.execute(_HAS_RECORD).fetchone() or (False,))[0]:
+            return []
+        applied = {name for (name,) in connection.execute(_APPLIED_DIRECTLY)}
+        missing = [name for name in queue_files() if name not in applied and (finish or not _later(name))]
+        for name in missing:
+            with connection.transaction():
+                script = (Path(SchemaManager.get_migrations_path()) / name).read_bytes()
+                connection.execute(script)
+                connection.execute(_RECORD, (name,))
+    return missing
+
+
+def _later(name: str) -> bool:
+    """Whether the file is to be applied when no older program runs any more."""
+    return "_post_" in name
+
+
+def _shows(connection: psycopg.Connection[Any], name: str) -> bool:
+    sign = _SIGNS.get(name)
+    if sign is None:
+        return False
+    return bool((connection.execute(f"SELECT {sign}".encode()).fetchone() or (False,))[0])
+
+
+def _has(session: Session | Connection, table: str) -> bool:
+    return bool(session.execute(_HAS_TABLE, {"name": table}).scalar_one())

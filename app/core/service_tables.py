@@ -1,0 +1,48 @@
+"""Tables by which the service runs itself, as ``tables`` describes those of its subjects."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from sqlalchemy import BigInteger, CheckConstraint, SmallInteger, func
+from sqlalchemy.orm import Mapped, mapped_column
+
+from app.core.tables import Base
+
+
+class Computation(Base):
+    """A job that is computed just now or took its process along in an earlier run (``app.jobs.computations``)."""
+
+    __tablename__ = "computations"
+
+    job_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    """Of the queue; no foreign key, for the queue's tables are its own."""
+    deaths: Mapped[int] = mapped_column(SmallInteger, server_default="0")
+    """Runs in which the process ended while it computed this job."""
+    since: Mapped[datetime | None]
+    """When the computation began; NULL: none runs."""
+    process: Mapped[str | None]
+    """Machine and number of the process, for people."""
+    backend: Mapped[int | None]
+    """The server's process behind the connection that the computation holds: both end together."""
+    backend_start: Mapped[datetime | None]
+
+
+class SchemaSupport(Base):
+    """One row: the revision of the oldest programs that work with the schema."""
+
+    __tablename__ = "schema_support"
+
+    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    oldest_program: Mapped[str]
+
+    __table_args__ = (CheckConstraint("id = 1", name="singleton"),)
+
+
+class QueueMigration(Base):
+    """A file of the queue's own schema that was applied (``app.core.schema``)."""
+
+    __tablename__ = "queue_migrations"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    applied_at: Mapped[datetime] = mapped_column(server_default=func.now())

@@ -1,0 +1,201 @@
+"""The runs of this process: how each is begun and brought to an end, whatever happens to it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+import procrastinate
+from procrastinate import exceptions, job_context, jobs
+from procrastinate.retry import BaseRetryStrategy, RetryDecision
+
+from app.core.settings import libpq_url
+from app.jobs.computations import Witness
+from app.jobs.task import QUEUE, Interrupted, Task, TooLongError, Work, is_connection_loss
+from fusion.errors import FusionError
+
+logger = logging.getLogger(__name__)
+
+MAX_DEATHS = 3
+"""A job is given up when so many processes died of it: what needs more memory than there is kills every time."""
+
+LONGEST_PAUSE_S = 600
+"""Between two runs of a job that loses the database again and again."""
+
+ONCE_AGAIN_S = 1.0
+"""Pause before a job of which one is enough is asked for anew, having lost the database."""
+
+LEEWAY = 1.1
+"""A run that takes so many times its limit does not look at it any more: its process is given up."""
+
+_CONNECTIONS = 5  # of the queue: fetching, listening, heartbeat, looking after stalled jobs
+
+
+class CutOffError(Exception):
+    """The worker stops: the job goes back into the queue at once."""
+
+
+class _AgainLater(BaseRetryStrategy):
+    """Run a job again that was cut off: at once after a stop, later and later while the database is away.
+
+    However often: neither is the job's fault.
+    """
+
+    def get_retry_decision(self, *, exception: BaseException, job: jobs.Job) -> RetryDecision | None:
+        if isinstance(exception, CutOffError):
+            return RetryDecision()
+        if is_connection_loss(exception):
+            return RetryDecision(retry_in={"seconds": min(2 ** min(job.attempts, 30), LONGEST_PAUSE_S)})
+        return None
+
+
+@dataclass(frozen=True)
+class Run:
+    """One job that this process has begun."""
+
+    job: int
+    task: Task
+    arguments: Mapping[str, Any]
+    limit_s: float
+    once: bool = False
+    """One such job that waits is enough: this one cannot go back where another waits."""
+    began_s: float = field(default_factory=time.monotonic)
+
+    @property
+    def took_s(self) -> float:
+        """For how long it runs."""
+        return time.monotonic() - self.began_s
+
+    @property
+    def too_long(self) -> TooLongError:
+        """What is to be said when it is beyond its limit."""
+        return TooLongError(
+            f"Processing this {self.task.subject} took longer than the {self.limit_s:.0f} s that a run may take "
+            f"(VERSANT_RUN_LIMIT_S). {self.task.advice}"
+        )
+
+
+class Runs:
+    """The runs of this process, now and before."""
+
+    def __init__(self, witness: Witness, limit_s: float) -> None:
+        self.witness, self.limit_s = witness, limit_s
+        self.current: dict[int, Run] = {}
+        self.begun: set[int] = set()
+        """Jobs begun and not brought to an end: when the database takes one of them for a dead worker's, this
+        process was only cut off from it."""
+        self.stopping = threading.Event()
+        """Runs end at their next look and go back into the queue."""
+
+    def overdue(self) -> list[Run]:
+        """Those that took longer than they may and do not look."""
+        return [run for run in tuple(self.current.values()) if run.took_s > run.limit_s * LEEWAY]
+
+    def perform(self, task: Task, context: procrastinate.JobContext, arguments: Mapping[str, Any]) -> str:
+        """Run the job to its end, or say to the queue what is to become of it."""
+        once = context.job.queueing_lock is not None
+        run = Run(context.job.id or 0, task, arguments, self.limit_s, once)
+        deaths = self.witness.deaths(run.job)
+        if deaths >= MAX_DEATHS:
+            task.give_up("interrupted", _died(task, deaths), **arguments)
+            self.witness.forget(run.job)
+            return "given up"
+        try:
+            with self._entered(run):
+                outcome = task.run(self._work(run, context), **arguments)
+        except Interrupted as stop:
+            if context.abort_reason() == job_context.AbortReason.USER_REQUEST:
+                raise exceptions.JobAborted from stop
+            if not once:
+                raise CutOffError from stop
+            task.put_back(**arguments)
+            outcome = "put back"
+        except Exception as error:
+            outcome = self._cut_off_or_failed(run, context, error)
+        self.begun.discard(run.job)
+        self.witness.forget(run.job)
+        return outcome
+
+    def _work(self, run: Run, context: procrastinate.JobContext) -> Work:
+        def should_stop() -> bool:
+            if run.took_s > run.limit_s:
+                raise run.too_long
+            return self.stopping.is_set() or context.should_abort()
+
+        return Work(should_stop, lambda: self.witness.computing(run.job), context.job.priority)
+
+    @contextmanager
+    def _entered(self, run: Run) -> Iterator[None]:
+        self.begun.add(run.job)
+        self.current[run.job] = run
+        try:
+            yield
+        finally:
+            del self.current[run.job]
+
+    def _cut_off_or_failed(self, run: Run, context: procrastinate.JobContext, error: Exception) -> str:
+        """See to a run that ended by an error; raises what the queue is to judge."""
+        if is_connection_loss(error):
+            stopped = (
+                self.stopping.is_set() or context.should_abort()
+            )  # its statement was cancelled, most likely
+            if not stopped:
+                logger.warning("job %s lost the database and is run again later", run.job, exc_info=error)
+            if run.once:
+                self.stopping.wait(0.0 if stopped else ONCE_AGAIN_S)
+                run.task.put_back(**run.arguments)
+                return "put back"
+            if not stopped:
+                raise error
+            with suppress(Exception):  # the database may be gone indeed; its next run begins all the same
+                run.task.put_back(**run.arguments)
+            raise CutOffError from error
+        logger.error("job %s (%s) failed", run.job, run.task.kind.name, exc_info=error)
+        run.task.give_up(*_in_words(run.task, error), **run.arguments)
+        self.begun.discard(run.job)
+        self.witness.forget(run.job)
+        raise error
+
+
+def make_queue(url: str, tasks: Sequence[Task], runs: Runs) -> procrastinate.App:
+    """The queue with its tasks (their contract: ``app.jobs.task``), on the database at ``url``; the caller opens it.
+
+    ``runs`` holds what this process runs of them.
+    """
+    connector = procrastinate.PsycopgConnector(conninfo=libpq_url(url), min_size=1, max_size=_CONNECTIONS)
+    app = procrastinate.App(connector=connector)
+    for task in tasks:
+        _register(app, task, runs)
+    return app
+
+
+def _register(app: procrastinate.App, task: Task, runs: Runs) -> None:
+    @app.task(
+        name=task.kind.name, queue=QUEUE, priority=task.kind.priority, pass_context=True, retry=_AgainLater()
+    )
+    def perform(context: procrastinate.JobContext, /, **arguments: Any) -> str:
+        return runs.perform(task, context, arguments)
+
+
+def _died(task: Task, deaths: int) -> str:
+    return (
+        f"The worker died {deaths} times while it processed this {task.subject}, most likely for lack of memory. "
+        f"{task.advice}"
+    )
+
+
+def _in_words(task: Task, error: Exception) -> tuple[str, str]:
+    """Kind and reason of a failure."""
+    if isinstance(error, FusionError):
+        return error.kind, str(error)
+    if isinstance(error, MemoryError):
+        return "out-of-memory", f"This {task.subject} needs more memory than the worker has. {task.advice}"
+    fault = (
+        f"Processing failed by a fault of the service ({type(error).__name__}). It is in the worker's log."
+    )
+    return "internal", fault

@@ -1,0 +1,218 @@
+"""A worker's loop: takes jobs from the queue, one at a time, does chores beside them, and ends when it is asked to.
+
+A worker that is killed leaves its job marked as running; every worker looks, when it starts and then again and again,
+for jobs whose worker has given no sign of life for ``stalled_after_s`` and puts them back. More jobs at once are more
+processes: the compiled loops of one use its cores, and must not be entered twice.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import logging
+import signal
+import threading
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence
+from typing import Any
+
+from procrastinate import exceptions, jobs
+from sqlalchemy import Engine
+
+from app.core.db import Sessions
+from app.core.settings import Settings
+from app.jobs.computations import Witness, charge
+from app.jobs.runs import Runs, make_queue
+from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
+from app.jobs.task import QUEUE, Task
+
+logger = logging.getLogger(__name__)
+
+_POLL_S = 1.0  # for jobs put back: only new ones announce themselves
+_RESTART_AFTER_S = 1.0
+_NEXT_PIECE_S = 1.0  # as long as a piece takes: half of the time the network is the drives'
+_LOOK_AT_LIMITS_EVERY_S = 1.0
+
+
+Chore = Callable[[], Awaitable[bool | None]]
+"""What is done beside the jobs, in pieces of at most a second or so; true: there is more to do."""
+
+
+class Worker:
+    """One lane of work on the queue of ``settings.database_url``."""
+
+    def __init__(self, settings: Settings, engine: Engine, sessions: Sessions, tasks: Sequence[Task]) -> None:
+        self._settings, self._sessions = settings, sessions
+        url = str(settings.database_url)
+        self._runs = Runs(Witness(url), settings.run_limit_s)
+        self._queue = make_queue(url, tasks, self._runs)
+        self._stopping = Stopping(
+            self._queue,
+            self._runs,
+            BusyConnections(engine),
+            settings.grace_s,
+            may_exit=threading.current_thread() is threading.main_thread(),
+        )
+
+    def run(
+        self, chores: Sequence[tuple[Chore, float]], *, wait: bool, stop_event: threading.Event | None
+    ) -> None:
+        """Work until stopped, or until the queue is empty; each chore first and again every so many seconds."""
+        retry_every_s = min(self._settings.stalled_after_s / 4, 10.0)
+        every = ((self._retry_stalled, retry_every_s), *chores)
+        try:
+            asyncio.run(self._work(every, wait, stop_event))
+        finally:
+            self._stopping.end()
+            self._runs.witness.close()
+
+    async def _work(
+        self, chores: Sequence[tuple[Chore, float]], wait: bool, stop_event: threading.Event | None
+    ) -> None:
+        stop = asyncio.Event()
+        self._stopping.attach(asyncio.get_running_loop())
+        limits = in_thread(self._stopping.give_up_overdue, "what takes too long could not be given up")
+        alive = in_thread(self._runs.witness.look, "the database could not be told that this worker lives")
+        with _stop_signals(stop):
+            async with contextlib.AsyncExitStack() as meanwhile:
+                for beside in (
+                    _watch(stop_event, stop),
+                    self._end_when(stop),
+                    _again_and_again(limits, _LOOK_AT_LIMITS_EVERY_S, None),
+                    _again_and_again(alive, self._settings.heartbeat_interval_s, None),
+                ):
+                    await meanwhile.enter_async_context(_background(beside))
+                await meanwhile.enter_async_context(self._queue.open_async())
+                for chore, every_s in chores:
+                    more = await chore()
+                    await meanwhile.enter_async_context(_background(_again_and_again(chore, every_s, more)))
+                while not stop.is_set():
+                    await self._serve(wait, stop)
+                    if not wait:
+                        return
+                    if not stop.is_set():  # it ended by itself: the connection to the database was lost
+                        await asyncio.sleep(_RESTART_AFTER_S)
+
+    async def _end_when(self, stop: asyncio.Event) -> None:
+        await stop.wait()
+        self._stopping.begin()
+
+    async def _serve(self, wait: bool, stop: asyncio.Event) -> None:
+        """Run procrastinate's worker until it ends or ``stop`` is set."""
+        worker = asyncio.create_task(
+            self._queue.run_worker_async(
+                queues=[QUEUE],
+                concurrency=1,
+                wait=wait,
+                install_signal_handlers=False,
+                fetch_job_polling_interval=_POLL_S,
+                shutdown_graceful_timeout=self._settings.grace_s * RUN_ON_SHARE,
+                update_heartbeat_interval=self._settings.heartbeat_interval_s,
+                stalled_worker_timeout=self._settings.stalled_after_s,
+                delete_jobs=jobs.DeleteJobCondition.SUCCESSFUL.value,
+            )
+        )
+        stopping = asyncio.create_task(stop.wait())
+        try:
+            await asyncio.wait({worker, stopping}, return_when=asyncio.FIRST_COMPLETED)
+            worker.cancel()  # a worker that is cancelled ends its jobs first
+            await worker
+        except asyncio.CancelledError:
+            if not worker.done():
+                raise
+        except exceptions.ConnectorException:
+            if not wait:
+                raise
+            logger.warning("the worker lost the database and will try again", exc_info=True)
+        finally:
+            stopping.cancel()
+
+    async def _retry_stalled(self) -> None:
+        """Put jobs of silent workers back. Two workers may do so at once: a job may safely run twice.
+
+        A job that this process itself had begun was only cut off from the database; of any other's the
+        computation may be what its worker died of.
+        """
+        try:
+            for job in await self._queue.job_manager.get_stalled_jobs(
+                queue=QUEUE, seconds_since_heartbeat=self._settings.stalled_after_s
+            ):
+                number = job.id or 0
+                logger.warning("job %s of a silent worker goes back into the queue", number)
+                if number not in self._runs.begun:
+                    await in_thread(functools.partial(self._charge, number), "a death was not counted")()
+                self._runs.begun.discard(number)
+                try:
+                    await self._queue.job_manager.retry_job(job)
+                except exceptions.UniqueViolation:  # one is enough and another waits
+                    await self._queue.job_manager.finish_job(job, jobs.Status.ABORTED, delete_job=True)
+        except exceptions.ConnectorException:
+            logger.warning("stalled jobs could not be looked after; trying again later", exc_info=True)
+
+    def _charge(self, job: int) -> None:
+        with self._sessions.begin() as session:
+            charge(session, job)
+
+
+def in_thread(work: Callable[[], bool | None], failed: str) -> Chore:
+    """A chore in a thread of its own; when a store or the database is away, it is left for the next time."""
+
+    def careful() -> bool | None:
+        try:
+            return work()
+        except Exception:
+            logger.warning("%s; trying again later", failed, exc_info=True)
+            return None
+
+    return functools.partial(asyncio.to_thread, careful)
+
+
+async def _again_and_again(chore: Chore, every_s: float, more: bool | None) -> None:
+    while True:
+        await asyncio.sleep(_NEXT_PIECE_S if more else every_s)
+        more = await chore()
+
+
+async def _watch(stop_event: threading.Event | None, stop: asyncio.Event) -> None:
+    """Carry a thread's event over to the loop."""
+    while stop_event is not None and not stop.is_set():
+        if stop_event.is_set():
+            stop.set()
+        await asyncio.sleep(0.1)
+
+
+@contextlib.asynccontextmanager
+async def _background(coroutine: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    task = asyncio.create_task(coroutine)
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+@contextlib.contextmanager
+def _stop_signals(stop: asyncio.Event) -> Iterator[None]:
+    """Let the first SIGTERM or SIGINT set ``stop``; a second one acts as usual."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    loop = asyncio.get_running_loop()
+    wanted = (signal.SIGTERM, signal.SIGINT)
+
+    def restore() -> None:
+        for number in wanted:
+            loop.remove_signal_handler(number)
+
+    def on_signal() -> None:
+        logger.info("stopping: what does not end soon goes back into the queue")
+        stop.set()
+        restore()
+
+    for number in wanted:
+        loop.add_signal_handler(number, on_signal)
+    try:
+        yield
+    finally:
+        restore()

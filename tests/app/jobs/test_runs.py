@@ -1,0 +1,209 @@
+"""What becomes of a job: by its task, its errors and its past."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+from sqlalchemy.exc import OperationalError
+
+from app.core.db import Sessions
+from app.jobs import runs
+from app.jobs.computations import Witness
+from app.jobs.runs import LONGEST_PAUSE_S, MAX_DEATHS, Runs, make_queue
+from app.jobs.task import Interrupted, Kind, Task, Work, add_job
+from fusion.errors import FusionError
+
+ARGUMENTS = {"drive_id": "x", "generation": 3}
+
+
+class Desk:
+    """Tasks that do as they are told, and what was done about them."""
+
+    def __init__(self, url: str, sessions: Sessions) -> None:
+        self.url, self.sessions = url, sessions
+        self.runs = Runs(Witness(url), limit_s=3600.0)
+        self.said: list[tuple[Any, ...]] = []
+        self.kinds = (Kind("plain"), Kind("urgent", priority=5))
+
+    def task(self, kind: Kind, does: Callable[[Work], None]) -> Task:
+        def run(work: Work, **arguments: Any) -> str:
+            self.said.append((kind.name, arguments))
+            does(work)
+            return "done"
+
+        return Task(
+            kind,
+            run,
+            give_up=lambda *why, **arguments: self.said.append(("given up", *why, arguments)),
+            put_back=lambda **arguments: self.said.append(("put back", arguments)),
+            subject="drive",
+            advice="Split it.",
+        )
+
+    def add(self, *kinds: Kind, once: bool = False) -> int:
+        with self.sessions.begin() as session:
+            for kind in kinds:
+                add_job(session, kind, lock="x", **ARGUMENTS)
+            if once:
+                session.execute(text("UPDATE procrastinate_jobs SET queueing_lock = 'solve'"))
+            return int(session.execute(text("SELECT max(id) FROM procrastinate_jobs")).scalar_one())
+
+    def work(self, does: Callable[[Work], None] = lambda _: None) -> list[tuple[Any, ...]]:
+        """Everything that is to be done now; returns what was said."""
+        queue = make_queue(self.url, [self.task(kind, does) for kind in self.kinds], self.runs)
+
+        async def once() -> None:
+            async with queue.open_async():
+                await queue.run_worker_async(
+                    wait=False, install_signal_handlers=False, delete_jobs="successful"
+                )
+
+        asyncio.run(once())
+        said, self.said = self.said, []
+        return said
+
+    def jobs(self) -> list[tuple[str, int]]:
+        query = """
+            SELECT status::text, coalesce(ceil(extract(epoch FROM scheduled_at - now())), 0)::int
+            FROM procrastinate_jobs ORDER BY id
+        """
+        with self.sessions() as session:
+            return [tuple(row) for row in session.execute(text(query))]
+
+
+@pytest.fixture
+def desk(database_url: str, sessions: Sessions) -> Iterator[Desk]:
+    desk = Desk(database_url, sessions)
+    yield desk
+    desk.runs.witness.close()
+
+
+def test_every_task_of_the_list_is_run_the_urgent_first(desk: Desk) -> None:
+    desk.add(*desk.kinds)
+    assert desk.work() == [("urgent", ARGUMENTS), ("plain", ARGUMENTS)]
+    assert desk.jobs() == []
+
+
+def test_a_job_whose_worker_stops_is_run_again_at_once(desk: Desk) -> None:
+    job = desk.add(desk.kinds[0])
+
+    def stop(work: Work) -> None:
+        if not desk.runs.stopping.is_set():
+            desk.runs.stopping.set()
+            assert work.should_stop()
+            raise Interrupted
+
+    assert len(desk.work(stop)) == 2
+    assert desk.jobs() == []
+    assert job not in desk.runs.begun
+
+
+def lose(_: Work) -> None:
+    raise OperationalError("x", {}, Exception())
+
+
+@pytest.mark.parametrize(("attempts", "pause_s"), [(0, 1), (5, 32), (200, LONGEST_PAUSE_S)])
+def test_a_job_that_loses_the_database_is_run_later_however_often(
+    desk: Desk, attempts: int, pause_s: int
+) -> None:
+    desk.add(desk.kinds[0])
+    with desk.sessions.begin() as session:
+        session.execute(text("UPDATE procrastinate_jobs SET attempts = :n"), {"n": attempts})
+    assert desk.work(lose) == [("plain", ARGUMENTS)]
+    ((status, waits_s),) = desk.jobs()
+    assert status == "todo"
+    assert 0 <= pause_s - waits_s <= 5
+
+
+def test_a_statement_that_a_stop_cancelled_puts_the_job_back(desk: Desk) -> None:
+    desk.add(desk.kinds[0])
+
+    def cancelled(work: Work) -> None:
+        if not desk.runs.stopping.is_set():
+            desk.runs.stopping.set()
+            lose(work)
+
+    assert [said[0] for said in desk.work(cancelled)] == ["plain", "put back", "plain"]
+
+
+@pytest.mark.parametrize("how", ["stops", "loses"])
+def test_a_job_of_which_one_is_enough_is_asked_for_anew(
+    desk: Desk, how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another waits by then: going back would break the queue's rule, and the job would be nobody's for ever."""
+    monkeypatch.setattr(runs, "ONCE_AGAIN_S", 0.0)
+    desk.add(desk.kinds[0], once=True)
+
+    def cut_off(_: Work) -> None:
+        if len(desk.said) == 1:
+            desk.add(desk.kinds[1], once=True)
+            if how == "loses":
+                lose(_)
+            raise Interrupted
+
+    assert [said[0] for said in desk.work(cut_off)] == ["plain", "put back", "urgent"]
+    assert desk.jobs() == []
+
+
+class OwnError(FusionError):
+    """A failure in a task's own words."""
+
+    kind = "own"
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "words"),
+    [
+        (OwnError("No roads."), "own", "No roads."),
+        (MemoryError(), "out-of-memory", "Split it."),
+        (ZeroDivisionError(), "internal", "ZeroDivisionError"),
+    ],
+)
+def test_no_task_fails_silently(
+    desk: Desk, error: Exception, kind: str, words: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    desk.add(desk.kinds[0])
+
+    def fail(_: Work) -> None:
+        raise error
+
+    _, (word, found, reason, arguments) = desk.work(fail)
+    assert (word, found, arguments) == ("given up", kind, ARGUMENTS)
+    assert words in reason
+    assert desk.jobs() == [("failed", 0)]
+    assert "(plain) failed" in caplog.text
+
+
+@pytest.mark.parametrize("deaths", [MAX_DEATHS - 1, MAX_DEATHS])
+def test_a_job_that_its_workers_die_of_is_given_up(desk: Desk, deaths: int) -> None:
+    job = desk.add(desk.kinds[0])
+    with desk.sessions.begin() as session:
+        session.execute(text("INSERT INTO computations VALUES (:job, :n)"), {"job": job, "n": deaths})
+    (said,) = desk.work()
+    if deaths < MAX_DEATHS:
+        assert said == ("plain", ARGUMENTS)
+    else:
+        why = (
+            f"The worker died {MAX_DEATHS} times while it processed this drive, most likely for lack of memory. "
+            "Split it."
+        )
+        assert said == ("given up", "interrupted", why, ARGUMENTS)
+    with desk.sessions() as session:
+        assert session.execute(text("SELECT count(*) FROM computations")).scalar_one() == 0
+    assert desk.jobs() == []
+
+
+def test_a_run_beyond_its_limit_is_told_so(desk: Desk) -> None:
+    desk.add(desk.kinds[0])
+    desk.runs.limit_s = 0.0
+
+    def look(work: Work) -> None:
+        work.should_stop()
+
+    _, (word, kind, reason, _) = desk.work(look)
+    assert (word, kind) == ("given up", "too-long")
+    assert "took longer than" in reason
