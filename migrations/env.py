@@ -11,6 +11,7 @@ from alembic import context
 from geoalchemy2 import alembic_helpers
 from sqlalchemy import Connection, create_engine, pool
 
+from app.core import batch_tables  # noqa: F401 - it describes tables of the same Base
 from app.core.settings import sqlalchemy_url
 from app.core.tables import Base
 

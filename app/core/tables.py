@@ -78,6 +78,8 @@ class RoadVersion(Base):
     moved: Mapped[int]
     dropped: Mapped[int]
     added: Mapped[int]
+    length_m: Mapped[float | None]
+    """Of the whole network after it; NULL of imports by code that did not note it."""
 
 
 class DemVersion(Base):
@@ -159,6 +161,10 @@ class Drive(Base):
     drive_time: Mapped[datetime | None]
     same_as: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
     """The drive that is heard in this one's place, for it is the same one (``app.network.twins``)."""
+    batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
+    """The batch with which it was last asked for; NULL where it was asked for by itself."""
+    before_batch: Mapped[dict[str, Any] | None]
+    """What it was before its batch, for as long as a cancelled batch would bring that back."""
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
     queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
     started_at: Mapped[datetime | None]
@@ -169,6 +175,7 @@ class Drive(Base):
         CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
         Index("ix_drives_created_at_id", "created_at", "id"),
         Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
+        Index("ix_drives_queued_at", "queued_at", postgresql_where=text("status = 'queued'")),
         Index("ix_drives_same_as", "same_as", postgresql_where=text("same_as IS NOT NULL")),
     )
 
