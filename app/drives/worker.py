@@ -23,7 +23,7 @@ from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings, libpq_url
-from app.drives import intake
+from app.drives import enqueuing, intake
 from app.drives.process import Workbench, give_up, is_connection_loss, process_drive
 from app.drives.progress import Interrupted
 from app.drives.queue import BEHIND, QUEUE, TASK
@@ -139,10 +139,12 @@ def run_worker(
         serve = functools.partial(_serve, settings, queue, lanes, wait, grace_s)
         retry = functools.partial(_retry_stalled, queue, settings.stalled_after_s, begun)
         heights = HeightFiller(bench.sessions, bench.dem_dir)
+        tended = functools.partial(enqueuing.tend, bench.sessions)
         renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench)
         chores = (
             (retry, min(settings.stalled_after_s / 4, 10.0)),
             (_in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
+            (_in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
             (_in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
             (_in_thread(swept, "the blob store could not be swept"), SWEEP_EVERY_S),
         )

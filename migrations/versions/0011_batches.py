@@ -13,11 +13,11 @@ down_revision = "0006"
 branch_labels = None
 depends_on = None
 
-_KEYS = "day, status, failure_kind, batch_id"
-_COUNT = f"""
-    INSERT INTO drive_counts ({_KEYS}, drives, distance_m, size_bytes)
-    SELECT {_KEYS}, sum(drives), sum(distance_m), sum(size_bytes) FROM ({{rows}}) AS changed
-    GROUP BY {_KEYS} HAVING sum(drives) <> 0 OR sum(distance_m) <> 0 OR sum(size_bytes) <> 0
+_COUNT = """
+    INSERT INTO drive_counts (day, status, failure_kind, batch_id, drives, distance_m, size_bytes)
+    SELECT day, status, failure_kind, batch_id, sum(drives), sum(distance_m), sum(size_bytes) FROM ({rows}) AS changed
+    GROUP BY day, status, failure_kind, batch_id
+    HAVING sum(drives) <> 0 OR sum(distance_m) <> 0 OR sum(size_bytes) <> 0
 """
 _ROWS = """
     SELECT CAST(created_at AT TIME ZONE 'UTC' AS date) AS day, status, failure_kind, batch_id, {sign} 1 AS drives,

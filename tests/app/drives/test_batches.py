@@ -97,7 +97,14 @@ def test_a_drive_asked_for_anew_leaves_the_batch(web: Any, made: list[str]) -> N
         ("POST", "methods=raw"),
         ("GET", "batch=x"),
         ("GET", "batch=-1"),
-        ("GET", f"batch={10**18}"),
+        ("GET", f"batch={2**63}"),
+        ("GET", "batches=1"),
+        ("POST", "which=some"),
+        ("POST", "bbox=1,2,3"),
+        ("POST", "created_after=yesterday"),
+        ("POST", "failure="),
+        ("DELETE", ""),
+        ("DELETE", "batch=x"),
     ],
 )
 def test_what_cannot_be_asked(web: Any, verb: str, query: str) -> None:
