@@ -78,7 +78,8 @@ _NEW_VERSION = text(
 )
 _SET_COUNTS = text(
     """
-    UPDATE road_versions SET kept = :kept, moved = :moved, dropped = :dropped, added = :added WHERE id = :id
+    UPDATE road_versions
+    SET kept = :kept, moved = :moved, dropped = :dropped, added = :added, length_m = :length_m WHERE id = :id
     """
 )
 
@@ -182,7 +183,7 @@ def replace_roads(
     progress("merging", 0.5)
     added = _count(session.execute(_ADD, {"version": version}))
     merged = {"kept": len(table) - moved - added, "moved": moved, "dropped": dropped, "added": added}
-    session.execute(_SET_COUNTS, {"id": version, **merged})
+    session.execute(_SET_COUNTS, {"id": version, "length_m": float(table.length_m.sum()), **merged})
     session.execute(_ANALYZE)
     repair_network(session, version, progress)
     bump_data_version(session)
