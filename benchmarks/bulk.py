@@ -192,15 +192,25 @@ def reads_ms(sessions: Sessions, reads: dict[str, Callable[[Session], object]]) 
     }
 
 
+def _slopes(session: Session) -> None:
+    """The two figures for which all that is published is read."""
+    store.segments_driven(session)
+    store.driven_km_by_highway(session)
+
+
 def reads_now(batch: int) -> dict[str, Callable[[Session], object]]:
     """What people and Prometheus look at."""
     return {
         "progress_ms": lambda session: bulk.batch_progress(session, batch),
         "under_way_ms": bulk.batch_progress,
         "stats_ms": read_stats,
-        "of_that_slopes_ms": lambda session: (
-            store.segments_driven(session),
-            store.driven_km_by_highway(session),
+        "of_that_slopes_ms": _slopes,
+        "of_that_drives_ms": lambda session: (
+            store.drives_by_status(session),
+            store.drives_by_day(session, 30),
+            store.failures_by_kind(session),
+            store.queue(session),
+            store.totals(session),
         ),
         "metrics_ms": read_gauges,
     }
@@ -212,7 +222,7 @@ def reads_before() -> dict[str, Callable[[Session], object]]:
     def stats(session: Session) -> None:
         for statement in _STATS_BEFORE.split(";"):
             session.execute(text(statement)).all()
-        reads_now(0)["of_that_slopes_ms"](session)
+        _slopes(session)
 
     return {"progress_ms": lambda session: session.execute(_PROGRESS_BEFORE).all(), "stats_ms": stats}
 

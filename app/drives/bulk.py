@@ -82,7 +82,7 @@ _CANCEL = text(
 _PUT_BACK = text(
     """
     WITH waiting AS MATERIALIZED (
-        SELECT id FROM drives WHERE status = 'queued' AND batch_id = :batch
+        SELECT id FROM drives WHERE status = 'queued' AND batch_id = :batch AND before_batch IS NOT NULL
         ORDER BY created_at, id LIMIT :piece FOR UPDATE
     ), back AS (
         UPDATE drives AS d
