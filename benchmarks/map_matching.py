@@ -39,13 +39,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import matching_leuven
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.points import MATCHERS
 from fusion.matching.points.base import PointMatcher, PointMatches
 from fusion.matching.samples import thin
 from fusion.types import Ints
-from matching_tracks import Track, error, find_tracks, read_track
+from matching import leuven
+from matching.tracks import Track, error, find_tracks, read_track
 
 LAST_TUNED = 18
 SPACING_M = 14.0
@@ -128,7 +128,7 @@ def by_points(matcher: PointMatcher) -> Callable[[Track], Result]:
 
 def by_leuven(track: Track) -> Result:
     """LeuvenMapMatching."""
-    rows, seconds = matching_leuven.match(track)
+    rows, seconds = leuven.match(track)
     return rows, float("nan"), seconds
 
 
@@ -145,7 +145,7 @@ def methods_of(args: argparse.Namespace) -> list[str]:
     methods = [name for name in METHODS if name in args.methods]
     if "leuven" in methods and args.skip_leuven:
         methods.remove("leuven")
-    elif "leuven" in methods and not matching_leuven.available():
+    elif "leuven" in methods and not leuven.available():
         methods.remove("leuven")
         print("leuvenmapmatching and rtree are not installed: no comparison with it", file=sys.stderr)
     return methods

@@ -11,7 +11,12 @@ from alembic import context
 from geoalchemy2 import alembic_helpers
 from sqlalchemy import Connection, create_engine, pool
 
-from app.core import migrate, schema
+from app.core import (
+    batch_tables,  # noqa: F401 - they describe tables of the same Base
+    cell_tables,  # noqa: F401
+    migrate,
+    schema,
+)
 from app.core.service_tables import Base
 from app.core.settings import sqlalchemy_url
 

@@ -190,8 +190,11 @@ def test_commands_in_the_text_exist_with_their_options() -> None:
             assert not rest.strip().startswith("-"), name
             assert name in {"command"}, f"versant {name}"
             continue
-        known = {flag for parameter in group.commands[name].params for flag in parameter.opts}
-        for word in shlex.split(rest.replace("&", "")):
+        command, words = group.commands[name], shlex.split(rest.replace("&", ""))
+        if hasattr(command, "commands"):  # a group: its command comes first
+            command = command.commands[words.pop(0)]
+        known = {flag for parameter in command.params for flag in parameter.opts}
+        for word in words:
             if word.startswith("-"):
                 assert word in known | {"--help"}, f"versant {name} {word}"
 

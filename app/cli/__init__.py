@@ -54,9 +54,9 @@ COMMANDS = {
     "upload": Command(
         "app.cli.remote", "Upload drive logs to a service; exit status 1 if any of them failed."
     ),
-    "reprocess": Command(
-        "app.cli.remote",
-        "Let a service process every drive again that is of another method; exit status 1 if any failed.",
+    "drives": Command(
+        "app.cli.drives",
+        "List, show, delete or process again the drives of a service.",
     ),
     "settle": Command(
         "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."

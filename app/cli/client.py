@@ -1,4 +1,4 @@
-"""The service seen from outside: the few requests behind ``versant upload``, ``reprocess`` and the demo.
+"""The service seen from outside: the few requests behind ``versant upload``, ``drives`` and the demo.
 
 Knows the API alone, nothing of what is behind it.
 """
@@ -9,7 +9,7 @@ import io
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 FINAL_STATUSES = frozenset({"done", "failed", "cancelled"})
 TIMEOUT_S = httpx.Timeout(60.0, connect=5.0)
 FIRST_POLL_S, LAST_POLL_S = 0.1, 2.0
-"""Pause between two looks at a drive or batch; it grows from the first to the last by halves."""
+"""Pause between two looks at a drive; it grows from the first to the last by halves."""
 
 BytesSent = Callable[[int], None]
 DriveSeen = Callable[["RemoteDrive"], None]
@@ -65,22 +65,6 @@ class RemoteDrive:
     def final(self) -> bool:
         """Whether nothing more will happen to it by itself."""
         return self.status in FINAL_STATUSES
-
-
-@dataclass(frozen=True)
-class RemoteBatch:
-    """Drives that are processed again, as the service describes them."""
-
-    address: str
-    drives: int
-    done: int = 0
-    failed: int = 0
-    progress: float = 0.0
-
-    @property
-    def finished(self) -> int:
-        """Drives of which nothing more is to come."""
-        return self.done + self.failed
 
 
 def shown(progress: Progress) -> DriveSeen:
@@ -129,7 +113,7 @@ class Client:
             asked["options"] = json.dumps(dict(options))
         with path.open("rb") as file:
             body = _Counted(file, sent) if sent else file
-            answer = self._request(
+            answer = self.request(
                 "POST",
                 "/v1/drives",
                 params=asked,
@@ -139,7 +123,7 @@ class Client:
 
     def drive(self, drive_id: str) -> RemoteDrive:
         """The drive as it stands now."""
-        return RemoteDrive.read(self._request("GET", f"/v1/drives/{drive_id}").json())
+        return RemoteDrive.read(self.request("GET", f"/v1/drives/{drive_id}").json())
 
     def wait(
         self, drive_id: str, *, seen: DriveSeen | None = None, timeout_s: float | None = None
@@ -163,28 +147,6 @@ class Client:
             time.sleep(pause)
             pause = min(LAST_POLL_S, pause * 1.5)
 
-    def reprocess_all(self, method: str | None = None, from_method: str | None = None) -> RemoteBatch:
-        """Queue every finished drive of another method again; without ``method`` for the service's default."""
-        asked = {"method": method, "from_method": from_method}
-        params = {name: value for name, value in asked.items() if value is not None}
-        answer = self._request("POST", "/v1/drives/reprocess", params=params)
-        return RemoteBatch(answer.headers["Location"], int(answer.json()["queued"]))
-
-    def wait_for_batch(
-        self, batch: RemoteBatch, seen: Callable[[RemoteBatch], None] | None = None
-    ) -> RemoteBatch:
-        """Follow a batch until nothing of it is left to do; ``seen`` gets each state on the way."""
-        pause = FIRST_POLL_S
-        while True:
-            found = self._request("GET", batch.address).json()
-            batch = replace(batch, **{name: found[name] for name in ("drives", "done", "failed", "progress")})
-            if seen:
-                seen(batch)
-            if batch.finished >= batch.drives:
-                return batch
-            time.sleep(pause)
-            pause = min(LAST_POLL_S, pause * 1.5)
-
     def drive_segments(self, drive_id: str) -> list[dict[str, Any]]:
         """The features of one drive's own estimates, all pages."""
         return list(self._features(f"/v1/drives/{drive_id}/segments"))
@@ -200,18 +162,19 @@ class Client:
 
     def get(self, address: str, *, accept: str | None = None) -> httpx.Response:
         """GET an address of the service; an error answer raises ``ClientError`` with its sentence."""
-        return self._request("GET", address, headers={"Accept": accept} if accept else None)
+        return self.request("GET", address, headers={"Accept": accept} if accept else None)
 
     def _features(self, address: str, params: dict[str, Any] | None = None) -> Iterator[dict[str, Any]]:
-        page = self._request("GET", address, params=params).json()
+        page = self.request("GET", address, params=params).json()
         while True:
             yield from page["features"]
             following = [link["href"] for link in page.get("links", ()) if link["rel"] == "next"]
             if not following:
                 return
-            page = self._request("GET", following[0]).json()
+            page = self.request("GET", following[0]).json()
 
-    def _request(self, verb: str, address: str, **arguments: Any) -> httpx.Response:
+    def request(self, verb: str, address: str, **arguments: Any) -> httpx.Response:
+        """Ask anything of the service; an error answer raises ``ClientError`` with its sentence."""
         try:
             answer = self._http.request(verb, address, **arguments)
         except httpx.ConnectError as error:

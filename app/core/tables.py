@@ -21,7 +21,6 @@ from sqlalchemy import (
     ForeignKey,
     Identity,
     Index,
-    Integer,
     MetaData,
     SmallInteger,
     UniqueConstraint,
@@ -87,6 +86,8 @@ class RoadVersion(Base):
     moved: Mapped[int]
     dropped: Mapped[int]
     added: Mapped[int]
+    length_m: Mapped[float | None]
+    """Of the whole network after it; NULL of imports by code that did not note it."""
 
 
 class DemVersion(Base):
@@ -171,6 +172,10 @@ class Drive(Base):
     drive_time: Mapped[datetime | None]
     same_as: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
     """The drive that is heard in this one's place, for it is the same one (``app.network.twins``)."""
+    batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
+    """The batch with which it was last asked for; NULL where it was asked for by itself."""
+    before_batch: Mapped[dict[str, Any] | None]
+    """What it was before its batch, for as long as a cancelled batch would bring that back."""
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
     queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
     started_at: Mapped[datetime | None]
@@ -181,6 +186,7 @@ class Drive(Base):
         CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
         Index("ix_drives_created_at_id", "created_at", "id"),
         Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
+        Index("ix_drives_queued_at", "queued_at", postgresql_where=text("status = 'queued'")),
         Index("ix_drives_same_as", "same_as", postgresql_where=text("same_as IS NOT NULL")),
     )
 
@@ -336,51 +342,3 @@ class ControlPoint(Base):
     imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
 
     __table_args__ = (CheckConstraint("sigma_m > 0", name="sigma"),)
-
-
-class Cell(Base):
-    """A square of the map, a tile of zoom 14: what is shown of it, numbered (``app.network.cells``)."""
-
-    __tablename__ = "cells"
-
-    id: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
-    """x in the upper bits, y in the lower 14."""
-    version: Mapped[int] = mapped_column(BigInteger, server_default="0")
-    """Raised when, and only when, anything that is shown of the square changes."""
-    changed_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    unsettled_since: Mapped[datetime | None]
-    """Since when something near has changed that only a solution of a wider window takes into account."""
-    driven: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
-    """Number and length, m, of the driven segments of each class whose middle lies in the square."""
-
-    __table_args__ = (
-        Index(
-            "ix_cells_unsettled_since",
-            "unsettled_since",
-            postgresql_where=text("unsettled_since IS NOT NULL"),
-        ),
-    )
-
-
-class NetworkMark(Base):
-    """What waits to be solved in a square, since one drive came or went or since something else changed there."""
-
-    __tablename__ = "network_marks"
-
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    cell: Mapped[int]
-    drive_id: Mapped[uuid.UUID | None]
-    """The drive that is published, or gone, once all its marks are; it need not be there any more."""
-    generation: Mapped[int | None]
-    touched: Mapped[list[int]]
-    """Segments around which the network is to be solved again."""
-    combined: Mapped[list[int]]
-    """Segments of which only what is published is to be put together again."""
-    due_at: Mapped[datetime]
-    made_at: Mapped[datetime] = mapped_column(server_default=func.now())
-
-    __table_args__ = (
-        Index("ix_network_marks_cell", "cell"),
-        Index("ix_network_marks_drive_id", "drive_id"),
-        Index("ix_network_marks_due_at", "due_at"),
-    )

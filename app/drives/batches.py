@@ -1,33 +1,32 @@
-"""Many drives processed again at once, over HTTP: the request, and how far it is."""
+"""Many drives processed again at once, over HTTP: the request, how far it is, and calling it off."""
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.core.errors import BadRequestError
-from app.core.http import BaseUrl, ServiceDep, link, problems
-from app.core.query import refuse_unknown
-from app.drives import intake
-from app.drives.bulk import batch_progress
-from app.drives.documents import Batch, BatchAccepted
-from app.drives.method_choice import MethodQuery, default_method
+from app.core.errors import BadQueryError, BadRequestError
+from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems
+from app.core.query import parse_bbox, refuse_unknown
+from app.drives import enqueuing
+from app.drives.batch_documents import Batch, BatchAccepted, BatchRequest, Selection, Which
+from app.drives.bulk import batch_progress, count_selected
+from app.drives.method_choice import default_method
 
-# Of 1970 and in microseconds, the database's resolution: a batch's moment as an integer.
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_MICROSECOND = timedelta(microseconds=1)
-_LAST = (datetime(9999, 1, 1, tzinfo=UTC) - _EPOCH) // _MICROSECOND
-
+_LAST = 2**63 - 1  # that a number of the database can be
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
+
+BatchNumber = Annotated[
+    int, Query(ge=1, le=_LAST, description="The batch, as the link to it names it.", examples=[7])
+]
 
 
 @router.post(
     "/reprocess",
     status_code=202,
-    summary="Process all drives again that are of another method",
+    summary="Process many drives again",
     responses=problems(403, 422, 503),
 )
 def reprocess_drives(
@@ -35,37 +34,45 @@ def reprocess_drives(
     service: ServiceDep,
     base: BaseUrl,
     response: Response,
-    method: MethodQuery = None,
-    from_method: Annotated[
-        str | None,
-        Query(description="Only drives that were processed by this method.", examples=["particle"]),
-    ] = None,
+    asked: Annotated[BatchRequest, Query()],
 ) -> BatchAccepted:
-    """Queue every done or failed drive that is not of `method` already, with the method's default options.
+    """Queue every done or failed drive that is meant; without any filter, those that are not of `method` already.
 
     They go behind uploads. What each published stays until its new run replaces it. Follow the batch at
-    `Location`.
+    `Location`. Asking for the same again while it is put into the queue goes on with it; drives that wait already
+    are never queued twice. `dry_run=true` counts only, and answers 200.
     """
-    refuse_unknown(request, {"method", "from_method"}, BadRequestError)
-    wanted = method or default_method(service.settings)
-    moment, count = intake.reprocess_all(service.sessions, wanted, from_method)
-    address = _address(base, (moment - _EPOCH) // _MICROSECOND)
+    refuse_unknown(request, BatchRequest.model_fields, BadRequestError)
+    selection, method = _selection(asked), asked.method
+    if method is None and selection.which is Which.OTHER:
+        method = default_method(service.settings)
+    if asked.dry_run:
+        enqueuing.check(selection, method)
+        with service.reading() as session:
+            count = count_selected(session, selection, method)
+        response.status_code = 200
+        return BatchAccepted(queued=count, complete=True, method=method, dry_run=True, links=[])
+    number, count = enqueuing.reprocess_all(service.sessions, selection, method)
+    address = _address(base, number)
     response.headers["Location"] = address
-    return BatchAccepted(queued=count, method=wanted, links=[link(address, "monitor", title="Its progress")])
+    complete = _seen(service, base, number).state != "enqueuing"
+    links = [link(address, "monitor", title="Its progress")]
+    return BatchAccepted(queued=count, complete=complete, method=method, dry_run=False, links=links)
 
 
 @router.get(
     "/reprocess",
     summary="Progress of such a batch, or of all that is under way",
-    responses=problems(422, 503),
+    responses=problems(404, 422, 503),
 )
 def batch(
+    request: Request,
     service: ServiceDep,
     base: BaseUrl,
     batch: Annotated[
         int | None,
         Query(
-            ge=0,
+            ge=1,
             le=_LAST,
             description="The batch, as the link to here names it; without: all drives that wait or run, with what is "
             "done of their batches. After an update of the service that is what it computes again by itself.",
@@ -76,10 +83,35 @@ def batch(
 
     A drive that is deleted or asked for anew meanwhile is no longer of it.
     """
+    refuse_unknown(request, {"batch"}, BadRequestError)
+    return _seen(service, base, batch)
+
+
+@router.delete("/reprocess", summary="Cancel such a batch", responses=problems(403, 404, 422, 503))
+def cancel_batch(request: Request, service: ServiceDep, base: BaseUrl, batch: BatchNumber) -> Batch:
+    """Take what still waits of it out of the queue: those drives are done or failed as they were before, with all that
+    they published. What runs runs to its end, and what is done stays so.
+    """
+    refuse_unknown(request, {"batch"}, BadRequestError)
+    _seen(service, base, batch)  # there is one
+    enqueuing.cancel(service.sessions, batch)
+    return _seen(service, base, batch)
+
+
+def _seen(service: Service, base: str, number: int | None) -> Batch:
     with service.reading() as session:
-        found = batch_progress(session, None if batch is None else _EPOCH + batch * _MICROSECOND)
-    address = f"{base}/v1/drives/reprocess" if batch is None else _address(base, batch)
-    return found.model_copy(update={"links": [link(address, "self")]})
+        seen: Batch = found(batch_progress(session, number), "batch", number)
+    address = f"{base}/v1/drives/reprocess" if number is None else _address(base, number)
+    return seen.model_copy(update={"links": [link(address, "self")]})
+
+
+def _selection(asked: BatchRequest) -> Selection:
+    try:
+        box = parse_bbox(asked.bbox)
+    except BadQueryError as error:  # the OGC's status is not this route's
+        raise BadRequestError(str(error), field="bbox") from error
+    filters = asked.model_dump(exclude={"method", "dry_run", "bbox"})
+    return Selection(**filters, bbox=box)
 
 
 def _address(base: str, number: int) -> str:

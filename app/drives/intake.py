@@ -8,13 +8,13 @@ from __future__ import annotations
 import logging
 import uuid
 from collections.abc import Mapping
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import Any
 
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.databases import database_identity
 from app.core.db import Sessions
-from app.drives import bulk, queue
+from app.drives import queue
 from app.drives import store as drives
 from app.drives.documents import Drive
 from fusion.pipeline import parse_options
@@ -82,21 +82,6 @@ def reprocess(
         if drive is not None:
             queue.enqueue(session, drive.id, drive.generation)
         return drive
-
-
-def reprocess_all(sessions: Sessions, method: str, from_method: str | None = None) -> tuple[datetime, int]:
-    """Queue every finished drive that is not of ``method`` (and is of ``from_method``) again, behind uploads.
-
-    Returns the moment by which the batch is known (``bulk.batch_progress``) and how many drives it has. Raises
-    ``UnknownNameError`` for a method that there is not.
-    """
-    parse_options(method, {})
-    if from_method is not None:
-        parse_options(from_method, {})
-    with sessions.begin() as session:
-        moment, requests = bulk.request_batch(session, method, from_method)
-        queue.enqueue_behind(session, requests)
-    return moment, len(requests)
 
 
 def remove_drive(sessions: Sessions, drive_id: uuid.UUID) -> Drive | None:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable
-from typing import Any
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.jobs.task import FORMATTER as _FORMATTER
 from app.jobs.task import QUEUE, Kind, add_job
 
 AHEAD = 10
@@ -41,6 +38,16 @@ _WAIT = text(
     """
 )
 
+# Of rows that each have a drive's id, generation and created_at: their jobs, oldest upload first; null of no rows. They
+# have no lock: what a lock spares is a run of an older generation, and that ends at its next sign of progress.
+JOBS_BEHIND = f"""
+    procrastinate_defer_jobs_v1(array_agg(
+        CAST(ROW('{QUEUE}', '{TASK}', {BEHIND}, NULL, NULL,
+                 jsonb_build_object('drive_id', id, 'generation', generation), NULL) AS procrastinate_job_to_defer_v1)
+        ORDER BY created_at, id))
+"""
+"""SQL that adds the jobs of many drives, behind those of uploads; the ids of the jobs. They never leave the server."""
+
 
 def enqueue(session: Session, drive_id: uuid.UUID, generation: int) -> None:
     """Add the drive's job in the session's transaction: a rollback drops it, a commit wakes a worker.
@@ -65,16 +72,3 @@ def drives_wait(session: Session, *, behind: bool) -> bool:
     """Whether drives wait to be processed; ``behind``: also those of batches."""
     least = 2 * BEHIND if behind else BEHIND // 2
     return bool(session.execute(_WAIT, {"task": TASK, "least": least}).scalar_one())
-
-
-def enqueue_behind(session: Session, requests: Iterable[tuple[uuid.UUID, int]]) -> None:
-    """Add the jobs of many (drive, generation) pairs in one statement, behind those of uploads."""
-    connection: Any = session.connection().connection.driver_connection
-    jobs = [
-        _FORMATTER.configure_task(TASK, queue=QUEUE, lock=str(drive_id), priority=BEHIND).make_new_job(
-            drive_id=str(drive_id), generation=generation
-        )
-        for drive_id, generation in requests
-    ]
-    if jobs:
-        _FORMATTER.job_manager.batch_defer_jobs(jobs, connection=connection)

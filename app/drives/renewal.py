@@ -10,8 +10,7 @@ import logging
 from pathlib import Path
 
 from app.core.db import Sessions
-from app.drives.bulk import drives_without_job
-from app.drives.queue import enqueue_behind
+from app.drives.enqueuing import give_jobs
 from app.network.marks import append_marks
 from app.network.publish import left_over
 from app.terrain.imports import fill_heights
@@ -45,14 +44,6 @@ class HeightFiller:
             logger.info("heights of the elevation model are filled in")
         self._after_id = last or 0
         return last is not None
-
-
-def give_jobs(sessions: Sessions) -> int:
-    """Put drives that wait without a job into the queue, behind uploads; returns how many."""
-    with sessions.begin() as session:
-        requests = drives_without_job(session)
-        enqueue_behind(session, requests)
-    return len(requests)
 
 
 def clear_remains(sessions: Sessions) -> int:

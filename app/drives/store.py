@@ -146,15 +146,16 @@ _REMOVED = text(
 )
 
 # By the higher generation a worker that still computes the older request finds that its result is unwanted.
-ASK_ANEW = text(
-    """
+ANEW = """
+    status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
+    generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL
+"""
+_ASK_ANEW = text(
+    f"""
     UPDATE drives
-    SET status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL,
-        failure_where = NULL, method = :method, options = CAST(:options AS jsonb), generation = generation + 1,
-        queued_at = coalesce(CAST(:queued_at AS timestamptz), clock_timestamp()), started_at = NULL,
-        finished_at = NULL
-    WHERE id = ANY(CAST(:ids AS uuid[])) AND status <> 'cancelled' RETURNING id, generation
-    """
+    SET {ANEW}, method = :method, options = CAST(:options AS jsonb), batch_id = NULL, before_batch = NULL
+    WHERE id = :id AND status <> 'cancelled' RETURNING id
+    """  # noqa: S608 - constants
 )
 
 _BLOBS = text("SELECT blob_key FROM drives")
@@ -287,8 +288,8 @@ def request_reprocess(
     A worker that still computes the older request discards its result. What is published stays until the new
     run replaces it. The caller enqueues the job in the same transaction (``app.drives.intake.reprocess``).
     """
-    values = {"ids": [drive_id], "method": method, "options": _json(options), "queued_at": None}
-    return get_drive(session, drive_id) if _changed(session, ASK_ANEW, values) else None
+    values = {"id": drive_id, "method": method, "options": _json(options)}
+    return get_drive(session, drive_id) if _changed(session, _ASK_ANEW, values) else None
 
 
 def request_removal(session: Session, drive_id: uuid.UUID) -> tuple[Drive | None, int | None]:

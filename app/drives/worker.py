@@ -12,7 +12,7 @@ import uuid
 
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
-from app.drives import intake, publishing
+from app.drives import enqueuing, intake, publishing
 from app.drives import store as drives
 from app.drives.process import Workbench, give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
@@ -119,12 +119,14 @@ def _chores(bench: Workbench) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
     heights = HeightFiller(bench.sessions, bench.dem_dir)
     renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench)
+    tended = functools.partial(enqueuing.tend, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
     return (
         (in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
         (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
+        (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(swept, "the blob store could not be swept"), SWEEP_EVERY_S),
     )

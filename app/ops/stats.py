@@ -97,7 +97,7 @@ def stats(
 
 
 def read_stats(session: Session, *, days: int = 30) -> Stats:
-    """The figures of this moment; drives by day cover the last ``days`` days. Reads whole tables."""
+    """The figures of this moment; drives by day cover the last ``days`` days."""
     by_status = store.drives_by_status(session)
     queue = store.queue(session)
     roads = current_road_version(session)
@@ -109,6 +109,7 @@ def read_stats(session: Session, *, days: int = 30) -> Stats:
         running=by_status.get("running", 0),
         failures_by_kind=store.failures_by_kind(session),
         driven_km_by_highway=store.driven_km_by_highway(session),
+        segments_driven=store.segments_driven(session),
         data_version=data_version(session),
         road_version=roads and RoadVersion(**vars(roads)),
         **store.totals(session)._mapping,

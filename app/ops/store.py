@@ -11,50 +11,57 @@ from typing import Any, NamedTuple
 from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
-# Answered from the index on (status, created_at, id), as is the queue below.
-_BY_STATUS = text("SELECT status, count(*) FROM drives GROUP BY status ORDER BY status")
+# Drives are counted as they change (``drive_counts``): the sum over its rows is what there is, however many drives.
+_BY_STATUS = text(
+    "SELECT status, sum(drives) FROM drive_counts GROUP BY status HAVING sum(drives) > 0 ORDER BY status"
+)
 
 # Days of the upload, UTC.
 _BY_DAY = text(
     """
-    SELECT CAST(created_at AT TIME ZONE 'UTC' AS date) AS day, status, count(*) AS drives
-    FROM drives WHERE created_at >= now() - make_interval(days => :days)
-    GROUP BY day, status ORDER BY day, status
+    SELECT day, status, sum(drives) AS drives FROM drive_counts
+    WHERE day >= CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
+    GROUP BY day, status HAVING sum(drives) > 0 ORDER BY day, status
     """
 )
 
 _FAILURES = text(
     """
-    SELECT failure_kind, count(*) FROM drives WHERE status = 'failed'
-    GROUP BY failure_kind ORDER BY 2 DESC, 1
+    SELECT failure_kind, sum(drives) FROM drive_counts WHERE status = 'failed'
+    GROUP BY failure_kind HAVING sum(drives) > 0 ORDER BY 2 DESC, 1
     """
 )
 
+# The oldest is the first entry of the index on queued_at.
 _QUEUE = text(
     """
-    SELECT count(*), extract(epoch FROM clock_timestamp() - min(queued_at))
-    FROM drives WHERE status = 'queued'
+    SELECT (SELECT coalesce(sum(drives), 0) FROM drive_counts WHERE status = 'queued'),
+           extract(epoch FROM clock_timestamp() - (SELECT min(queued_at) FROM drives WHERE status = 'queued'))
     """
 )
 
+# Each square keeps its own sums.
+_SEGMENTS_DRIVEN = text(
+    "SELECT coalesce(sum(CAST(of_class.value ->> 0 AS bigint)), 0) FROM cells, jsonb_each(driven) AS of_class"
+)
 _DRIVEN_KM = text(
     """
-    SELECT s.highway, sum(s.length_m) / 1000
-    FROM segment_slopes AS a JOIN segments AS s ON s.id = a.segment_id
-    WHERE a.drives > 0
-    GROUP BY s.highway ORDER BY 2 DESC
+    SELECT of_class.key, sum(CAST(of_class.value ->> 1 AS float8)) / 1000
+    FROM cells, jsonb_each(driven) AS of_class GROUP BY of_class.key ORDER BY 2 DESC
     """
 )
 
+# The roads are as the last import left them. Code from before it noted their length may still have made it.
 _TOTALS = text(
     """
-    SELECT (SELECT count(*) FROM segments) AS segments,
-           (SELECT coalesce(sum(length_m), 0) / 1000 FROM segments) AS network_km,
-           (SELECT count(*) FROM segment_slopes WHERE drives > 0) AS segments_driven,
-           (SELECT count(*) FROM drives) AS drives,
-           (SELECT coalesce(sum(distance_m), 0) / 1000 FROM drives) AS driven_distance_km,
-           (SELECT coalesce(sum(size_bytes), 0) FROM drives) AS uploaded_bytes,
+    SELECT coalesce(roads.segments, 0) AS segments,
+           coalesce(roads.length_m, (SELECT sum(length_m) FROM segments), 0) / 1000 AS network_km,
+           counted.drives, counted.driven_distance_km, counted.uploaded_bytes,
            (SELECT max(id) FROM dem_versions WHERE active) AS dem_version_id
+    FROM (SELECT coalesce(sum(drives), 0) AS drives,
+                 greatest(coalesce(sum(distance_m), 0), 0) / 1000 AS driven_distance_km,
+                 coalesce(sum(size_bytes), 0) AS uploaded_bytes FROM drive_counts) AS counted
+        LEFT JOIN (SELECT segments, length_m FROM road_versions ORDER BY id DESC LIMIT 1) AS roads ON true
     """
 )
 
@@ -87,13 +94,21 @@ def queue(session: Session) -> Queue:
     return Queue(depth, None if oldest is None else max(0.0, float(oldest)))
 
 
+def segments_driven(session: Session) -> int:
+    """How many segments have an estimate that a drive stands behind. Reads all that is published."""
+    return int(session.execute(_SEGMENTS_DRIVEN).scalar_one())
+
+
 def driven_km_by_highway(session: Session) -> dict[str, float]:
-    """Length of distinct segments with an estimate by road class, kilometres, the longest first."""
+    """Length of distinct segments with an estimate by road class, kilometres, the longest first.
+
+    Reads all that is published.
+    """
     return _pairs(session, _DRIVEN_KM)
 
 
 def totals(session: Session) -> Row[Any]:
-    """What is counted over whole tables, by the names in ``_TOTALS``; lengths in kilometres.
+    """Of all drives and roads, by the names in ``_TOTALS``; lengths in kilometres.
 
     ``driven_distance_km`` is the sum over the drives: a road counts as often as it was driven.
     """

@@ -94,7 +94,8 @@ _NEW_VERSION = text(
 )
 _SET_COUNTS = text(
     """
-    UPDATE road_versions SET kept = :kept, moved = :moved, dropped = :dropped, added = :added WHERE id = :id
+    UPDATE road_versions
+    SET kept = :kept, moved = :moved, dropped = :dropped, added = :added, length_m = :length_m WHERE id = :id
     """
 )
 
@@ -208,7 +209,7 @@ def merge_roads(
     progress("merging", 0.5)
     added = _count(session.execute(_ADD, {"version": version}))
     merged = {"kept": len(table) - moved - added, "moved": moved, "dropped": dropped, "added": added}
-    session.execute(_SET_COUNTS, {"id": version, **merged})
+    session.execute(_SET_COUNTS, {"id": version, "length_m": float(table.length_m.sum()), **merged})
     session.execute(_ANALYZE)
     mark_repairs(session, version)
     raise_versions(session, cells | cells_new(session, version, changed))

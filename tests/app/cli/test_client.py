@@ -131,34 +131,3 @@ def test_upload_command_names_a_missing_file_once(monkeypatch: pytest.MonkeyPatc
     assert result.exit_code == 1
     assert result.stderr.count("none.csv") == 1
     assert "No such file" in result.stderr
-
-
-def batch_service(failed: int) -> Callable[[httpx.Request], httpx.Response]:
-    """A service that takes two drives on and has finished them at the second look."""
-    looks = iter([(0, 0, 0.25), (2 - failed, failed, 1.0)])
-
-    def answer(request: httpx.Request) -> httpx.Response:
-        if request.method == "POST":
-            assert dict(request.url.params) == {"method": "raw", "from_method": "dem"}
-            place = {"Location": f"{SERVER}/v1/drives/reprocess?batch=7"}
-            return httpx.Response(202, json={"queued": 2, "method": "raw", "links": []}, headers=place)
-        assert request.url.params["batch"] == "7"
-        done, bad, progress = next(looks)
-        return httpx.Response(200, json={"drives": 2, "done": done, "failed": bad, "progress": progress})
-
-    return answer
-
-
-@pytest.mark.parametrize("failed", [0, 1])
-def test_reprocess_waits_for_the_whole_batch(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, failed: int
-) -> None:
-    monkeypatch.setattr("app.cli.client.time.sleep", lambda seconds: None)
-    monkeypatch.setattr("app.cli.remote.service_client", lambda server: client(batch_service(failed)))
-    figures = tmp_path / "figures.json"
-    command = ["reprocess", "--method", "raw", "--from-method", "dem", "--wait", "--json", str(figures)]
-    result = CliRunner().invoke(app, command)
-    assert result.exit_code == failed, result.output
-    assert "2 drive(s) are processed again." in result.stdout
-    assert f"{2 - failed} done, {failed} failed." in result.stdout
-    assert json.loads(figures.read_text()) == {"server": SERVER, "drives": 2, "failed": failed}

@@ -95,7 +95,9 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     for then, now in zip(before, after, strict=True):
         assert [dict(list(row.items())[: len(old)]) for row, old in zip(now, then, strict=True)] == then
     added = [set(now[0]) - set(then[0]) for then, now in zip(before, after, strict=True)]
-    assert added[:4] == [{"dem_heights_m", "cell"}, {"same_as"}, set(), {"in_network"}]
+    assert added[:4] == [
+        {"dem_heights_m", "cell"}, {"same_as", "batch_id", "before_batch"}, set(), {"in_network"}
+    ]  # fmt: skip
     assert added[4] == set(NETWORK_ONLY)
     assert after[0][0]["cell"] == 8192 << 14 | 8191  # the square of (0, 0) in EPSG:3857 to (1, 1)
     new = [
@@ -276,3 +278,33 @@ def test_alembic_itself_reads_pyproject_and_the_environment(database_url: str) -
     )
     assert done.returncode != 0
     assert "VERSANT_DATABASE_URL" in done.stderr
+
+
+_DATA_OF_0006 = (
+    _DATA_OF_0001
+    + """
+    INSERT INTO drives (id, sha256, filename, size_bytes, blob_key, status, method, options, failure_kind, distance_m)
+        VALUES ('00000000-0000-0000-0000-000000000002', 'y', 'g', 7, 'l', 'failed', 'raw', '{}', 'no-match', 5);
+    UPDATE drives SET created_at = '2026-11-20T23:30:00Z';
+"""
+)
+
+
+def test_drives_that_are_there_are_counted_and_the_length_of_the_roads_is_noted(
+    blank_database_url: str,
+) -> None:
+    migrate.upgrade(blank_database_url, "0006")
+    engine = create_engine(blank_database_url)
+    with engine.begin() as connection:
+        connection.execute(text(_DATA_OF_0006))
+    migrate.upgrade(blank_database_url)
+    query = "SELECT CAST(day AS text), status, failure_kind, drives, distance_m, size_bytes FROM drive_counts"
+    assert sorted(rows_of(engine, query)) == [
+        ("2026-11-20", "done", None, 1, 0.0, 1),
+        ("2026-11-20", "failed", "no-match", 1, 5.0, 7),
+    ]
+    assert rows_of(engine, "SELECT length_m FROM road_versions") == [(73.0,)]
+    migrate.downgrade(blank_database_url, "0006")
+    with engine.begin() as connection:  # nothing of the counting is left
+        connection.execute(text("UPDATE drives SET status = 'queued'"))
+    engine.dispose()

@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
+from app.drives import enqueuing
+from app.drives.batch_documents import Selection, Which
 from app.drives.worker import run_worker
 from fusion.registry import DEFAULT_METHOD
 
@@ -97,13 +99,70 @@ def test_a_drive_asked_for_anew_leaves_the_batch(web: Any, made: list[str]) -> N
         ("POST", "methods=raw"),
         ("GET", "batch=x"),
         ("GET", "batch=-1"),
-        ("GET", f"batch={10**18}"),
+        ("GET", f"batch={2**63}"),
+        ("GET", "batches=1"),
+        ("POST", "which=some"),
+        ("POST", "bbox=1,2,3"),
+        ("POST", "created_after=yesterday"),
+        ("POST", "failure="),
+        ("DELETE", ""),
+        ("DELETE", "batch=x"),
     ],
 )
 def test_what_cannot_be_asked(web: Any, verb: str, query: str) -> None:
     answer = web.client.request(verb, f"/v1/drives/reprocess?{query}")
     assert answer.status_code == 422, answer.text
     assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_a_dry_run_counts_and_changes_nothing(web: Any, made: list[str]) -> None:
+    answer = web.client.post("/v1/drives/reprocess?which=all&dry_run=true")
+    assert answer.status_code == 200, answer.text
+    assert answer.json() == {"queued": 3, "complete": True, "method": None, "dry_run": True, "links": []}
+    assert [status for _, status in methods(web, made)] == ["failed"] * 3 + ["queued"]
+    assert web.client.get("/v1/drives/reprocess?batch=1").status_code == 404
+    narrowed = "which=failed&failure=unknown-format&created_after=2026-01-01&bbox=8,49,9,50"
+    assert web.client.post(f"/v1/drives/reprocess?dry_run=true&{narrowed}").json()["queued"] == 0
+
+
+def test_a_batch_says_what_it_is_and_is_called_off(web: Any, made: list[str]) -> None:
+    before = methods(web, made)
+    address = web.client.post("/v1/drives/reprocess?which=failed&method=dem").headers["location"]
+    seen = web.client.get(address).json()
+    assert (seen["state"], seen["method"], seen["selection"]) == ("running", "dem", {"which": "failed"})
+    assert (seen["queued"], methods(web, made)[0]) == (3, ("dem", "queued"))
+    failure = web.client.get(f"/v1/drives/{made[0]}").json()["failure"]
+    assert failure is None
+    cancelled = web.client.delete(address)
+    assert cancelled.status_code == 200, cancelled.text
+    assert (cancelled.json()["state"], cancelled.json()["drives"]) == ("cancelled", 0)
+    assert methods(web, made) == before
+    assert web.client.get(f"/v1/drives/{made[0]}").json()["failure"]["reason"]
+    with web.sessions() as session:
+        assert (
+            session.execute(text("SELECT count(*) FROM procrastinate_jobs WHERE status = 'todo'")).scalar()
+            == 1
+        )
+    run_worker(web.settings, wait=False)
+    assert [method for method, _ in methods(web, made)] == [method for method, _ in before]
+
+
+def test_a_worker_goes_on_with_what_a_request_left(
+    web: Any, made: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.drives.bulk.PIECE_DRIVES", 1)
+    number, count = enqueuing.reprocess_all(web.sessions, Selection(which=Which.ALL), "dem", for_s=0)
+    address = f"/v1/drives/reprocess?batch={number}"
+    assert (count, web.client.get(address).json()["state"]) == (1, "enqueuing")
+    run_worker(web.settings, wait=False)
+    seen = web.client.get(address).json()
+    assert (seen["state"], seen["drives"], seen["failed"], seen["progress"]) == ("done", 3, 3, 1.0)
+
+
+@pytest.mark.parametrize("verb", ["GET", "DELETE"])
+def test_a_batch_that_there_is_not(web: Any, verb: str) -> None:
+    answer = web.client.request(verb, "/v1/drives/reprocess?batch=77")
+    assert (answer.status_code, answer.json()["detail"][:20]) == (404, "There is no batch 77")
 
 
 def test_pages_of_other_sites_may_not_ask(web: Any) -> None:

@@ -7,13 +7,15 @@ from collections.abc import Callable
 
 import pytest
 from sqlalchemy import text
+from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.drives import store as drives
 from app.network import extracts as road_store
-from app.ops import stats
+from app.ops import metrics, stats, store
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
+from many_drives import execute, make_drives
 
 
 def test_an_empty_service_counts_nothing(sessions: Sessions) -> None:
@@ -71,3 +73,44 @@ def test_figures_of_a_busy_service(
     assert figures.driven_distance_km == pytest.approx(0.2)
     assert figures.uploaded_bytes == 2 * 10 + 4 * 7
     assert figures.road_version is not None
+
+
+def scanned(session: Session) -> dict[str, int]:
+    """Rows read so far by reading whole tables."""
+    query = text("SELECT relname, seq_tup_read FROM pg_stat_xact_user_tables WHERE relname = ANY(:names)")
+    names = ["drives", "segments", "segment_slopes"]
+    return {row[0]: row[1] for row in session.execute(query, {"names": names})}
+
+
+def test_figures_of_drives_and_roads_read_no_whole_table(
+    sessions: Sessions, chain: Callable[..., RoadTable], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All but the two sums over published slopes."""
+    with sessions.begin() as session:
+        roads.replace_roads(session, chain(40), "x", "0" * 64)
+    make_drives(sessions, 100)
+    monkeypatch.setattr(store, "segments_driven", lambda session: 0)
+    monkeypatch.setattr(store, "driven_km_by_highway", lambda session: {})
+    execute(sessions, "UPDATE drives SET status = 'queued' WHERE filename = 'log 8'")
+    with sessions() as session:
+        session.execute(text("SET enable_seqscan = off"))  # a small table is scanned because it is small
+        before = scanned(session)
+        figures, gauges = stats.read_stats(session), metrics.read_gauges(session)
+        assert scanned(session) == before
+    assert (figures.segments, figures.drives, figures.queue_depth, gauges.queue_depth) == (40, 100, 1, 1)
+    assert figures.drives_by_status == gauges.drives_by_status == {"done": 74, "failed": 25, "queued": 1}
+    assert gauges.oldest_wait_s > 0
+
+
+def test_the_length_of_roads_that_no_import_noted_is_summed(
+    sessions: Sessions, chain: Callable[..., RoadTable]
+) -> None:
+    """An import by the former code, while an update comes in, leaves it open."""
+    table = chain(4)
+    with sessions.begin() as session:
+        roads.replace_roads(session, table, "x", "0" * 64)
+        assert session.execute(text("SELECT length_m FROM road_versions")).scalar_one() == pytest.approx(
+            table.length_m.sum()
+        )
+        session.execute(text("UPDATE road_versions SET length_m = NULL"))
+        assert stats.read_stats(session).network_km == pytest.approx(table.length_m.sum() / 1000)

@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from fusion.types import Ints
-from matching_tracks import Track
+from matching.tracks import Track
 
 SPACING_M = 14.0
 SETTINGS = {"obs_noise": 15, "max_dist": 50, "max_lattice_width": 10, "non_emitting_states": True}

@@ -1,0 +1,149 @@
+"""Batches of drives that are processed again: which are asked for, and the documents about them. Knows no SQL."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from app.core.db import Bounds
+from app.core.http import Link
+from app.core.text import Moment
+from fusion.registry import DEFAULT_METHOD
+
+EXAMPLE_BATCH = "http://127.0.0.1:8000/v1/drives/reprocess?batch=7"
+_ANSWER: dict[str, Any] = {"href": EXAMPLE_BATCH, "rel": "monitor", "type": "application/json"}
+
+
+class Which(StrEnum):
+    """The drives that a batch begins from; further filters narrow them."""
+
+    OTHER = "other"
+    STALE = "stale"
+    FAILED = "failed"
+    ALL = "all"
+
+
+def _utc(moment: datetime) -> datetime:
+    """Times are UTC where they do not say otherwise."""
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
+Time = Annotated[datetime, AfterValidator(_utc)]
+Name = Annotated[str, Field(min_length=1, max_length=100)]  # without a bound, they could not be indexed
+
+
+class Selection(BaseModel):
+    """Which drives are meant: done or failed ones for which all that is said here holds."""
+
+    model_config = ConfigDict(frozen=True)
+
+    which: Which = Field(
+        Which.OTHER,
+        description="`other`: drives that are not of `method` already; `stale`: whose estimates were made by another "
+        "version of the code, or with other defaults, than would be taken now; `failed`; `all`.",
+    )
+    from_method: Name | None = Field(
+        None, description="Only drives that were processed by this method.", examples=["particle"]
+    )
+    code_version: Name | None = Field(
+        None,
+        description="Only drives whose estimates were made by this version of the code.",
+        examples=["1.0.0"],
+    )
+    failure: Name | None = Field(
+        None, description="Only drives that failed for this reason.", examples=["no-match"]
+    )
+    created_after: Time | None = Field(None, description="Only drives uploaded then or later.")
+    created_before: Time | None = Field(None, description="Only drives uploaded before.")
+    driven_after: Time | None = Field(None, description="Only drives recorded then or later.")
+    driven_before: Time | None = Field(None, description="Only drives recorded before.")
+    bbox: Bounds | None = None
+
+
+class BatchRequest(Selection):
+    """What can be asked of many drives at once, as query parameters."""
+
+    method: str | None = Field(
+        None,
+        description="The estimator, with its default options. Unset: with `which=other` the service's default, else "
+        "each drive keeps its own with the options that it has.",
+        examples=[DEFAULT_METHOD],
+    )
+    dry_run: bool = Field(False, description="Only count the drives; change nothing.")
+    bbox: str | None = Field(  # type: ignore[assignment]
+        None,
+        description="Only drives whose positions' box meets this one: west,south,east,north in degrees; "
+        "west > east crosses the antimeridian.",
+        examples=["8.46,48.95,8.50,48.99"],
+    )
+
+
+class BatchState(StrEnum):
+    """Where a batch stands."""
+
+    ENQUEUING = "enqueuing"
+    RUNNING = "running"
+    DONE = "done"
+    CANCELLED = "cancelled"
+
+
+class BatchAccepted(BaseModel):
+    """The answer to a request to process many drives again."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"queued": 12, "complete": True, "method": "raw", "dry_run": False, "links": [_ANSWER]}
+            ]
+        }
+    )
+
+    queued: int = Field(description="Drives that wait to be processed again; of a dry run: that would.")
+    complete: bool = Field(description="False: there are more, which a worker puts into the queue by itself.")
+    method: str | None = Field(description="Null: each drive keeps its own.")
+    dry_run: bool
+    links: list[Link]
+
+
+class Batch(BaseModel):
+    """How far many drives are that are processed again."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        json_schema_serialization_defaults_required=True,
+        json_schema_extra={
+            "examples": [
+                {
+                    "state": "running",
+                    "asked_at": "2026-11-20T09:12:44.120Z",
+                    "method": "raw",
+                    "selection": {"which": "other"},
+                    "drives": 12,
+                    "queued": 4,
+                    "running": 1,
+                    "done": 6,
+                    "failed": 1,
+                    "progress": 0.6125,
+                    "links": [{"href": EXAMPLE_BATCH, "rel": "self", "type": "application/json"}],
+                }
+            ]
+        },
+    )
+
+    state: BatchState = Field(
+        description="`enqueuing`: its drives are not all in the queue yet; `cancelled`: those that waited are as they "
+        "were before."
+    )
+    asked_at: Moment | None = Field(None, description="Null of all that is under way.")
+    method: str | None = Field(None, description="Null: each drive keeps its own.")
+    selection: dict[str, Any] | None = Field(None, description="Which drives were asked for.")
+    drives: int
+    queued: int
+    running: int
+    done: int
+    failed: int
+    progress: float = Field(ge=0, le=1, description="Share of the work done, 0..1; 1: nothing is left to do.")
+    links: list[Link] = Field(default_factory=list)

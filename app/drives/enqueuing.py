@@ -1,0 +1,117 @@
+"""Batches of drives from the request to the queue and out of it again, piece by piece; what a worker does for them.
+
+Every piece is a transaction, and the batch's row remembers how far it came: whoever is cut off, somebody goes on.
+Knows no HTTP; its SQL is ``bulk``'s.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+
+from sqlalchemy.orm import Session
+
+from app.core.db import Sessions
+from app.core.errors import BadRequestError
+from app.drives import bulk
+from app.drives.batch_documents import Selection, Which
+from fusion.pipeline import parse_options
+
+ENQUEUE_FOR_S = 10.0
+"""How long a request enqueues (or takes out) by itself; the rest is a worker's."""
+TEND_FOR_S = 1.0
+TEND_EVERY_S = 5.0
+"""How often a worker looks for what requests left, and how long it goes on at a time, seconds."""
+MOST_COUNT_ROWS = 2000
+"""Changes of the counts of drives that may wait to be added up; reading so many takes a millisecond."""
+
+logger = logging.getLogger(__name__)
+
+_Piece = Callable[[Session, int], bool]
+
+
+def reprocess_all(
+    sessions: Sessions, selection: Selection, method: str | None, for_s: float = ENQUEUE_FOR_S
+) -> tuple[int, int]:
+    """Queue every drive of the selection again, behind uploads: by ``method``, or (None) as each was asked for.
+
+    Returns the batch's number and how many drives it has put into the queue after at most ``for_s`` seconds; a worker
+    goes on with the rest. The same request again, while it is enqueued, goes on as well; once it is enqueued, its
+    drives wait, and are none of a further batch. Raises ``UnknownNameError`` for a method that there is not.
+    """
+    check(selection, method)
+    with sessions.begin() as session:
+        batch = bulk.open_batch(session, selection, method)
+    _go_on(sessions, bulk.enqueue_piece, batch, for_s)
+    with sessions() as session:
+        return batch, bulk.enqueued(session, batch)
+
+
+def check(selection: Selection, method: str | None) -> None:
+    """``UnknownNameError`` for a method that there is not, ``ValueError`` where one is needed and none is named."""
+    if selection.which is Which.OTHER and method is None:
+        raise ValueError("other drives than of which method?")
+    for name in (method, selection.from_method):
+        if name is not None:
+            parse_options(name, {})
+
+
+def cancel(sessions: Sessions, batch: int, for_s: float = ENQUEUE_FOR_S) -> None:
+    """Take what still waits of the batch out of the queue: those drives are as they were, with all they published.
+
+    What runs runs to its end. Raises ``BadRequestError`` for a batch that an update asked for: what its drives said
+    before cannot be read any more.
+    """
+    with sessions.begin() as session:
+        if not bulk.cancel_batch(session, batch):
+            raise BadRequestError(
+                "This batch cannot be cancelled: an update of the service computes its drives again, because what "
+                "they said before cannot be read any more.",
+                field="batch",
+            )
+    _go_on(sessions, bulk.put_back_piece, batch, for_s)
+
+
+def tend(sessions: Sessions) -> bool:
+    """A worker's part: go on with what requests left for a moment, add counts up; whether more is to be done."""
+    with sessions.begin() as session:
+        bulk.fold_counts(session, MOST_COUNT_ROWS)
+        left = bulk.unfinished_batches(session)
+    for batch, cancelled in left:
+        piece = bulk.put_back_piece if cancelled else bulk.enqueue_piece
+        if _go_on(sessions, piece, batch, TEND_FOR_S):
+            return True
+    return False
+
+
+def give_jobs(sessions: Sessions) -> int:
+    """Put drives that wait without a job into the queue, behind uploads; returns how many."""
+    count, pieces, last = 0, 0, None
+    while True:
+        with sessions.begin() as session:
+            last = bulk.adopt_piece(session, last)
+        if last is None:
+            return count
+        count, pieces = count + last.drives, pieces + 1
+        if last.drives == bulk.PIECE_DRIVES:
+            _keep_statistics(sessions, pieces)
+
+
+def _go_on(sessions: Sessions, piece: _Piece, batch: int, for_s: float) -> bool:
+    """Piece after piece until all is done or the time is up; whether there may be more."""
+    ends, more, pieces = time.monotonic() + for_s, True, 0
+    while more and (not pieces or time.monotonic() < ends):
+        with sessions.begin() as session:
+            more = piece(session, batch)
+        pieces += 1
+        if more:
+            _keep_statistics(sessions, pieces)
+    return more
+
+
+def _keep_statistics(sessions: Sessions, pieces: int) -> None:
+    """After the first piece, the second, the fourth: figures of a queue half as long mislead nobody."""
+    if not pieces & (pieces - 1):
+        with sessions.begin() as session:
+            bulk.refresh_statistics(session)

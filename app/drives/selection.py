@@ -1,0 +1,70 @@
+"""Which drives a batch means, as conditions on their rows; part of the statements in ``app.drives.bulk``."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from app.core.db import plain_json
+from app.core.version import code_version
+from app.drives.batch_documents import Selection, Which
+from fusion.methods import METHODS
+from fusion.pipeline import parse_options
+
+# Options that the drive names itself are its own affair: however they were written, they are the same now.
+_STALE = """
+    EXISTS (
+        SELECT FROM provenances AS p, CAST(:defaults AS jsonb) AS now_default,
+            LATERAL (SELECT ARRAY(SELECT jsonb_object_keys(d.options))) AS own (names)
+        WHERE p.drive_id = d.id AND (
+            p.code_version <> :present_version
+            OR p.options - own.names IS DISTINCT FROM (now_default -> d.method) - own.names))
+"""
+
+_WHICH = {
+    Which.OTHER: "d.method <> :method",
+    Which.STALE: _STALE,
+    Which.FAILED: "d.status = 'failed'",
+    Which.ALL: "true",
+}
+
+# Each for what is asked; what is not asked for is left out.
+_FILTERS = {
+    "from_method": "d.method = :from_method",
+    "code_version": "EXISTS (SELECT FROM provenances AS p WHERE p.drive_id = d.id AND p.code_version = :code_version)",
+    "failure": "d.status = 'failed' AND d.failure_kind = :failure",
+    "created_after": "d.created_at >= :created_after",
+    "created_before": "d.created_at < :created_before",
+    "driven_after": "d.drive_time >= :driven_after",
+    "driven_before": "d.drive_time < :driven_before",
+}
+_BOX = "d.bounds && ST_MakeEnvelope({west}, :south, {east}, :north, 4326)"
+
+
+def conditions(selection: Selection, method: str | None) -> tuple[str, dict[str, Any]]:
+    """What follows ``WHERE ...`` of the drives ``d``, each part with its AND, and the values in it.
+
+    ``method`` is the one that they are to be processed by; only drives ``other`` than of it need one.
+    """
+    asked = {name: value for name in _FILTERS if (value := getattr(selection, name)) is not None}
+    parts = [_WHICH[selection.which], *(_FILTERS[name] for name in asked)]
+    values: dict[str, Any] = {**asked, "method": method}
+    if selection.which is Which.STALE:
+        values |= {"present_version": code_version(), "defaults": json.dumps(_defaults())}
+    if selection.bbox is not None:
+        west, south, east, north = selection.bbox
+        parts.append(_boxes(west, east))
+        values |= {"west": west, "south": south, "east": east, "north": north}
+    return "".join(f" AND ({part})" for part in parts), values
+
+
+def _boxes(west: float, east: float) -> str:
+    """A box whose west is east of its east crosses the antimeridian."""
+    if west <= east:
+        return _BOX.format(west=":west", east=":east")
+    return f"{_BOX.format(west=':west', east='180')} OR {_BOX.format(west='-180', east=':east')}"
+
+
+def _defaults() -> dict[str, Any]:
+    """The options of every method as they are when none is given, as runs note them."""
+    return {name: plain_json(parse_options(name, {}).model_dump(mode="json")) for name in METHODS}
