@@ -15,7 +15,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.core.settings import Settings
+from app.core.settings import FilePlace, Settings
 from app.core.version import code_version
 from app.drives import store as drives
 from app.drives import tracks
@@ -83,7 +82,7 @@ class Workbench:
 
     sessions: Sessions
     blobs: BlobStore
-    dem_dir: Path
+    dem_dir: FilePlace
     max_log_bytes: int = 512 * 2**20
 
     @classmethod

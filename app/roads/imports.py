@@ -17,6 +17,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.core.settings import FilePlace
 from app.network.versions import bump_data_version, own_network
 from app.roads.copy import copy_roads
 from app.roads.losses import note_losses, repair_network
@@ -46,7 +47,7 @@ class ImportCounts:
 
 
 def import_roads(
-    sessions: Sessions, path: Path, dem_dir: Path, progress: Progress = no_progress
+    sessions: Sessions, path: Path, dem_dir: FilePlace, progress: Progress = no_progress
 ) -> ImportCounts:
     """Make the drivable roads of an OpenStreetMap file the whole network (``replace_roads``).
 
