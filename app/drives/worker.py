@@ -15,6 +15,7 @@ import signal
 import threading
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence
+from datetime import timedelta
 from typing import Any
 
 import procrastinate
@@ -139,7 +140,10 @@ def run_worker(
         serve = functools.partial(_serve, settings, queue, lanes, wait, grace_s)
         retry = functools.partial(_retry_stalled, queue, settings.stalled_after_s, begun)
         heights = HeightFiller(bench.sessions, bench.dem_dir)
-        renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench)
+        renewed, swept = (
+            functools.partial(renew, bench.sessions),
+            functools.partial(_sweep, bench, timedelta(days=settings.orphan_days)),
+        )
         chores = (
             (retry, min(settings.stalled_after_s / 4, 10.0)),
             (_in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
@@ -219,9 +223,9 @@ async def _again_and_again(chore: Chore, every_s: float, more: bool | None) -> N
         more = await chore()
 
 
-def _sweep(bench: Workbench) -> None:
+def _sweep(bench: Workbench, older_than: timedelta) -> None:
     """Clear the blob store."""
-    if removed := intake.sweep_blobs(bench.sessions, bench.blobs):
+    if removed := intake.sweep_blobs(bench.sessions, bench.blobs, older_than).removed:
         logger.info("removed %d blobs that no drive refers to", removed)
 
 

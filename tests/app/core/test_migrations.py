@@ -95,7 +95,7 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     for then, now in zip(before, after, strict=True):
         assert [dict(list(row.items())[: len(old)]) for row, old in zip(now, then, strict=True)] == then
     added = [set(now[0]) - set(then[0]) for then, now in zip(before, after, strict=True)]
-    assert added[:4] == [{"dem_heights_m"}, {"same_as"}, set(), {"in_network"}]
+    assert added[:4] == [{"dem_heights_m"}, {"same_as", "content_sha256"}, set(), {"in_network"}]
     assert added[4] == set(NETWORK_ONLY)
     new = [row[name] for found, names in zip(after, added, strict=True) for row in found for name in names]
     assert {value for value in new if value is not False} == {None}
