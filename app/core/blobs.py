@@ -1,5 +1,7 @@
 """Uploaded bytes, kept over fsspec: a folder, or a bucket such as ``s3://bucket/logs``. Knows no drive.
 
+Where there is no room for them the error is ``StorageFullError``.
+
 A blob appears under its key at once or not at all: it is written under ``incoming/`` and renamed when it is
 complete. A process that dies in between leaves a part there that nobody refers to; ``sweep`` removes it.
 """
@@ -7,8 +9,6 @@ complete. A process that dies in between leaves a part there that nobody refers 
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import io
 import os
 import uuid
 from collections.abc import Iterable
@@ -16,7 +16,18 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, BinaryIO, Self
 
-import fsspec
+from fsspec.spec import AbstractBufferedFile
+
+from app.core.content import ContentHash
+from app.core.filesystems import file_system, free_bytes, full_is_told, is_folder, make_folder, storage_full
+
+BLOCK_BYTES = 8 * 2**20
+"""What is collected for one request to a bucket; ten thousand such are a blob."""
+MAX_CONTENT_BYTES = 512 * 2**20
+
+UNKNOWN_DATABASE = "unknown"
+NOTED_WITHIN = timedelta(hours=1)
+"""The first upload's blob is there before its database is noted."""
 
 _INCOMING = "incoming"
 _KEPT = "drives"
@@ -25,11 +36,15 @@ _DATABASES = "databases"
 
 @dataclass(frozen=True)
 class StoredBlob:
-    """A complete blob: its key, the SHA-256 of its bytes (hex) and their number."""
+    """A complete blob: its key, the SHA-256 of its bytes (hex) and their number.
+
+    ``content_sha256`` is of what the bytes unpack to (``app.core.content``).
+    """
 
     key: str
     sha256: str
     size_bytes: int
+    content_sha256: str
 
 
 class BlobStore:
@@ -37,13 +52,42 @@ class BlobStore:
 
     def __init__(self, url: str) -> None:
         """The folder is created when the first blob arrives."""
-        self._fs, root = fsspec.core.url_to_fs(url)
-        self._root = str(root).rstrip("/")
+        self._fs, self._root = file_system(url)
         self._noted: set[str] = set()
 
-    def writer(self) -> BlobWriter:
-        """Begin a blob; write chunks, then ``finish`` it, or leave the ``with`` block to discard it."""
-        return BlobWriter(self._fs, self._root)
+    def writer(
+        self, *, keep_free_bytes: int = 0, expected_bytes: int = 0, max_content_bytes: int = MAX_CONTENT_BYTES
+    ) -> BlobWriter:
+        """Begin a blob; write chunks, then ``finish`` it, or leave the ``with`` block to discard it.
+
+        ``StorageFullError`` as soon as less than ``keep_free_bytes`` would stay free, at once where ``expected_bytes``
+        are too many already. What unpacks to more than ``max_content_bytes`` counts as its own content.
+        """
+        writer = BlobWriter(self._fs, self._root, keep_free_bytes, max_content_bytes)
+        try:
+            writer.require_room(expected_bytes)
+        except BaseException:
+            writer.discard()
+            raise
+        return writer
+
+    def free_bytes(self) -> int | None:
+        """How much room there is for blobs; None where nothing tells, as of a bucket."""
+        return free_bytes(self._fs, self._root)
+
+    def probe(self) -> None:
+        """Write a few bytes and remove them again: raises what an upload would meet."""
+        path = f"{self._root}/{_INCOMING}/{uuid.uuid4().hex}"
+        make_folder(self._fs, f"{self._root}/{_INCOMING}")
+        try:
+            self._fs.pipe_file(path, b"ready")
+        finally:
+            _remove(self._fs, path)
+
+    def exists(self, key: str) -> bool:
+        """Whether the blob is there."""
+        found: bool = self._fs.exists(f"{self._root}/{key}")
+        return found
 
     def open(self, key: str) -> BinaryIO:
         """The blob's bytes as a file; ``FileNotFoundError`` when there is none."""
@@ -68,25 +112,39 @@ class BlobStore:
                 removed += 1
         return removed
 
-    def remove_old(self, keys: Iterable[str], older_than: timedelta) -> int:
-        """Remove those of the blobs that were completed longer ago than ``older_than``; return how many."""
-        limit = datetime.now(UTC) - older_than
-        old = [key for key in keys if _changed_at(self._fs, f"{self._root}/{key}") < limit]
-        for key in old:
-            self.delete(key)
-        return len(old)
+    def older(self, keys: Iterable[str], than: timedelta) -> list[str]:
+        """Those of the blobs that were completed longer ago than that."""
+        limit = datetime.now(UTC) - than
+        return [key for key in keys if _changed_at(self._fs, f"{self._root}/{key}") < limit]
 
     def register_database(self, identity: str) -> None:
-        """Note that this database refers to blobs here, so that no other takes them for orphans."""
-        note = f"{self._root}/{_DATABASES}/{identity}"
-        if identity not in self._noted and not self._fs.exists(note):
-            self._fs.makedirs(f"{self._root}/{_DATABASES}", exist_ok=True)
-            self._fs.pipe_file(note, b"")
+        """Note that this database refers to blobs here, so that no other takes them for orphans.
+
+        Where there are blobs and no notes, nobody knows whose the blobs are: that is noted as well.
+        """
+        if identity in self._noted:
+            return
+        known = self.databases()
+        if identity not in known:
+            if not known and self.older(self.keys(), NOTED_WITHIN):
+                self._note(UNKNOWN_DATABASE)
+            self._note(identity)
         self._noted.add(identity)
 
     def databases(self) -> list[str]:
-        """The paths of the notes of all databases that refer to blobs here, sorted."""
-        return sorted(self._list(_DATABASES))
+        """The identities of all databases that refer to blobs here, sorted."""
+        return sorted(path.rsplit("/", 1)[-1] for path in self._list(_DATABASES))
+
+    def forget_databases(self, but: str) -> None:
+        """Let this database be the only one that is known to refer to blobs here."""
+        for identity in self.databases():
+            if identity != but:
+                _remove(self._fs, f"{self._root}/{_DATABASES}/{identity}")
+
+    def _note(self, identity: str) -> None:
+        with full_is_told():
+            make_folder(self._fs, f"{self._root}/{_DATABASES}")
+            self._fs.pipe_file(f"{self._root}/{_DATABASES}/{identity}", b"")
 
     def _list(self, folder: str) -> list[str]:
         try:
@@ -101,16 +159,18 @@ class BlobWriter:
     How large a blob may become is for whoever writes it to say: ``size_bytes`` is what it has so far.
     """
 
-    def __init__(self, fs: Any, root: str) -> None:
+    def __init__(self, fs: Any, root: str, keep_free_bytes: int, max_content_bytes: int) -> None:
         self._fs = fs
         self._root = root
+        self._keep_free_bytes = keep_free_bytes
         self._name = uuid.uuid4().hex
         self._part = f"{root}/{_INCOMING}/{self._name}"
-        self._hash = hashlib.sha256()
+        self._hash = ContentHash(max_content_bytes)
         self._finished = False
         self.size_bytes = 0
-        fs.makedirs(f"{root}/{_INCOMING}", exist_ok=True)
-        self._file = fs.open(self._part, "wb")
+        with full_is_told():
+            make_folder(fs, f"{root}/{_INCOMING}")
+            self._file = fs.open(self._part, "wb", block_size=BLOCK_BYTES)
 
     def __enter__(self) -> Self:
         return self
@@ -121,29 +181,48 @@ class BlobWriter:
 
     def write(self, chunk: bytes) -> None:
         """Append a chunk."""
+        self.require_room(len(chunk))
         self.size_bytes += len(chunk)
         self._hash.update(chunk)
-        self._file.write(chunk)
+        with full_is_told():
+            self._file.write(chunk)
+
+    def require_room(self, size_bytes: int) -> None:
+        """``StorageFullError`` unless so many bytes more leave as much free as is to stay free."""
+        free = free_bytes(self._fs, self._root) if self._keep_free_bytes else None
+        if free is not None and free < self._keep_free_bytes + size_bytes:
+            raise storage_full()
 
     def finish(self) -> StoredBlob:
         """Complete the blob and give it its key; in a folder it survives a power cut from here on."""
-        self._file.flush()
-        with contextlib.suppress(io.UnsupportedOperation):  # a bucket sees to that itself
-            os.fsync(self._file.fileno())
-        self._file.close()
         key = f"{_KEPT}/{self._name}"
-        self._fs.makedirs(f"{self._root}/{_KEPT}", exist_ok=True)
-        self._fs.mv(self._part, f"{self._root}/{key}")
+        with full_is_told():
+            self._file.flush()
+            if is_folder(self._fs):  # a bucket sees to that itself
+                os.fsync(self._file.fileno())
+            self._file.close()
+            make_folder(self._fs, f"{self._root}/{_KEPT}")
+            self._fs.mv(self._part, f"{self._root}/{key}")
         self._finished = True
-        return StoredBlob(key, self._hash.hexdigest(), self.size_bytes)
+        return StoredBlob(key, self._hash.sha256(), self.size_bytes, self._hash.content_sha256())
 
     def discard(self) -> None:
         """Forget what was written."""
         self._finished = True
         try:
-            self._file.close()
+            with contextlib.suppress(OSError):  # what is still buffered finds no room now either
+                _drop(self._file)
         finally:
             _remove(self._fs, self._part)
+
+
+def _drop(file: Any) -> None:
+    """Close a file that is not wanted; one on its way to a bucket would be completed by that."""
+    if isinstance(file, AbstractBufferedFile):
+        file.discard()
+        file.closed = True
+    else:
+        file.close()
 
 
 def _remove(fs: Any, path: str) -> None:

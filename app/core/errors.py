@@ -8,6 +8,7 @@ ServiceError            a request cannot be answered as asked
 ├── UnsupportedBodyError     a body of a kind that is not taken
 ├── NotAcceptableError       a representation that does not exist
 ├── CrossOriginWriteError    a page of another site asks for a change
+├── StorageFullError         there is no room for what was sent
 └── NotReadyError            the service waits for something else
 """
 
@@ -16,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from psycopg.errors import DiskFull
 from pydantic import BaseModel, Field
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
@@ -84,6 +86,10 @@ class CrossOriginWriteError(ServiceError):
     """A page of another site asks for a change."""
 
 
+class StorageFullError(ServiceError):
+    """There is no room for what was sent."""
+
+
 class NotReadyError(ServiceError):
     """The service waits for something else, such as its database."""
 
@@ -118,6 +124,7 @@ KINDS: Mapping[type[Exception], Kind] = {
         "Change from another site",
         "Pages of other sites may not change data.",
     ),
+    StorageFullError: Kind(507, "storage-full", "Storage full", "The service has no room; try again later."),
     NotReadyError: Kind(503, "not-ready", "Not ready", "The service waits for what it needs; try again."),
     OperationalError: Kind(503, "database-unavailable", "Database unavailable", "Try again in a moment."),
     PoolTimeoutError: Kind(503, "busy", "Too busy", "All connections are in use; try again in a moment."),
@@ -163,4 +170,6 @@ def all_kinds() -> dict[str, Kind]:
 
 def kind_of(error: Exception) -> Kind:
     """The row of the nearest class of ``error`` that the table holds."""
+    if isinstance(error, OperationalError) and isinstance(error.orig, DiskFull):
+        return KINDS[StorageFullError]
     return next(KINDS[cls] for cls in type(error).__mro__ if cls in KINDS)

@@ -188,6 +188,7 @@ _PROBLEMS: dict[int, dict[str, Any]] = {
     415: _problem(415, "unsupported-body", "Unsupported body", "Send the log as it is or gzipped."),
     422: _problem(422, "bad-options", "Unusable options", "particles: it must be at least 1.", "particles"),
     503: _problem(503, "not-ready", "Not ready", "The database does not answer."),
+    507: _problem(507, "storage-full", "Storage full", "The service's storage is full. Send it again later."),
 }
 
 UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {

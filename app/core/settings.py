@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
+from urllib.parse import unquote
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -22,6 +24,18 @@ SQLALCHEMY_SCHEME = "postgresql+psycopg://"
 LIBPQ_SCHEME = "postgresql://"
 
 _GIB = 2**30
+
+
+@dataclass(frozen=True)
+class RemoteFolder:
+    """Files that never change, kept under an fsspec URL and read through copies in a folder (``app.core.mirror``)."""
+
+    url: str
+    copies: Path
+
+
+FilePlace = Path | RemoteFolder
+"""Where such files are: in a folder that every process reaches, or elsewhere."""
 
 
 class SettingsError(FusionError):
@@ -88,6 +102,23 @@ class Settings(BaseSettings):
     blob_url: str | None = Field(
         None,
         description="Where logs are kept, an fsspec URL such as s3://bucket/logs; unset: data_dir/blobs.",
+    )
+    dem_url: str | None = Field(
+        None,
+        description="Where elevation rasters are kept, an fsspec URL such as s3://bucket/dem, with copies for "
+        "reading in data_dir/dem-copies; unset: data_dir/dem.",
+    )
+    min_free_bytes: int = Field(
+        _GIB // 4,
+        ge=0,
+        description="Room that stays free where logs are kept, bytes: an upload that would take it is answered by 507, "
+        "and /readyz by 503 when there is less.",
+    )
+    orphan_days: float = Field(
+        7.0,
+        ge=1,
+        description="Days after which a stored log without a drive is removed. Longer than the oldest backup of the "
+        "database that may be restored, so that its drives find their logs.",
     )
 
     # The API
@@ -194,9 +225,13 @@ class Settings(BaseSettings):
         return self.blob_url or (self.data_dir / "blobs").as_uri()
 
     @property
-    def dem_dir(self) -> Path:
-        """Where imported elevation rasters are kept."""
-        return self.data_dir / "dem"
+    def dem_dir(self) -> FilePlace:
+        """Where imported elevation rasters are kept: ``dem_url``, or the folder ``data_dir/dem``."""
+        if self.dem_url is None:
+            return self.data_dir / "dem"
+        if "://" in self.dem_url and not self.dem_url.startswith("file://"):
+            return RemoteFolder(self.dem_url, self.data_dir / "dem-copies")
+        return _absolute(Path(unquote(self.dem_url.removeprefix("file://"))))
 
 
 def _require(holds: bool, sentence: str) -> None:

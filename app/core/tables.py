@@ -150,6 +150,8 @@ class Drive(Base):
 
     id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(unique=True)
+    content_sha256: Mapped[str | None] = mapped_column(unique=True)
+    """Of what the bytes unpack to (``app.core.content``); NULL: uploaded before that was told."""
     filename: Mapped[str]
     size_bytes: Mapped[int] = mapped_column(BigInteger)
     blob_key: Mapped[str]

@@ -76,7 +76,9 @@ class Drive(BaseModel):
     failure: Failure | None = Field(description="Why it failed; null unless status is failed.")
     filename: str
     size_bytes: int = Field(description="Size as uploaded.")
-    sha256: str = Field(description="SHA-256 of the bytes as uploaded; the same bytes are the same drive.")
+    sha256: str = Field(
+        description="SHA-256 of the bytes as uploaded. The same bytes are the same drive, unpacked or gzipped."
+    )
     method: str = Field(description="The estimator asked for.")
     options: dict[str, Any] = Field(description="The options asked for; the report holds all of them.")
     created_at: Moment

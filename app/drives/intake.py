@@ -8,8 +8,12 @@ from __future__ import annotations
 import logging
 import uuid
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
+
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.databases import database_identity
@@ -19,8 +23,11 @@ from app.drives import store as drives
 from app.drives.documents import Drive
 from fusion.pipeline import parse_options
 
-ORPHAN_AGE = timedelta(hours=1)
-"""A blob exists for a moment before its drive does: one that is older and without a drive is an orphan."""
+SHOWN_ORPHANS = 20
+"""So many of the blobs that a sweep would remove are named in the log."""
+
+LOST_COMMIT_WAIT_S = 5.0
+"""So long is waited for a commit that was not answered: the database may hold on to a connection that broke."""
 
 logger = logging.getLogger(__name__)
 
@@ -34,34 +41,101 @@ def register_upload(
     method: str,
     options: Mapping[str, Any] | None = None,
 ) -> tuple[Drive, bool]:
-    """Make a stored blob a queued drive; row and job in one transaction.
+    """Make a stored blob a queued drive; row and job in one transaction. The flag says whether the drive is new.
 
-    The blob becomes the drive's, or is deleted: when the same bytes are known already, and when the
-    transaction fails. Only a process that dies in between leaves a blob that nobody refers to: ``sweep_blobs``
-    removes it later; an upload of the same bytes brings its own.
+    Where its content is known already it is that drive, which keeps its own blob unless that is lost. The blob
+    becomes the drive's, or is deleted; it stays where nobody can tell whether it became a drive's, as when this
+    process dies: ``sweep_blobs`` later removes what nobody refers to.
     """
+    wanted = {"filename": filename, "method": method, "options": options or {}}
     try:
         parse_options(method, options or {})
-        with sessions.begin() as session:
-            # Before the drive refers to the blob: another database's sweep must not take it for an orphan.
-            blobs.register_database(database_identity(session))
-            drive, created = drives.create_drive(
-                session,
-                sha256=blob.sha256,
-                filename=filename,
-                size_bytes=blob.size_bytes,
-                blob_key=blob.key,
-                method=method,
-                options=options or {},
-            )
-            if created:
-                queue.enqueue(session, drive.id, drive.generation)
-    except BaseException:
+        try:
+            drive, created = _add(sessions, blobs, blob, wanted)
+        except _CommitLostError as lost:
+            drive, created = _add_again(sessions, blobs, blob, wanted, lost)
+    except _CommitLostError as lost:
+        raise (lost.__cause__ or lost) from None
+    except Exception:
         blobs.delete(blob.key)
         raise
-    if not created:
+    if drive.blob_key != blob.key:
         blobs.delete(blob.key)
     return drive, created
+
+
+class _CommitLostError(Exception):
+    """Nobody knows whether the transaction was committed; its cause is what went wrong."""
+
+    def __init__(self, created: bool) -> None:
+        """``created`` tells whether the transaction made a drive."""
+        super().__init__("the database did not say whether it committed an upload")
+        self.created = created
+
+
+def _add(
+    sessions: Sessions,
+    blobs: BlobStore,
+    blob: StoredBlob,
+    wanted: Mapping[str, Any],
+    wait_s: float | None = None,
+) -> tuple[Drive, bool]:
+    """Add the drive or find that of the same content; ``_CommitLostError`` when the commit was not answered."""
+    with sessions() as session:
+        if wait_s is not None:
+            drives.wait_at_most(session, wait_s)
+        # Before the drive refers to the blob: another database's sweep must not take it for an orphan.
+        blobs.register_database(database_identity(session))
+        drive, created = _create_or_heal(session, blobs, blob, wanted)
+        try:
+            session.commit()
+        except Exception as error:
+            if isinstance(error, DBAPIError) and not error.connection_invalidated:
+                raise  # the database said no
+            raise _CommitLostError(created) from error
+    return drive, created
+
+
+def _add_again(
+    sessions: Sessions,
+    blobs: BlobStore,
+    blob: StoredBlob,
+    wanted: Mapping[str, Any],
+    lost: _CommitLostError,
+) -> tuple[Drive, bool]:
+    """The same once more, over another connection: it waits for a commit that is under way and finds what that left."""
+    logger.warning("an upload's commit was not answered, and is asked for again: %s", lost.__cause__)
+    try:
+        drive, created = _add(sessions, blobs, blob, wanted, LOST_COMMIT_WAIT_S)
+    except Exception:
+        raise lost from lost.__cause__
+    return drive, created or (lost.created and drive.blob_key == blob.key)
+
+
+def _create_or_heal(
+    session: Session, blobs: BlobStore, blob: StoredBlob, wanted: Mapping[str, Any]
+) -> tuple[Drive, bool]:
+    """A new drive and its job, or the drive of the same content; one whose blob is lost gets this one.
+
+    What failed is computed again then: most likely it failed for want of its blob.
+    """
+    stored: dict[str, Any] = {"sha256": blob.sha256, "size_bytes": blob.size_bytes, "blob_key": blob.key}
+    while True:
+        drive, created = drives.create_drive(session, **stored, content_sha256=blob.content_sha256, **wanted)
+        if created:
+            queue.enqueue(session, drive.id, drive.generation)
+            return drive, True
+        if blobs.exists(drive.blob_key):
+            return drive, False
+        if drives.give_blob(session, drive, **stored):
+            break
+        # it was deleted meanwhile, or another upload was faster
+    logger.info("drive %s had lost its file and has another one", drive.id)
+    healed = drives.get_drive(session, drive.id)
+    if drive.status == "failed":
+        healed = drives.request_reprocess(session, drive.id, drive.method, drive.options)
+        queue.enqueue(session, drive.id, drive.generation + 1)
+    return healed or drive, False
 
 
 def reprocess(
@@ -97,24 +171,50 @@ def remove_drive(sessions: Sessions, drive_id: uuid.UUID) -> Drive | None:
         return drive
 
 
-def sweep_blobs(sessions: Sessions, blobs: BlobStore, older_than: timedelta = ORPHAN_AGE) -> int:
+def sweep_blobs(
+    sessions: Sessions, blobs: BlobStore, older_than: timedelta, *, confirmed: bool = False
+) -> Sweep:
     """Remove parts of uploads that broke off, and blobs older than ``older_than`` that no drive refers to.
 
-    Returns how many. Where several databases keep blobs in one store, orphans of one may be drives of another, so only
-    parts are removed.
+    Where another database has used the store (it may share it, or this one may be its restored backup), what has no
+    drive here may be a drive there: nothing is removed then but parts, and the log says what would be. ``confirmed``
+    says that this database is the only one; the others are forgotten.
     """
-    removed = blobs.sweep()
+    parts = blobs.sweep()
     with sessions() as session:
-        blobs.register_database(database_identity(session))
-    notes = blobs.databases()
-    if len(notes) > 1:
-        logger.warning(
-            "blobs without a drive stay: several databases use this store. Delete the notes of those that are "
-            "gone: %s",
-            ", ".join(notes),
-        )
-        return removed
+        identity = database_identity(session)
+    blobs.register_database(identity)
+    if confirmed:
+        blobs.forget_databases(identity)
     stored = blobs.keys()
     with sessions() as session:
-        orphans = drives.unreferenced_blobs(session, stored)
-    return removed + blobs.remove_old(orphans, older_than)
+        unreferenced = drives.unreferenced_blobs(session, stored)
+    orphans = blobs.older(unreferenced, older_than)
+    strangers = tuple(name for name in blobs.databases() if name != identity)
+    if not strangers:
+        for key in orphans:
+            blobs.delete(key)
+    elif orphans:
+        logger.warning(
+            "%d blobs without a drive stay, the first: %s. Other databases have used this store (%s). If they are gone "
+            "and no other backup may be restored, `versant sweep --only-database` removes these blobs.",
+            len(orphans),
+            ", ".join(orphans[:SHOWN_ORPHANS]),
+            ", ".join(strangers),
+        )
+    return Sweep(parts, tuple(orphans), strangers)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a sweep found: parts of uploads, removed; old blobs without a drive, removed unless there are strangers."""
+
+    parts: int
+    orphans: tuple[str, ...]
+    strangers: tuple[str, ...]
+    """Identities of other databases that have used the store."""
+
+    @property
+    def removed(self) -> int:
+        """How many files are gone."""
+        return self.parts + (0 if self.strangers else len(self.orphans))

@@ -14,14 +14,13 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import Enum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.core.settings import Settings
+from app.core.settings import FilePlace, Settings
 from app.core.version import code_version
 from app.drives import publishing, queue, tracks
 from app.drives import store as drives
@@ -77,7 +76,7 @@ class Workbench:
 
     sessions: Sessions
     blobs: BlobStore
-    dem_dir: Path
+    dem_dir: FilePlace
     max_log_bytes: int = 512 * 2**20
     publish_every_s: float = 30.0
 

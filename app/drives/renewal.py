@@ -7,9 +7,9 @@ again. All of it may be cut off at any moment and done twice.
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 
 from app.core.db import Sessions
+from app.core.settings import FilePlace
 from app.drives.enqueuing import give_jobs
 from app.network.marks import append_marks
 from app.network.publish import left_over
@@ -34,7 +34,7 @@ class HeightFiller:
     Drives do not wait for it. The roads of each are filled in before it is solved (``fill_heights_along``).
     """
 
-    def __init__(self, sessions: Sessions, dem_dir: Path) -> None:
+    def __init__(self, sessions: Sessions, dem_dir: FilePlace) -> None:
         self._sessions, self._dem_dir, self._after_id = sessions, dem_dir, 0
 
     def piece(self) -> bool:

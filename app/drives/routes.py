@@ -73,7 +73,7 @@ def delete_drive(
     """Always works, whatever the status: a worker that computes it stops and discards its result.
 
     The drive is `cancelled` at once. Its influence leaves every segment within seconds, then the drive and its log are
-    gone: `GET` answers 404. The same bytes uploaded meanwhile bring it back.
+    gone: `GET` answers 404. The same bytes uploaded meanwhile are a drive of their own.
     """
     drive = found(intake.remove_drive(service.sessions, drive_id), "drive", drive_id)
     response.headers["Location"] = drive_address(base, drive)

@@ -26,25 +26,34 @@ _SHOWN = """
 _DRIVES = "SELECT" + _SHOWN + "FROM drives AS d "
 
 _GET = text(_DRIVES + "WHERE d.id = :id")
-_GET_BY_SHA256 = text(_DRIVES + "WHERE d.sha256 = :sha256")
+# Of drives from before contents were told only the bytes are known, plain ones perhaps; the very same bytes first.
+_GET_BY_CONTENT = text(
+    _DRIVES
+    + """
+    WHERE d.content_sha256 = :content_sha256 OR d.sha256 IN (:sha256, :content_sha256)
+    ORDER BY d.sha256 = :sha256 DESC, d.created_at LIMIT 1
+    """
+)
 
 # Answered from the indexes on (created_at, id) and (status, created_at, id): what is not asked for is left out.
 _OF_STATUS = " AND d.status = :status"
 _AFTER = " AND (d.created_at, d.id) < (:after_created_at, :after_id)"
 _NEWEST_FIRST = " ORDER BY d.created_at DESC, d.id DESC LIMIT :limit"
 
-# Another upload of the same bytes that has not committed yet is waited for. A drive that is being removed just now
-# comes back by them.
+# Another upload of the same bytes or content that has not committed yet is waited for.
 _CREATE = text(
     """
-    INSERT INTO drives AS d (id, sha256, filename, size_bytes, blob_key, status, method, options)
-    VALUES (:id, :sha256, :filename, :size_bytes, :blob_key, 'queued', :method, CAST(:options AS jsonb))
-    ON CONFLICT (sha256) DO UPDATE SET
-        filename = excluded.filename, blob_key = excluded.blob_key, status = 'queued', stage = NULL, progress = 0,
-        method = excluded.method, options = excluded.options, generation = d.generation + 1,
-        queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL
-    WHERE d.status = 'cancelled'
-    RETURNING id
+    INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options)
+    VALUES (:id, :sha256, :content_sha256, :filename, :size_bytes, :blob_key, 'queued', :method,
+            CAST(:options AS jsonb))
+    ON CONFLICT DO NOTHING RETURNING id
+    """
+)
+# Nothing when the drive is gone, or another upload was faster.
+_GIVE_BLOB = text(
+    """
+    UPDATE drives SET blob_key = :blob_key, sha256 = :sha256, size_bytes = :size_bytes
+    WHERE id = :id AND blob_key = :lost_key RETURNING id
     """
 )
 
@@ -119,11 +128,13 @@ _FINISH = text(
     """
 )
 
-# A worker that computes the drive finds by the generation that its result is unwanted.
+# A worker that computes the drive finds by the generation that its result is unwanted. What it is known by is free
+# from here on: the same log uploaded again is another drive, and does not go with this one.
 _CANCEL = text(
     """
     UPDATE drives
-    SET status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp()
+    SET status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp(),
+        sha256 = 'removed ' || id, content_sha256 = NULL
     WHERE id = :id AND status <> 'cancelled' RETURNING generation
     """
 )
@@ -158,6 +169,7 @@ _ASK_ANEW = text(
     """  # noqa: S608 - constants
 )
 
+_WAIT_AT_MOST = text("SELECT set_config('lock_timeout', :timeout, true)")
 _BLOBS = text("SELECT blob_key FROM drives")
 
 
@@ -174,26 +186,41 @@ def create_drive(
     blob_key: str,
     method: str,
     options: Mapping[str, Any],
+    content_sha256: str | None = None,
 ) -> tuple[Drive, bool]:
-    """Insert a queued drive, or find the one that holds the same bytes; the flag says whether it is new, or back.
+    """Insert a queued drive, or find the one that holds the same content; the flag says whether it is new.
 
-    Two uploads of the same bytes at the same moment meet at the unique ``sha256``: the second waits for the
-    first to commit and gets its drive.
+    Two uploads of the same content at the same moment, in whatever form, meet at the unique columns: the second
+    waits for the first to commit and gets its drive.
     """
     values = {
         "id": uuid.uuid4(),
         "sha256": sha256,
+        "content_sha256": content_sha256,
         "filename": plain_text(filename),
         "size_bytes": size_bytes,
         "blob_key": blob_key,
         "method": method,
         "options": _json(options),
     }
+    same = {"sha256": sha256, "content_sha256": content_sha256 or sha256}
     while True:
-        created = _changed(session, _CREATE, values)
-        if drive := _one(session, _GET_BY_SHA256, {"sha256": sha256}):
-            return drive, created
-        # the other upload's drive was deleted between the two statements
+        if drive := _one(session, _GET_BY_CONTENT, same):
+            return drive, False
+        if _changed(session, _CREATE, values) and (drive := get_drive(session, values["id"])):
+            return drive, True
+        # the other upload's drive is there now, or was deleted between the two statements
+
+
+def wait_at_most(session: Session, timeout_s: float) -> None:
+    """Let this transaction fail rather than wait longer for another one."""
+    session.execute(_WAIT_AT_MOST, {"timeout": f"{round(timeout_s * 1000)}ms"})
+
+
+def give_blob(session: Session, drive: Drive, *, sha256: str, size_bytes: int, blob_key: str) -> bool:
+    """Let a drive whose blob is lost have another of the same content; False: it is gone, or has one by now."""
+    values = {"sha256": sha256, "size_bytes": size_bytes, "blob_key": blob_key}
+    return _changed(session, _GIVE_BLOB, {"id": drive.id, "lost_key": drive.blob_key, **values})
 
 
 def get_drive(session: Session, drive_id: uuid.UUID) -> Drive | None:

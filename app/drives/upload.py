@@ -15,6 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from app.core.blobs import BlobStore, BlobWriter, StoredBlob
 from app.core.errors import BadRequestError, BodyTooLargeError
 from app.core.http import BaseUrl, ServiceDep, problems
+from app.core.settings import Settings
 from app.drives import intake
 from app.drives.body import UploadSource, upload_source
 from app.drives.documents import DriveAccepted, accepted, drive_address
@@ -59,11 +60,11 @@ _LOCATION = {"Location": {"description": "The drive.", "schema": {"type": "strin
     responses={
         200: {
             "model": DriveAccepted,
-            "description": "Known bytes: their drive.",
+            "description": "Known content: its drive.",
             "headers": _LOCATION,
         },
         202: {"description": "Stored and queued.", "headers": _LOCATION},
-        **problems(403, 413, 415, 422, 503),
+        **problems(403, 413, 415, 422, 503, 507),
     },
     openapi_extra={"requestBody": _BODY},
 )
@@ -83,13 +84,13 @@ async def upload_drive(
 ) -> DriveAccepted:
     """Store a log and queue it. The answer comes as soon as it is stored; follow the drive at `Location`.
 
-    The same bytes again answer 200 with the drive that they already are, unchanged, whatever the method:
-    use `reprocess` to compute it anew.
+    The same content again, in whatever gzip, answers 200 with the drive that it already is, unchanged, whatever the
+    method: use `reprocess` to compute it anew. Where the service had lost that drive's file, this one takes its place.
     """
     settings = service.settings
     wanted = method or default_method(settings)
     chosen = checked_options(wanted, asked_options(options, option) or {})
-    blob, name = await receive_upload(request, service.blobs, settings.max_upload_bytes)
+    blob, name = await receive_upload(request, service.blobs, settings)
     drive, created = await run_in_threadpool(
         intake.register_upload,
         service.sessions,
@@ -104,16 +105,24 @@ async def upload_drive(
     return accepted(base, drive)
 
 
-async def receive_upload(request: Request, blobs: BlobStore, max_bytes: int) -> tuple[StoredBlob, str]:
+async def receive_upload(request: Request, blobs: BlobStore, settings: Settings) -> tuple[StoredBlob, str]:
     """Store the file of the request's body; returns the blob and the file's name.
 
-    Raises ``BodyTooLargeError`` as soon as the body is announced or found to be too large,
-    ``BadRequestError`` for an empty file or a malformed body, ``ClientDisconnect`` when the client goes away.
-    Nothing stays in the store then. The store's blocking calls run in threads.
+    Raises ``BodyTooLargeError`` as soon as the body is announced or found to be too large, ``StorageFullError`` as
+    soon as there is no room for it, ``BadRequestError`` for an empty file or a malformed body, ``ClientDisconnect``
+    when the client goes away. Nothing stays in the store then. The store's blocking calls run in threads.
     """
+    max_bytes = settings.max_upload_bytes
     source = upload_source(request.headers, request.query_params)
-    _check_announced(request, max_bytes + source.envelope_bytes, max_bytes)
-    writer = await run_in_threadpool(blobs.writer)
+    announced = _announced_bytes(request)
+    if announced > max_bytes + source.envelope_bytes:
+        raise _too_large(max_bytes)
+    writer = await run_in_threadpool(
+        blobs.writer,
+        keep_free_bytes=settings.min_free_bytes,
+        expected_bytes=announced,
+        max_content_bytes=settings.max_log_bytes,
+    )
     try:
         await _copy(request, source, writer, max_bytes)
         return await run_in_threadpool(writer.finish), source.filename
@@ -140,10 +149,10 @@ async def _copy(request: Request, source: UploadSource, writer: BlobWriter, max_
         )
 
 
-def _check_announced(request: Request, most: int, max_bytes: int) -> None:
+def _announced_bytes(request: Request) -> int:
+    """Length of the body by its header; 0 where it is not said."""
     announced = request.headers.get("content-length", "")
-    if announced.isdigit() and int(announced) > most:
-        raise _too_large(max_bytes)
+    return int(announced) if announced.isdigit() else 0
 
 
 def _too_large(max_bytes: int) -> BodyTooLargeError:

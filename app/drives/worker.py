@@ -9,6 +9,7 @@ import functools
 import logging
 import threading
 import uuid
+from datetime import timedelta
 
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
@@ -54,7 +55,7 @@ def run_worker(
     try:
         bench = Workbench.of(settings, session_factory(engine))
         worker = Worker(settings, engine, bench.sessions, tasks_of(bench))
-        worker.run(_chores(bench) if with_chores else (), wait=wait, stop_event=stop_event)
+        worker.run(_chores(bench, settings) if with_chores else (), wait=wait, stop_event=stop_event)
     finally:
         engine.dispose()
 
@@ -115,10 +116,11 @@ def _solver_task(bench: Workbench) -> Task:
     return Task(SOLVE, run, fail, put_back, subject="part of the map")
 
 
-def _chores(bench: Workbench) -> tuple[tuple[Chore, float], ...]:
+def _chores(bench: Workbench, settings: Settings) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
+    orphan_age = timedelta(days=settings.orphan_days)
     heights = HeightFiller(bench.sessions, bench.dem_dir)
-    renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench)
+    renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench, orphan_age)
     tended = functools.partial(enqueuing.tend, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
@@ -132,7 +134,7 @@ def _chores(bench: Workbench) -> tuple[tuple[Chore, float], ...]:
     )
 
 
-def _sweep(bench: Workbench) -> None:
+def _sweep(bench: Workbench, older_than: timedelta) -> None:
     """Clear the blob store."""
-    if removed := intake.sweep_blobs(bench.sessions, bench.blobs):
+    if removed := intake.sweep_blobs(bench.sessions, bench.blobs, older_than).removed:
         logger.info("removed %d blobs that no drive refers to", removed)

@@ -36,7 +36,7 @@ def healthz() -> Health:
 
 @router.get("/readyz", summary="Readiness", responses=problems(503))
 def readyz(service: ServiceDep) -> Health:
-    """Whether requests can be answered: database reachable and migrated, blob store writable."""
+    """Whether requests can be answered: database reachable and migrated, blob store writable and not full."""
     checks = {"database": _database(service), "blobs": _blobs(service)}
     bad = [FieldError(field=name, message=state) for name, state in checks.items() if state != "ok"]
     if bad:
@@ -55,9 +55,15 @@ def _database(service: Service) -> str:
 
 
 def _blobs(service: Service) -> str:
+    least = service.settings.min_free_bytes
     try:
-        with service.blobs.writer() as writer:  # left unfinished, it leaves nothing behind
-            writer.write(b"ready")
+        free = service.blobs.free_bytes()
+        if free is not None and free < least:
+            return (
+                f"The store of uploaded logs has {free} bytes free, less than the {least} of VERSANT_MIN_FREE_BYTES. "
+                "Make room there."
+            )
+        service.blobs.probe()
     except Exception:  # any storage fsspec knows, each with errors of its own
         log.exception("readiness: the blob store cannot be written to")
         return "The store of uploaded logs cannot be written to."

@@ -17,6 +17,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.core.settings import FilePlace
 from app.network.cells import raise_versions
 from app.network.locks import own_network
 from app.network.swap import solve_all_marked
@@ -49,7 +50,7 @@ class ImportCounts:
 
 
 def import_roads(
-    sessions: Sessions, path: Path, dem_dir: Path, progress: Progress = no_progress
+    sessions: Sessions, path: Path, dem_dir: FilePlace, progress: Progress = no_progress
 ) -> ImportCounts:
     """Make the drivable roads of an OpenStreetMap file the whole network (``merge_roads``), and solve.
 

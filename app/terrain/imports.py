@@ -20,11 +20,13 @@ from rasterio.errors import RasterioError
 from rasterio.warp import transform_bounds
 from sqlalchemy.orm import Session
 
+from app.core import mirror
 from app.core.db import Bounds, Sessions
+from app.core.settings import FilePlace
 from app.network.cells import cells_over, raise_versions
 from app.network.extracts import roads_within, roads_without_heights, roads_without_heights_in
 from app.network.locks import own_network
-from app.terrain.store import DemSet, DemSource, current_dem, replace_dem, set_terrain
+from app.terrain.store import DemSet, DemSource, current_dem, local_raster, replace_dem, set_terrain
 from fusion.errors import TerrainError
 from fusion.network.curve import interval_count, knot_length
 from fusion.network.unknowns import knot_positions
@@ -43,7 +45,7 @@ SEGMENTS_PER_FILL = 10_000
 
 
 def import_dem(
-    sessions: Sessions, paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress
+    sessions: Sessions, paths: Sequence[Path], dem_dir: FilePlace, progress: Progress = no_progress
 ) -> DemSet:
     """Add elevation rasters to the active set; ``TerrainError`` for one that cannot be used."""
     if not paths:
@@ -53,8 +55,10 @@ def import_dem(
         return add_dem(session, sources, dem_dir, progress)
 
 
-def store_files(paths: Sequence[Path], dem_dir: Path, progress: Progress = no_progress) -> list[DemSource]:
-    """Copy rasters into the folder; ``TerrainError`` for one that cannot be read. No database is involved.
+def store_files(
+    paths: Sequence[Path], dem_dir: FilePlace, progress: Progress = no_progress
+) -> list[DemSource]:
+    """Copy rasters to where they are kept; ``TerrainError`` for one that cannot be read. No database is involved.
 
     A gzipped raster is unpacked. One that consists of one file is copied as it is, streaming; one that refers
     to others (a VRT, a file with a header beside it) is written anew as one GeoTIFF, since the references would
@@ -69,7 +73,7 @@ def store_files(paths: Sequence[Path], dem_dir: Path, progress: Progress = no_pr
 
 
 def add_dem(
-    session: Session, sources: Sequence[DemSource], dem_dir: Path, progress: Progress = no_progress
+    session: Session, sources: Sequence[DemSource], dem_dir: FilePlace, progress: Progress = no_progress
 ) -> DemSet:
     """Add stored rasters to the active set and renew slopes and heights of the segments that they cover.
 
@@ -87,9 +91,10 @@ def add_dem(
     replaced = {source.name.casefold() for source in new}
     gone = [source for source in former if source.name.casefold() in replaced]
     whole = [source for source in former if source not in gone] + list(dict.fromkeys(new))
-    with Dem.open([dem_dir / source.uri for source in whole]) as dem:
+    with Dem.open([local_raster(dem_dir, source) for source in whole]) as dem:
         found = replace_dem(session, whole, dem.datum, dem_dir)
-        _renew_terrain(session, dem, [dem_dir / source.uri for source in [*new, *gone]], progress)
+        changed = [local_raster(dem_dir, source) for source in [*new, *gone]]
+        _renew_terrain(session, dem, changed, progress)
     return found
 
 
@@ -104,7 +109,7 @@ def terrain_under(active: DemSet | None, table: RoadTable) -> tuple[Floats, Floa
         return dem_slopes(dem, table), dem.heights(*knot_positions(table))
 
 
-def fill_heights(sessions: Sessions, dem_dir: Path, after_id: int = 0) -> int | None:
+def fill_heights(sessions: Sessions, dem_dir: FilePlace, after_id: int = 0) -> int | None:
     """Give heights to the next segments after an id that have a slope by the active rasters alone, as they were stored
     before heights were. Returns the last one's id; None: there are no more.
 
@@ -122,7 +127,7 @@ def fill_heights(sessions: Sessions, dem_dir: Path, after_id: int = 0) -> int | 
     return int(ids.max())
 
 
-def fill_heights_along(sessions: Sessions, dem_dir: Path, driven: RoadTable) -> int:
+def fill_heights_along(sessions: Sessions, dem_dir: FilePlace, driven: RoadTable) -> int:
     """``fill_heights`` for the roads that a drive can have a part in: driven ones and gaps beside them; of how many.
 
     Before the drive is solved, so that no slope is published without the elevation model, however long filling the
@@ -171,8 +176,9 @@ def _bounds_deg(path: Path) -> Bounds:
         return bounds
 
 
-def _store(path: Path, quality: Path | None, dem_dir: Path) -> DemSource:
-    incoming = dem_dir / "incoming" / uuid.uuid4().hex
+def _store(path: Path, quality: Path | None, dem_dir: FilePlace) -> DemSource:
+    here = mirror.local_folder(dem_dir)
+    incoming = here / "incoming" / uuid.uuid4().hex
     incoming.mkdir(parents=True)
     try:
         copied = _copy(path, incoming)
@@ -184,14 +190,24 @@ def _store(path: Path, quality: Path | None, dem_dir: Path) -> DemSource:
             parts.insert(0, layer.rename(incoming / quality_name(copied)))
             Dem.open([copied]).close()  # does the layer fit?
             folder = hashlib.sha256(f"{sha256} {_sha256(parts[0])}".encode()).hexdigest()
-        final = dem_dir / folder
+        final = here / folder
         final.mkdir(exist_ok=True)
         for part in parts:
             # Renamed within one file system: the file is there complete or not at all, and after its quality layer.
             part.replace(final / part.name)
+        _send(path, dem_dir, [f"{folder}/{part.name}" for part in parts])
         return DemSource(copied.name, f"{folder}/{copied.name}", sha256)
     finally:
         shutil.rmtree(incoming)
+
+
+def _send(path: Path, dem_dir: FilePlace, names: Sequence[str]) -> None:
+    try:
+        mirror.send(dem_dir, names)
+    except mirror.MirrorError as error:
+        raise TerrainError(
+            f"{path.name} cannot be kept: {error} See to the storage of VERSANT_DEM_URL and import it again."
+        ) from error
 
 
 def _copy(path: Path, folder: Path) -> Path:

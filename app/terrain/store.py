@@ -1,6 +1,6 @@
 """The active set of elevation rasters in the database, and the slopes and heights of segments by them.
 
-The files themselves lie in a folder and are ``app.terrain.imports``' business: no raster is opened here.
+The files themselves are ``app.terrain.imports``' business: no raster is opened here.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ import numpy as np
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
+from app.core import mirror
+from app.core.settings import FilePlace
+from fusion.errors import TerrainError
 from fusion.types import Floats, Ints
 
 
@@ -34,13 +37,13 @@ class DemSource:
 
 @dataclass(frozen=True)
 class DemSet:
-    """The active elevation rasters; their files are in ``folder``, on this machine's disk."""
+    """The active elevation rasters, and where their files are kept."""
 
     version_id: int
     datum: str
     imported_at: datetime
     sources: tuple[DemSource, ...]
-    folder: Path
+    place: FilePlace
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -49,8 +52,18 @@ class DemSet:
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """The rasters' files."""
-        return tuple(self.folder / source.uri for source in self.sources)
+        """The rasters' files on this machine, those not here yet fetched; ``TerrainError`` where one cannot be."""
+        return tuple(local_raster(self.place, source) for source in self.sources)
+
+
+def local_raster(place: FilePlace, source: DemSource) -> Path:
+    """A raster's file on this machine, its quality layer beside it."""
+    try:
+        return mirror.fetch(place, source.uri, source.sha256)
+    except mirror.MirrorError as error:
+        raise TerrainError(
+            f"The elevation raster {error} See to the storage of VERSANT_DEM_URL, then ask for it again."
+        ) from error
 
 
 _ACTIVE = text("SELECT id, datum, imported_at, sources FROM dem_versions WHERE active")
@@ -78,13 +91,13 @@ _SET_TERRAIN = text(
 )
 
 
-def current_dem(session: Session, dem_dir: Path) -> DemSet | None:
+def current_dem(session: Session, dem_dir: FilePlace) -> DemSet | None:
     """The active rasters, or None before the first import."""
     row = session.execute(_ACTIVE).one_or_none()
     return None if row is None else _set(row, dem_dir)
 
 
-def replace_dem(session: Session, sources: Sequence[DemSource], datum: str, dem_dir: Path) -> DemSet:
+def replace_dem(session: Session, sources: Sequence[DemSource], datum: str, dem_dir: FilePlace) -> DemSet:
     """Make ``sources`` the active set, as a new version. The caller owns the network."""
     session.execute(_RETIRE)
     listed = json.dumps([asdict(source) for source in sources])
@@ -113,6 +126,6 @@ def _array(heights_m: Floats) -> str | None:
     return "{" + ",".join(map(repr, heights_m.tolist())) + "}" if np.isfinite(heights_m).any() else None
 
 
-def _set(row: Row[Any], dem_dir: Path) -> DemSet:
+def _set(row: Row[Any], dem_dir: FilePlace) -> DemSet:
     sources = tuple(DemSource(**source) for source in row.sources)
     return DemSet(row.id, row.datum, row.imported_at, sources, dem_dir)

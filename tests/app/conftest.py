@@ -1,5 +1,6 @@
 """Fixtures that tests of several rooms of the service share; each is described where it is defined."""
 
+from bucket_fixtures import bucket, bucket_server
 from drive_fixtures import bench, files, send
 from store_fixtures import add_drive, chain, segment_ids, sessions, streets
 from web_fixtures import drive_maker, filled, reading, server_maker, settings, web
@@ -7,6 +8,8 @@ from web_fixtures import drive_maker, filled, reading, server_maker, settings, w
 __all__ = [
     "add_drive",
     "bench",
+    "bucket",
+    "bucket_server",
     "chain",
     "drive_maker",
     "files",

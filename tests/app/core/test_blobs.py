@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import os
+import shutil
+import sys
 import tracemalloc
 import uuid
 from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 
+import fsspec
 import pytest
 
 from app.core.blobs import BlobStore
+from app.core.errors import StorageFullError
+from app.core.settings import SettingsError
 from processing_support import put_blob
 
 
-@pytest.fixture(params=["folder", "file-url", "memory"])
+@pytest.fixture(params=["folder", "file-url", "memory", "bucket"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """Three ways to say where blobs are kept; the last stands for a bucket."""
+    """Ways to say where blobs are kept."""
+    if request.param == "bucket":
+        return f"{request.getfixturevalue('bucket')}/logs"
     return {
         "folder": str(tmp_path / "blobs"),
         "file-url": (tmp_path / "blobs with space").as_uri(),
@@ -62,7 +70,7 @@ def test_the_part_of_a_killed_upload_is_swept_later(url: str) -> None:
     kept = put_blob(store, [b"whole"])
     writer = store.writer()
     writer.write(b"part")
-    writer._file.close()  # as the end of the process does
+    writer._file.close()  # as the end of the process does to a folder's; of a bucket's nothing is to be seen
     assert store.keys() == [kept.key]
     assert store.sweep(timedelta(hours=1)) == 0
     assert store.sweep(timedelta(0)) == 1
@@ -70,19 +78,22 @@ def test_the_part_of_a_killed_upload_is_swept_later(url: str) -> None:
     assert store.keys() == [kept.key]
 
 
-def test_only_old_blobs_are_removed(url: str) -> None:
+def test_old_blobs_are_told(url: str) -> None:
     store = BlobStore(url)
     first, second = put_blob(store, [b"1"]), put_blob(store, [b"2"])
-    assert store.remove_old([first.key, second.key], timedelta(hours=1)) == 0
-    assert store.remove_old([first.key, "drives/gone"], timedelta(0)) == 1
-    assert store.keys() == [second.key]
+    assert store.older([first.key, second.key], timedelta(hours=1)) == []
+    assert store.older([first.key, "drives/gone"], timedelta(0)) == [first.key]
+    assert store.exists(second.key)
+    assert not store.exists("drives/gone")
 
 
 def test_the_databases_of_a_store_are_noted(url: str) -> None:
     assert BlobStore(url).databases() == []
     for identity in ("a-1", "a-1", "b-2"):
         BlobStore(url).register_database(identity)
-    assert [note.rsplit("/", 1)[-1] for note in BlobStore(url).databases()] == ["a-1", "b-2"]
+    assert BlobStore(url).databases() == ["a-1", "b-2"]
+    BlobStore(url).forget_databases(but="b-2")
+    assert BlobStore(url).databases() == ["b-2"]
 
 
 def test_a_large_blob_takes_little_memory(tmp_path: Path) -> None:
@@ -96,3 +107,90 @@ def test_a_large_blob_takes_little_memory(tmp_path: Path) -> None:
         tracemalloc.stop()
     assert blob.size_bytes == 64 << 20
     assert peak < 8 << 20
+
+
+def fill(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the next blob of a folder be written to the device that is always full."""
+    name = uuid.uuid4()
+    incoming = Path(url) / "incoming"
+    incoming.mkdir(parents=True, exist_ok=True)
+    (incoming / name.hex).symlink_to("/dev/full")
+    monkeypatch.setattr("app.core.blobs.uuid.uuid4", lambda: name)
+
+
+@pytest.mark.parametrize("size_bytes", [1, 1 << 20])
+def test_a_full_disk_is_told_and_nothing_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size_bytes: int
+) -> None:
+    store = BlobStore(str(tmp_path))
+    fill(str(tmp_path), monkeypatch)
+    with pytest.raises(StorageFullError, match="full"):
+        put_blob(store, [bytes(size_bytes)])
+    assert files_in(tmp_path) == []
+    fill(str(tmp_path), monkeypatch)
+    with pytest.raises(OSError, match="No space left"):
+        store.probe()
+    assert files_in(tmp_path) == []
+
+
+def files_in(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_symlink() or path.is_file()]
+
+
+def test_room_that_is_to_stay_free_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = BlobStore(str(tmp_path / "not" / "there" / "yet"))
+    free = store.free_bytes()
+    assert free is not None
+    assert 0 < free <= shutil.disk_usage(tmp_path).total
+    monkeypatch.setattr("app.core.blobs.free_bytes", lambda fs, root: 1000)
+    with pytest.raises(StorageFullError):
+        store.writer(keep_free_bytes=900, expected_bytes=101)
+    with store.writer(keep_free_bytes=900, expected_bytes=100) as writer, pytest.raises(StorageFullError):
+        writer.write(bytes(101))
+    assert files_in(tmp_path) == []
+
+
+def test_of_a_bucket_nobody_knows_how_full_it_is(bucket: str) -> None:
+    store = BlobStore(bucket)
+    assert store.free_bytes() is None
+    store.probe()
+    assert fsspec.filesystem("s3").find(bucket) == []
+
+
+def test_a_large_upload_to_a_bucket_that_breaks_off_is_not_completed(bucket: str) -> None:
+    store = BlobStore(bucket)
+    with store.writer() as writer:
+        for _ in range(20):
+            writer.write(bytes(1 << 20))
+    found = fsspec.filesystem("s3")
+    assert found.find(bucket) == []
+    assert "Uploads" not in found.call_s3("list_multipart_uploads", Bucket=bucket.removeprefix("s3://"))
+
+
+def test_a_large_blob_of_a_bucket_goes_in_parts(bucket: str) -> None:
+    store = BlobStore(bucket)
+    chunk = os.urandom(1 << 20)
+    blob = put_blob(store, (chunk for _ in range(40)))
+    with store.open(blob.key) as file:
+        assert hashlib.file_digest(file, "sha256").hexdigest() == blob.sha256
+    assert store.keys() == [blob.key]
+
+
+def test_a_bucket_that_is_not_there_is_not_made(bucket: str) -> None:
+    with pytest.raises(FileNotFoundError):
+        put_blob(BlobStore(f"{bucket}-mistyped/logs"), [b"x"])
+    assert not fsspec.filesystem("s3").exists(f"{bucket}-mistyped")
+
+
+@pytest.mark.parametrize("url", ["nonsense://x/y", "s3://x/y"])
+def test_a_storage_without_its_driver_says_what_to_install(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "s3fs", None)
+    monkeypatch.delitem(sys.modules["fsspec.registry"]._registry, "s3", raising=False)
+    with pytest.raises(SettingsError, match=r"versant\[s3\]"):
+        BlobStore(url)
+
+
+def test_what_a_blob_unpacks_to_is_told(url: str) -> None:
+    store = BlobStore(url)
+    plain, packed = put_blob(store, [b"a log"]), put_blob(store, [gzip.compress(b"a log")])
+    assert plain.content_sha256 == packed.content_sha256 == plain.sha256 != packed.sha256

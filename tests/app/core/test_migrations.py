@@ -96,8 +96,11 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
         assert [dict(list(row.items())[: len(old)]) for row, old in zip(now, then, strict=True)] == then
     added = [set(now[0]) - set(then[0]) for then, now in zip(before, after, strict=True)]
     assert added[:4] == [
-        {"dem_heights_m", "cell"}, {"same_as", "batch_id", "before_batch"}, set(), {"in_network"}
-    ]  # fmt: skip
+        {"dem_heights_m", "cell"},
+        {"same_as", "batch_id", "before_batch", "content_sha256"},
+        set(),
+        {"in_network"},
+    ]
     assert added[4] == set(NETWORK_ONLY)
     assert after[0][0]["cell"] == 8192 << 14 | 8191  # the square of (0, 0) in EPSG:3857 to (1, 1)
     new = [

@@ -162,8 +162,11 @@ def test_a_removed_drive_is_gone_with_its_bytes(sessions: Sessions, blobs: BlobS
 def test_orphans_are_swept_and_nothing_else(sessions: Sessions, blobs: BlobStore, upload: Upload) -> None:
     drive, _ = upload()
     put_blob(blobs, [b"its process died before the row"])
-    assert intake.sweep_blobs(sessions, blobs) == 0, "it may be an upload that is just being registered"
-    assert intake.sweep_blobs(sessions, blobs, timedelta(0)) == 1
+    hour = timedelta(hours=1)
+    assert intake.sweep_blobs(sessions, blobs, hour).removed == 0, (
+        "it may be an upload that is just being registered"
+    )
+    assert intake.sweep_blobs(sessions, blobs, timedelta(0)).removed == 1
     assert blobs.keys() == [drive.blob_key]
 
 
@@ -178,7 +181,7 @@ def test_blobs_of_another_database_are_left_alone(
 ) -> None:
     blobs.register_database("another-1")
     theirs = put_blob(blobs, [b"a drive of the other database"])
-    assert intake.sweep_blobs(sessions, blobs, timedelta(0)) == 0
+    assert intake.sweep_blobs(sessions, blobs, timedelta(0)).removed == 0
     assert blobs.keys() == [theirs.key]
     assert "another-1" in caplog.text
 

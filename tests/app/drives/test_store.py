@@ -45,6 +45,21 @@ def test_the_same_bytes_find_the_same_drive(sessions: Sessions) -> None:
     assert not created
 
 
+def test_a_known_content_is_found_by_indexes(sessions: Sessions) -> None:
+    many = """
+        INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options)
+        SELECT gen_random_uuid(), md5(k::text), CASE WHEN k % 2 = 0 THEN md5('c' || k) END, 'f', 1, 'k' || k, 'done',
+               'raw', '{}' FROM generate_series(1, 20000) AS k
+    """
+    with sessions.begin() as session:
+        session.execute(text(many))
+        session.execute(text("ANALYZE drives"))
+        asked = {"sha256": "a" * 64, "content_sha256": "b" * 64}
+        plan = "\n".join(session.execute(text(f"EXPLAIN {drives._GET_BY_CONTENT}"), asked).scalars())
+    assert "Seq Scan" not in plan, plan
+    assert plan.count("Index Scan") == 2, plan
+
+
 def test_the_same_bytes_at_the_same_moment_make_one_drive(sessions: Sessions) -> None:
     start = threading.Barrier(4)
 

@@ -7,13 +7,17 @@ import hashlib
 import json
 import socket
 import threading
-from collections.abc import Iterator
+import uuid
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import fsspec
 import httpx
 import pytest
 from sqlalchemy import text
+
+from app.core.settings import Settings
 
 LOG = b"time_s,lat_deg,lon_deg\n1700000000,49.0,8.4\n"
 
@@ -195,3 +199,47 @@ def test_an_odd_disposition_does_not_stop_an_upload(web: Any) -> None:
         "/v1/drives", content=LOG, headers={"Content-Disposition": "attachment; filename*=idna''abc"}
     )
     assert answer.status_code == 202, answer.text
+
+
+def test_a_full_disk_is_said_and_nothing_stays(web: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    incoming = web.settings.data_dir / "blobs" / "incoming"
+    incoming.mkdir(parents=True)
+    name = uuid.uuid4()
+    (incoming / name.hex).symlink_to("/dev/full")
+    with monkeypatch.context() as patch:
+        patch.setattr("app.core.blobs.uuid.uuid4", lambda: name)
+        answer = web.client.post("/v1/drives", content=b"x" * 100_000)
+    assert answer.status_code == 507
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.json()["type"] == "/problems/storage-full"
+    assert "again later" in answer.json()["detail"]
+    assert list(incoming.iterdir()) == []
+    assert nothing_left(web)
+    assert web.client.post("/v1/drives", content=LOG).status_code == 202
+
+
+def test_gzipped_copies_are_one_drive(web: Any) -> None:
+    """The same log compressed by another program, under another name, or not at all."""
+    forms = [gzip.compress(LOG, 9), LOG, gzip.compress(LOG, 1, mtime=1)]
+    answers = [web.client.post("/v1/drives", content=form) for form in forms]
+    assert [answer.status_code for answer in answers] == [202, 200, 200]
+    (location,) = {answer.headers["location"] for answer in answers}
+    drive = web.client.get(location).json()
+    assert drive["sha256"] == hashlib.sha256(forms[0]).hexdigest()
+    assert drive["size_bytes"] == len(forms[0])
+    assert "content_sha256" not in drive
+    assert len(web.blobs.keys()) == 1
+
+
+def test_uploads_to_a_bucket(settings: Settings, bucket: str, server_maker: Callable[..., Any]) -> None:
+    with server_maker(settings.model_copy(update={"blob_url": f"{bucket}/logs"})) as web:
+        assert web.client.get("/readyz").status_code == 200
+        answers = [web.client.post("/v1/drives", content=content) for content in (LOG, LOG, b"x" * 200_001)]
+        assert [answer.status_code for answer in answers] == [202, 200, 413]
+        (key,) = web.blobs.keys()
+        with web.blobs.open(key) as file:
+            assert file.read() == LOG
+        drive = answers[0].headers["location"]
+        web.client.delete(drive)
+        assert web.blobs.keys() == []
+    assert [path for path in fsspec.filesystem("s3").find(bucket) if "/databases/" not in path] == []

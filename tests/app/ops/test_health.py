@@ -6,6 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from psycopg.errors import DiskFull
+from sqlalchemy.exc import OperationalError
+
+from app.core.errors import kind_of
 from app.core.settings import Settings
 from problem_support import check
 
@@ -47,3 +51,24 @@ def test_a_store_that_cannot_be_written_to_is_not_ready(
     with server_maker(Settings(database_url=database_url, data_dir=tmp_path)) as web:
         problem = check(web.client.get("/readyz"), 503)
         assert [error["field"] for error in problem["errors"]] == ["blobs"]
+
+
+def test_a_store_without_room_is_not_ready_and_takes_no_upload(
+    database_url: str, tmp_path: Path, server_maker: Callable[..., Any]
+) -> None:
+    """Before it is too late: so much is kept free that what runs can end."""
+    settings = Settings(database_url=database_url, data_dir=tmp_path, min_free_bytes=2**60)
+    with server_maker(settings) as web:
+        problem = check(web.client.get("/readyz"), 503)
+        assert [error["field"] for error in problem["errors"]] == ["blobs"]
+        assert "VERSANT_MIN_FREE_BYTES" in problem["detail"]
+        refused = check(web.client.post("/v1/drives", content=b"time_s,lat_deg,lon_deg"), 507)
+        assert refused["type"] == "/problems/storage-full"
+        assert web.client.get("/v1/drives").json()["drives"] == []
+    assert not [path for path in (tmp_path / "blobs").rglob("*") if path.is_file()]
+
+
+def test_a_full_database_is_no_database_that_is_away() -> None:
+    full = OperationalError("INSERT", {}, DiskFull("could not extend file"))
+    assert kind_of(full).status == 507
+    assert kind_of(OperationalError("INSERT", {}, Exception())).status == 503

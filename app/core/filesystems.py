@@ -1,0 +1,76 @@
+"""File systems by URL: a folder, or with a driver a bucket; what room they have, and what a full one means.
+
+Knows neither blobs nor rasters.
+"""
+
+from __future__ import annotations
+
+import errno
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import fsspec
+from fsspec.implementations.local import LocalFileSystem
+
+from app.core.errors import StorageFullError
+from app.core.settings import SettingsError
+
+_BUCKETS = frozenset({"s3", "s3a"})
+_FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
+
+
+def file_system(url: str) -> tuple[Any, str]:
+    """The file system of an fsspec URL (a plain path is a folder), and the path in it without a slash at its end.
+
+    Others write there as well, so listings are never remembered.
+    """
+    try:
+        fs, root = fsspec.core.url_to_fs(url, use_listings_cache=False)
+    except (ImportError, ValueError) as error:
+        raise SettingsError(
+            f"The storage {url.partition('://')[0]}:// cannot be used: {str(error).rstrip('.')}. For s3:// install "
+            "Versant with its extra s3 (pip install 'versant[s3]')."
+        ) from error
+    return fs, str(root).rstrip("/")
+
+
+def is_folder(fs: Any) -> bool:
+    """Whether the file system is of this machine (a network share that is mounted counts)."""
+    return isinstance(fs, LocalFileSystem)
+
+
+def make_folder(fs: Any, path: str) -> None:
+    """See that there is a folder, where there are any: a bucket has none, and its driver would make the bucket."""
+    names = {fs.protocol} if isinstance(fs.protocol, str) else set(fs.protocol)
+    if not names & _BUCKETS:
+        fs.makedirs(path, exist_ok=True)
+
+
+def free_bytes(fs: Any, root: str) -> int | None:
+    """How much room there is; None where nothing tells, as of a bucket. The folder need not exist yet."""
+    if not is_folder(fs):
+        return None
+    place = next(folder for folder in (Path(root), *Path(root).parents) if folder.is_dir())
+    return shutil.disk_usage(place).free
+
+
+@contextmanager
+def full_is_told() -> Iterator[None]:
+    """Make the system's error of a full disk, or of a quota that is used up, a ``StorageFullError``."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in _FULL:
+            raise storage_full() from error
+        raise
+
+
+def storage_full() -> StorageFullError:
+    """What to say where there is no room."""
+    return StorageFullError(
+        "The service's storage is full, so nothing of this upload was kept. Send it again later; whoever runs the "
+        "service has to make room first (/readyz says how much there is)."
+    )

@@ -1,0 +1,102 @@
+"""Files that never change, kept elsewhere (a bucket) and read through copies on this machine. Knows no raster.
+
+A file's folder is named after its content, so that a copy which is there is right. It is fetched once per machine,
+however many processes ask for it at the same time, and is there complete or not at all.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import shutil
+import uuid
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePosixPath
+
+from app.core.filesystems import file_system, make_folder
+from app.core.settings import FilePlace, RemoteFolder
+
+_INCOMING = "incoming"
+
+
+class MirrorError(Exception):
+    """A file cannot be fetched or sent; the message says which and why."""
+
+
+def local_folder(place: FilePlace) -> Path:
+    """The folder on this machine: of the files, or of the copies of those that are kept elsewhere."""
+    return place if isinstance(place, Path) else place.copies
+
+
+def send(place: FilePlace, names: Sequence[str]) -> None:
+    """Store files that are in the folder where they are kept, in this order; ``MirrorError`` where that fails."""
+    if isinstance(place, Path):
+        return
+    fs, root = file_system(place.url)
+    for name in names:
+        part = f"{root}/{_INCOMING}/{uuid.uuid4().hex}"
+        try:
+            make_folder(fs, f"{root}/{_INCOMING}")
+            make_folder(fs, f"{root}/{PurePosixPath(name).parent}")
+            fs.put_file(str(place.copies / name), part)
+            fs.mv(part, f"{root}/{name}")
+        except Exception as error:  # any storage fsspec knows, each with errors of its own
+            raise MirrorError(f"{name} cannot be stored in {place.url}: {_reason(error)}.") from error
+
+
+def fetch(place: FilePlace, name: str, sha256: str) -> Path:
+    """Where a file of this content is on this machine, fetched with the files beside it if it is not here yet."""
+    copy = local_folder(place) / name
+    if isinstance(place, Path) or copy.is_file():
+        return copy
+    with _alone(place, copy.parent.name):
+        if not copy.is_file():
+            _fetch(place, copy.parent.name, copy.name, sha256)
+    return copy
+
+
+def _fetch(place: RemoteFolder, group: str, wanted: str, sha256: str) -> None:
+    fs, root = file_system(place.url)
+    incoming = place.copies / _INCOMING / uuid.uuid4().hex
+    incoming.mkdir(parents=True)
+    try:
+        found = [str(path) for path in fs.ls(f"{root}/{group}", detail=False)]
+        # The wanted file comes last: where it is, what belongs to it is as well.
+        found.sort(key=lambda path: PurePosixPath(path).name == wanted)
+        for path in found:
+            fs.get_file(path, str(incoming / PurePosixPath(path).name))
+        if _sha256(incoming / wanted) != sha256:
+            raise MirrorError("its content is another one")
+        (place.copies / group).mkdir(exist_ok=True)
+        for path in found:
+            part = incoming / PurePosixPath(path).name
+            part.replace(place.copies / group / part.name)
+    except Exception as error:  # as in send
+        raise MirrorError(
+            f"{group}/{wanted} cannot be fetched from {place.url}: {_reason(error)}."
+        ) from error
+    finally:
+        shutil.rmtree(incoming, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _alone(place: RemoteFolder, group: str) -> Iterator[None]:
+    """Hold this machine's lock of a group of files; it goes with the process that holds it."""
+    locks = place.copies / "locks"
+    locks.mkdir(parents=True, exist_ok=True)
+    with (locks / group).open("wb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, FileNotFoundError):
+        return "it is not there"
+    said = str(error) if isinstance(error, MirrorError) else f"{type(error).__name__}: {error}"
+    return said.rstrip(". ")
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
