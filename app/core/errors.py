@@ -8,6 +8,8 @@ ServiceError            a request cannot be answered as asked
 ├── UnsupportedBodyError     a body of a kind that is not taken
 ├── NotAcceptableError       a representation that does not exist
 ├── CrossOriginWriteError    a page of another site asks for a change
+├── UnknownHostError         the request came under a name that is not the service's
+├── BusyError                too many ask for the same kind of thing
 └── NotReadyError            the service waits for something else
 """
 
@@ -16,8 +18,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import psycopg
+from psycopg.errors import LockNotAvailable, QueryCanceled
 from pydantic import BaseModel, Field
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from fusion.errors import (
@@ -84,6 +88,14 @@ class CrossOriginWriteError(ServiceError):
     """A page of another site asks for a change."""
 
 
+class UnknownHostError(ServiceError):
+    """The request came under a name that is not the service's."""
+
+
+class BusyError(ServiceError):
+    """Too many ask for the same kind of thing at once."""
+
+
 class NotReadyError(ServiceError):
     """The service waits for something else, such as its database."""
 
@@ -97,6 +109,8 @@ class Kind:
     title: str
     meaning: str
 
+
+_UNAVAILABLE = Kind(503, "database-unavailable", "Database unavailable", "Try again in a moment.")
 
 KINDS: Mapping[type[Exception], Kind] = {
     NotFoundError: Kind(404, "not-found", "Not found", "The address names nothing that exists (any more)."),
@@ -119,8 +133,30 @@ KINDS: Mapping[type[Exception], Kind] = {
         "Pages of other sites may not change data.",
     ),
     NotReadyError: Kind(503, "not-ready", "Not ready", "The service waits for what it needs; try again."),
-    OperationalError: Kind(503, "database-unavailable", "Database unavailable", "Try again in a moment."),
-    PoolTimeoutError: Kind(503, "busy", "Too busy", "All connections are in use; try again in a moment."),
+    UnknownHostError: Kind(
+        421,
+        "unknown-host",
+        "Not this service's name",
+        "The Host header names another host; VERSANT_ALLOWED_HOSTS lists further names of the service.",
+    ),
+    BusyError: Kind(
+        503, "busy", "Too busy", "Too many requests of this kind at once; try again in a moment."
+    ),
+    OperationalError: _UNAVAILABLE,
+    psycopg.OperationalError: _UNAVAILABLE,
+    PoolTimeoutError: Kind(
+        503, "no-connection", "Too busy", "All database connections are in use; try again in a moment."
+    ),
+    QueryCanceled: Kind(
+        503,
+        "too-slow",
+        "Took too long",
+        "The database did not answer within the time that a request may take "
+        "(VERSANT_STATEMENT_TIMEOUT_S); ask for less, or try again in a moment.",
+    ),
+    LockNotAvailable: Kind(
+        503, "locked", "Being changed", "What is asked for is being changed; try again in a moment."
+    ),
     UnknownFormatError: Kind(
         422, UnknownFormatError.kind, "Unknown log format", "No reader knows the bytes."
     ),
@@ -162,5 +198,6 @@ def all_kinds() -> dict[str, Kind]:
 
 
 def kind_of(error: Exception) -> Kind:
-    """The row of the nearest class of ``error`` that the table holds."""
-    return next(KINDS[cls] for cls in type(error).__mro__ if cls in KINDS)
+    """The row of the nearest class of ``error`` that the table holds; the driver's error says more than its wrap."""
+    told = error.orig if isinstance(error, DBAPIError) and isinstance(error.orig, psycopg.Error) else error
+    return next(KINDS[cls] for cls in type(told).__mro__ if cls in KINDS)

@@ -292,6 +292,17 @@ class DriveTrack(Base):
     """Drawn behind the profile; NULL where the method offers none."""
 
 
+class DrivePicture(Base):
+    """The picture of a drive's profile as last drawn, of the run that ``app.drives.tracks.run_shown`` names."""
+
+    __tablename__ = "drive_pictures"
+
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    drawn_of: Mapped[str]
+    png: Mapped[bytes]
+    drawn_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
+
+
 class SegmentSlope(_OfNetwork, Base):
     """What is published of one segment: the network's slope combined with the estimates of slope-only drives.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -28,6 +28,7 @@ _SHOWN = """
 _DRIVES = "SELECT" + _SHOWN + "FROM drives AS d "
 
 _GET = text(_DRIVES + "WHERE d.id = :id")
+_GET_EACH = text(_DRIVES + "WHERE d.id = ANY(:ids)")
 _GET_BY_SHA256 = text(_DRIVES + "WHERE d.sha256 = :sha256")
 
 # Answered from the indexes on (created_at, id) and (status, created_at, id): what is not asked for is left out.
@@ -140,6 +141,12 @@ def create_drive(
 def get_drive(session: Session, drive_id: uuid.UUID) -> Drive | None:
     """The drive, or None."""
     return _one(session, _GET, {"id": drive_id})
+
+
+def get_drives(session: Session, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Drive]:
+    """Those of the drives that there are, by id."""
+    rows = session.execute(_GET_EACH, {"ids": list(ids)})
+    return {row.id: Drive.of(dict(row._mapping)) for row in rows}
 
 
 def list_drives(
