@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+import asyncio
+import uuid
+from collections.abc import AsyncIterator, Collection, Mapping
+from contextlib import asynccontextmanager, suppress
+from functools import partial
 
+from anyio import CapacityLimiter
 from fastapi import APIRouter, FastAPI
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 
 from app.core.blobs import BlobStore
-from app.core.db import make_engine, session_factory
+from app.core.db import Patience, Sessions, make_engine, session_factory
+from app.core.departures import EndWithClient
 from app.core.http import Service
-from app.core.middleware import EarlyAnswers, HeadMiddleware, PublishedCors, SameOriginWrites, SmallBodies
+from app.core.lanes import Lane, Lanes, Turnstile, make_lanes
+from app.core.middleware import (
+    EarlyAnswers,
+    HeadMiddleware,
+    KnownHosts,
+    PublishedCors,
+    SameOriginWrites,
+    SmallBodies,
+)
 from app.core.openapi import TAGS, describe
 from app.core.problems import install_error_handlers
 from app.core.settings import Settings, SettingsError, get_settings
@@ -21,6 +34,10 @@ from app.core.version import code_version
 from app.drives import batches, events, upload
 from app.drives import results as drive_parts
 from app.drives import routes as drives
+from app.drives.documents import Drive
+from app.drives.feed import Feed
+from app.drives.outputs.drawing import Drawing
+from app.drives.store import get_drives
 from app.map import features, segments, tiles
 from app.map.features import BIND_NOTE
 from app.ops import health, stats
@@ -49,7 +66,8 @@ road segment that was driven, with its uncertainty, as GeoJSON and as tiles.
 
 Slopes are in percent, positive uphill from `from_node` to `to_node`, the direction in which the OpenStreetMap
 way is drawn; sigma is one standard deviation; unknown is null, never 0. Times are UTC. Errors are problem
-documents (RFC 9457). {BIND_NOTE}"""
+documents (RFC 9457): what takes too long, or is asked for by too many at once, is answered by 503 with
+`Retry-After`; a request under a host name that is not the service's by 421. {BIND_NOTE}"""
 
 GZIP_FROM_BYTES = 1000
 GZIP_LEVEL = 1  # higher levels cost half the throughput for a few percent of size (spec 8)
@@ -62,6 +80,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     """
     chosen = settings or get_settings()
     metrics = Metrics(lambda: _gauges(app))
+    lanes = make_lanes(chosen.db_pool_size)
     app = FastAPI(
         title="Versant",
         summary="Slopes of roads from vehicle logs",
@@ -72,9 +91,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,
-        middleware=_middleware(chosen, metrics),
+        middleware=_middleware(chosen, metrics, lanes),
     )
-    app.state.settings, app.state.metrics = chosen, metrics
+    app.state.settings, app.state.metrics, app.state.lanes = chosen, metrics, lanes
     install_error_handlers(app)
     for router in ROUTERS:
         app.include_router(router)
@@ -82,13 +101,17 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     return app
 
 
-def _middleware(settings: Settings, metrics: Metrics) -> list[Middleware]:
+def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane]) -> list[Middleware]:
     """The outermost first."""
     return [
+        Middleware(Turnstile),
         Middleware(HeadMiddleware),
         Middleware(MetricsMiddleware, metrics=metrics),
+        Middleware(EndWithClient),
+        Middleware(KnownHosts, settings=settings),
         Middleware(EarlyAnswers),
         Middleware(PublishedCors),
+        Middleware(Lanes, lanes=lanes),
         Middleware(SmallBodies),
         Middleware(SameOriginWrites, public_url=settings.public_url),
         # It leaves event streams and pictures alone, and compresses large answers in a thread.
@@ -104,13 +127,38 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             "VERSANT_DATABASE_URL is not set. Name a PostgreSQL database with PostGIS, or start everything "
             "at once with `versant up`, which brings its own."
         )
-    engine = make_engine(settings.database_url, pool_size=settings.db_pool_size)
-    blobs = BlobStore(settings.blob_store_url)
-    app.state.service = Service(settings, engine, session_factory(engine), blobs)
+    url = settings.database_url
+    patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
+    engine = make_engine(url, pool_size=settings.db_pool_size, patience=patience)
+    probing = make_engine(url, pool_size=1, max_overflow=1, patience=patience)
+    app.state.service = Service(
+        settings,
+        engine,
+        session_factory(engine),
+        BlobStore(settings.blob_store_url),
+        app.state.lanes,
+        session_factory(probing),
+        CapacityLimiter(2),
+    )
+    app.state.drawing = Drawing(settings.pictures_waiting)
+    app.state.feed = Feed(
+        url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, settings.events_max
+    )
+    following = asyncio.create_task(app.state.feed.run())
     try:
         yield
     finally:
+        following.cancel()
+        with suppress(asyncio.CancelledError):
+            await following
+        app.state.drawing.close()
         engine.dispose()
+        probing.dispose()
+
+
+def _read_drives(sessions: Sessions, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Drive]:
+    with sessions() as session:
+        return get_drives(session, ids)
 
 
 def _gauges(app: FastAPI) -> Gauges | None:

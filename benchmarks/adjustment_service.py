@@ -10,7 +10,6 @@ import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
 from sqlalchemy import text
 
 from adjustment_drives import Synthetic
@@ -18,10 +17,10 @@ from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import store as drives
 from app.embedded.cluster import EmbeddedPostgres
-from app.network import extracts, passes
+from app.network import extracts
 from app.network import results as slopes
-from app.network import solve as network
-from app.network import versions as locks
+from app.network.marks import MarkedBy
+from app.network.swap import solve_all_marked
 from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.network.pass_factor import PassFactor
@@ -48,31 +47,31 @@ def new_drive(sessions: Sessions) -> uuid.UUID:
     return drive.id
 
 
-def publish(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> uuid.UUID:
-    """Store what a drive says and renew what is published, as the worker does."""
+def append(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> uuid.UUID:
+    """Store what a drive says, as the worker does, and mark what has to be solved."""
     drive = new_drive(sessions)
     with sessions.begin() as session:
-        locks.own_network(session)
+        slopes.begin_change(session, drive, slopes.in_database(factors, ids))
         version = road_store.current_road_version(session)
         assert version is not None  # noqa: S101 - imported at the start
         provenance = slopes.RunProvenance("profile", {}, "1.0", version.id, None)
-        slopes.save_result(session, drive, ids, [], provenance, factors)
+        slopes.append_result(session, MarkedBy(drive, 1), ids, [], provenance, factors)
+    return drive
+
+
+def publish(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> uuid.UUID:
+    """The same, and solve."""
+    drive = append(sessions, ids, factors)
+    solve_all_marked(sessions)
     return drive
 
 
 def take_back(sessions: Sessions, drive: uuid.UUID) -> None:
-    """Remove all that a drive says."""
+    """Remove all that a drive says, and solve."""
     with sessions.begin() as session:
-        locks.own_network(session)
-        slopes.remove_result(session, drive)
-
-
-def store_silently(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> None:
-    """A drive's passes without a new solution."""
-    drive = new_drive(sessions)
-    with sessions.begin() as session:
-        locks.own_network(session)
-        passes.replace_passes(session, drive, slopes.in_database(factors, ids), np.empty(0))
+        slopes.begin_change(session, drive)
+        slopes.append_removal(session, MarkedBy(drive, 1))
+    solve_all_marked(sessions)
 
 
 def service_part(repeat: int) -> dict[str, float]:
@@ -92,10 +91,8 @@ def service_part(repeat: int) -> dict[str, float]:
         with sessions() as session:
             ids = extracts.all_roads(session)[1]
         for _ in range(DRIVES):
-            store_silently(sessions, ids, made.drive(made.route(ROUTE_M)))
-        with sessions.begin() as session:
-            locks.own_network(session)
-            network.refresh_in_regions(session, ids.tolist())
+            append(sessions, ids, made.drive(made.route(ROUTE_M)))
+        solve_all_marked(sessions)
         with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
             connection.execute(text("VACUUM ANALYZE"))
         found = measure(sessions, ids, lambda: made.drive(made.route(ROUTE_M)), repeat)

@@ -35,8 +35,9 @@ from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import bulk, enqueuing
 from app.drives.batch_documents import Selection, Which
-from app.drives.queue import BEHIND, QUEUE, TASK
+from app.drives.queue import BEHIND, TASK
 from app.embedded.cluster import EmbeddedPostgres
+from app.jobs.task import QUEUE
 from app.ops import store
 from app.ops.metrics import read_gauges
 from app.ops.stats import read_stats

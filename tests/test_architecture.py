@@ -31,6 +31,7 @@ SQL_PLACES = {
         "core/databases.py",
         "core/schema.py",
         "drives/bulk.py",
+        "drives/endings.py",
         "drives/queue.py",
         "drives/selection.py",
         "drives/store.py",

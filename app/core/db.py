@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from psycopg import Connection
@@ -25,14 +26,43 @@ Bounds = tuple[float, float, float, float]
 _SERVER_OPTIONS = "-c timezone=UTC -c jit=off -c max_parallel_workers_per_gather=0"
 
 
-def make_engine(url: str, *, pool_size: int = 5, max_overflow: int = 10) -> Engine:
-    """An engine whose connections are checked before use, so that a restarted database costs no request."""
+@dataclass(frozen=True)
+class Patience:
+    """How long a process waits before it gives up, seconds: those who wait for its answers have none of their own."""
+
+    statement_s: float
+    """For one statement to end, its locks included."""
+    lock_s: float
+    """For one lock."""
+    connection_s: float
+    """For a free connection of the pool, or a new one to the server."""
+
+    @property
+    def server_options(self) -> str:
+        """What the server is told at the start of a connection."""
+        statement_ms, lock_ms = round(1000 * self.statement_s), round(1000 * self.lock_s)
+        return f" -c statement_timeout={statement_ms} -c lock_timeout={lock_ms}"
+
+
+def make_engine(
+    url: str, *, pool_size: int = 5, max_overflow: int = 10, patience: Patience | None = None
+) -> Engine:
+    """An engine whose connections are checked before use, so that a restarted database costs no request.
+
+    Without ``patience`` statements and locks take as long as they take: workers and imports have nobody who waits.
+    """
+    options, limits = _SERVER_OPTIONS, {}
+    if patience is not None:
+        options += patience.server_options
+        # libpq takes whole seconds, at least two.
+        limits["connect_timeout"] = max(2, math.ceil(patience.connection_s))
     return create_engine(
         sqlalchemy_url(url),
         pool_pre_ping=True,
         pool_size=pool_size,
         max_overflow=max_overflow,
-        connect_args={"options": _SERVER_OPTIONS, "application_name": "versant"},
+        pool_timeout=30.0 if patience is None else patience.connection_s,
+        connect_args={"options": options, "application_name": "versant", **limits},
     )
 
 

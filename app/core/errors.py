@@ -9,6 +9,8 @@ ServiceError            a request cannot be answered as asked
 ├── NotAcceptableError       a representation that does not exist
 ├── CrossOriginWriteError    a page of another site asks for a change
 ├── StorageFullError         there is no room for what was sent
+├── UnknownHostError         the request came under a name that is not the service's
+├── BusyError                too many ask for the same kind of thing
 └── NotReadyError            the service waits for something else
 """
 
@@ -17,9 +19,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from psycopg.errors import DiskFull
+import psycopg
+from psycopg.errors import DiskFull, LockNotAvailable, QueryCanceled
 from pydantic import BaseModel, Field
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from fusion.errors import (
@@ -90,6 +93,14 @@ class StorageFullError(ServiceError):
     """There is no room for what was sent."""
 
 
+class UnknownHostError(ServiceError):
+    """The request came under a name that is not the service's."""
+
+
+class BusyError(ServiceError):
+    """Too many ask for the same kind of thing at once."""
+
+
 class NotReadyError(ServiceError):
     """The service waits for something else, such as its database."""
 
@@ -103,6 +114,8 @@ class Kind:
     title: str
     meaning: str
 
+
+_UNAVAILABLE = Kind(503, "database-unavailable", "Database unavailable", "Try again in a moment.")
 
 KINDS: Mapping[type[Exception], Kind] = {
     NotFoundError: Kind(404, "not-found", "Not found", "The address names nothing that exists (any more)."),
@@ -126,8 +139,30 @@ KINDS: Mapping[type[Exception], Kind] = {
     ),
     StorageFullError: Kind(507, "storage-full", "Storage full", "The service has no room; try again later."),
     NotReadyError: Kind(503, "not-ready", "Not ready", "The service waits for what it needs; try again."),
-    OperationalError: Kind(503, "database-unavailable", "Database unavailable", "Try again in a moment."),
-    PoolTimeoutError: Kind(503, "busy", "Too busy", "All connections are in use; try again in a moment."),
+    UnknownHostError: Kind(
+        421,
+        "unknown-host",
+        "Not this service's name",
+        "The Host header names another host; VERSANT_ALLOWED_HOSTS lists further names of the service.",
+    ),
+    BusyError: Kind(
+        503, "busy", "Too busy", "Too many requests of this kind at once; try again in a moment."
+    ),
+    OperationalError: _UNAVAILABLE,
+    psycopg.OperationalError: _UNAVAILABLE,
+    PoolTimeoutError: Kind(
+        503, "no-connection", "Too busy", "All database connections are in use; try again in a moment."
+    ),
+    QueryCanceled: Kind(
+        503,
+        "too-slow",
+        "Took too long",
+        "The database did not answer within the time that a request may take "
+        "(VERSANT_STATEMENT_TIMEOUT_S); ask for less, or try again in a moment.",
+    ),
+    LockNotAvailable: Kind(
+        503, "locked", "Being changed", "What is asked for is being changed; try again in a moment."
+    ),
     UnknownFormatError: Kind(
         422, UnknownFormatError.kind, "Unknown log format", "No reader knows the bytes."
     ),
@@ -169,7 +204,8 @@ def all_kinds() -> dict[str, Kind]:
 
 
 def kind_of(error: Exception) -> Kind:
-    """The row of the nearest class of ``error`` that the table holds."""
-    if isinstance(error, OperationalError) and isinstance(error.orig, DiskFull):
+    """The row of the nearest class of ``error`` that the table holds; the driver's error says more than its wrap."""
+    told = error.orig if isinstance(error, DBAPIError) and isinstance(error.orig, psycopg.Error) else error
+    if isinstance(told, DiskFull):
         return KINDS[StorageFullError]
-    return next(KINDS[cls] for cls in type(error).__mro__ if cls in KINDS)
+    return next(KINDS[cls] for cls in type(told).__mro__ if cls in KINDS)

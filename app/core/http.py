@@ -4,12 +4,13 @@ are described in the API's document. Knows no route.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
+from anyio import CapacityLimiter
 from fastapi import Depends, Request, Response
 from pydantic import BaseModel, Field
 from sqlalchemy import Engine
@@ -17,10 +18,12 @@ from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
+from app.core.departures import ending_with_client
 from app.core.errors import NotFoundError
+from app.core.lanes import Lane
 from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
-from app.core.text import GEO_JSON, dumps
+from app.core.text import GEO_JSON, geojson_text
 
 JSON = "application/json"
 EXAMPLE_ID = "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"
@@ -37,23 +40,30 @@ class Service:
     engine: Engine
     sessions: Sessions
     blobs: BlobStore
+    lanes: Mapping[str, Lane]
+    probes: Sessions
+    """On a connection of their own: a service that has much to do is ready."""
+    probe_threads: CapacityLimiter
     extents: dict[int, Bounds | None] = field(default_factory=dict)
     """The network's extent by road version: reading it takes a look at every segment."""
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """A session for one short read; its connection goes back before the answer is sent."""
-        with self.sessions() as session:
+        """A session for one short read; its connection goes back before the answer is sent.
+
+        A client that leaves meanwhile ends what the session does.
+        """
+        with self.sessions() as session, ending_with_client(session):
             yield session
 
 
-def get_service(request: Request) -> Service:
+async def get_service(request: Request) -> Service:
     """The application's parts."""
     service: Service = request.app.state.service
     return service
 
 
-def get_base_url(request: Request, service: Annotated[Service, Depends(get_service)]) -> str:
+async def get_base_url(request: Request, service: Annotated[Service, Depends(get_service)]) -> str:
     """The address that links begin with: ``public_url``, or the one that the request came to."""
     return service.settings.public_url or str(request.base_url).rstrip("/")
 
@@ -87,9 +97,9 @@ def with_query(address: str, **parameters: Any) -> str:
     return f"{address}?{urlencode(known, safe=',')}" if known else address
 
 
-def geojson_response(document: Any, headers: dict[str, str] | None = None) -> Response:
-    """A GeoJSON document as a response."""
-    return Response(dumps(document), media_type=GEO_JSON, headers=headers)
+def geojson_response(document: Mapping[str, Any], headers: dict[str, str] | None = None) -> Response:
+    """A GeoJSON document as a response; the ``features`` of a collection may be made while they are written."""
+    return Response(geojson_text(document), media_type=GEO_JSON, headers=headers)
 
 
 def found(row: Any, what: str, key: object) -> Any:

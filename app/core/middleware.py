@@ -1,24 +1,28 @@
 """What happens to every request before and after its route, in the order in which ``app.main`` wraps them.
 
 Starlette's own where it has one: CORS, the counting of bodies, and compression (put together in ``app.main``).
-It has none for HEAD, for changes from other sites or for early answers. Its ``TrustedHostMiddleware`` is not used:
-the service has no setting of allowed hosts, and nothing here checks the Host header but to compare it with Origin.
-Knows no subject beyond a few paths.
+It has none for HEAD, for changes from other sites or for early answers. Its ``TrustedHostMiddleware`` is not used: it
+answers in plain text, knows neither the address that a request came to nor paths that are for everybody. Knows no
+subject beyond a few paths.
 """
 
 from __future__ import annotations
 
 import asyncio
+import re
+from ipaddress import ip_address
 from urllib.parse import urlsplit
 
-from fastapi import Request
+from fastapi import Request, Response
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.body_limit import RequestBodyLimitResponder
 from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.core.errors import KINDS, CrossOriginWriteError
+from app.core.departures import has_body
+from app.core.errors import KINDS, CrossOriginWriteError, UnknownHostError
 from app.core.problems import problem_response
+from app.core.settings import Settings
 
 LINGER_BYTES = 4 * 1024 * 1024
 LINGER_S = 2.0
@@ -29,6 +33,10 @@ SMALL_BODY_BYTES = 64 * 1024
 
 UPLOAD_PATH = "/v1/drives"
 CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+FOR_PROBES = frozenset({"/healthz", "/readyz"})
+"""Balancers ask for these under whatever name they know the machine by; the answers tell nothing about anybody."""
+ANY_HOST = "*"
+_HOST = re.compile(r"(\[(?P<literal>[0-9A-Fa-f:.]+)\]|(?P<name>[^:\[\]/@\s]+))(:\d*)?")
 PUBLISHED = ("/collections", "/conformance", "/tiles", "/openapi.json", "/problems", "/v1/segments")
 """What pages of any site may read: the map. Drives are somebody's movements and stay out of their reach."""
 
@@ -95,9 +103,8 @@ class EarlyAnswers:
 
 
 def _announces_body(headers: Headers) -> bool:
-    if "expect" in headers:  # such a client sends nothing unless told to, and reading would tell it to
-        return False
-    return headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
+    # A client that expects to be told to send sends nothing unless told to, and reading would tell it to.
+    return "expect" not in headers and has_body(headers)
 
 
 async def _drop(receive: Receive) -> None:
@@ -111,6 +118,52 @@ async def _drop(receive: Receive) -> None:
                     return
     except TimeoutError:
         return
+
+
+class KnownHosts:
+    """Refuses requests under a name that is not the service's.
+
+    Browsers let a page read what comes from the host that it came from itself. A page whose host's name is made to lead
+    to this machine after it was loaded (DNS rebinding) could so read and delete drives of a service that listens on
+    loopback alone; but its requests name that host. Known are loopback, the address that the connection came to, and
+    what the settings name.
+    """
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self.app = app
+        public = urlsplit(settings.public_url or "").hostname
+        self.names = {settings.host.lower(), *settings.host_names, *([public] if public else [])}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer 421 to such a request, pass on any other."""
+        if scope["type"] == "http" and scope["path"] not in FOR_PROBES:
+            for host in Headers(scope=scope).getlist("host"):
+                if not self._known(host, scope):
+                    await _unknown_host(host, scope)(scope, receive, send)
+                    return
+        await self.app(scope, receive, send)
+
+    def _known(self, host: str, scope: Scope) -> bool:
+        found = _HOST.fullmatch(host)
+        if found is None:
+            return ANY_HOST in self.names
+        name = (found["literal"] or found["name"]).lower().rstrip(".")
+        if name in self.names or ANY_HOST in self.names or name == "localhost":
+            return True
+        try:
+            address = ip_address(name)
+            return address.is_loopback or address == ip_address((scope.get("server") or ("",))[0])
+        except ValueError:
+            return False
+
+
+def _unknown_host(host: str, scope: Scope) -> Response:
+    name = host if host.isprintable() else repr(host)
+    message = (
+        f"This service is not known as {name[:100]}. Ask for it by its own address, or name that host in "
+        "VERSANT_ALLOWED_HOSTS (or VERSANT_PUBLIC_URL) where the service is started."
+    )
+    return problem_response(Request(scope), KINDS[UnknownHostError], message)
 
 
 class PublishedCors:

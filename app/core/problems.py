@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
 
+import psycopg
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
@@ -18,6 +19,7 @@ from starlette.exceptions import HTTPException
 from starlette.middleware.body_limit import MAX_BODY_SIZE_SCOPE_KEY
 from starlette.requests import ClientDisconnect
 
+from app.core.departures import client_left
 from app.core.errors import (
     KINDS,
     PROBLEM_PATH,
@@ -33,6 +35,8 @@ from app.core.errors import (
 from fusion.errors import FusionError
 
 PROBLEM_JSON = "application/problem+json"
+RETRY_AFTER_S = 5
+"""What a 503 says: by then a statement has ended, and a queue is shorter."""
 OGC_PATHS = ("/collections", "/conformance")
 """Routes whose standard wants a 400 where others answer 422."""
 
@@ -56,6 +60,7 @@ def install_error_handlers(app: FastAPI) -> None:
         (ServiceError, _service_error),
         (FusionError, _fusion_error),
         (OperationalError, _database_error),
+        (psycopg.OperationalError, _database_error),
         (PoolTimeoutError, _database_error),
         (HTTPException, _http_error),
         (RequestValidationError, _invalid_request),
@@ -81,7 +86,8 @@ def problem_response(
         instance=request.url.path,
         errors=list(errors),
     )
-    return JSONResponse(problem.model_dump(), kind.status, headers, PROBLEM_JSON)
+    waiting = {"Retry-After": str(RETRY_AFTER_S)} if kind.status == 503 else {}
+    return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
 
 
 async def _service_error(request: Request, error: Exception) -> JSONResponse:
@@ -96,9 +102,11 @@ async def _fusion_error(request: Request, error: Exception) -> JSONResponse:
 
 
 async def _database_error(request: Request, error: Exception) -> JSONResponse:
+    if client_left():  # its statement was cancelled, or it is the reason why nothing was waited for
+        return await _client_gone(request, error)
     kind = kind_of(error)
     log.error("%s %s: %s", request.method, request.url.path, error)  # the driver's text may name hosts
-    return problem_response(request, kind, f"{kind.title}. {kind.meaning}", headers={"Retry-After": "5"})
+    return problem_response(request, kind, f"{kind.title}. {kind.meaning}")
 
 
 async def _http_error(request: Request, error: Exception) -> JSONResponse:

@@ -1,11 +1,16 @@
-"""Query parameters as the OGC standards define them. Knows no route and no database."""
+"""Query parameters: as the OGC standards define them, and where the next page of a list begins.
+
+Knows no route and no database.
+"""
 
 from __future__ import annotations
 
+import base64
 import math
 import re
+import struct
 from collections.abc import Collection
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 
 from fastapi import Request
 
@@ -18,6 +23,34 @@ THIN_DEG = 1e-9
 _MOMENT = r"\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2}))?"
 _DATETIME = re.compile(rf"({_MOMENT})|(({_MOMENT}|\.\.)?/({_MOMENT}|\.\.)?)", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_PLACE = struct.Struct(">q16s")  # microseconds since the epoch, a number of up to 128 bits
+_CURSOR = re.compile(r"[A-Za-z0-9_-]{32}")
+
+
+def cursor_of(moment: datetime, number: int) -> str:
+    """The text that ``parse_cursor`` takes, of a place in a list that is ordered by a time and a number.
+
+    Microseconds, the database's resolution, are kept; an id may be the number.
+    """
+    moment_us = (moment - _EPOCH) // timedelta(microseconds=1)
+    return base64.urlsafe_b64encode(_PLACE.pack(moment_us, number.to_bytes(16))).decode("ascii")
+
+
+def parse_cursor(text: str, most: int = 2**128 - 1) -> tuple[datetime, int]:
+    """The time and the number, at most ``most``; ``BadRequestError`` for a text that ``cursor_of`` did not make."""
+    try:
+        if not _CURSOR.fullmatch(text):
+            raise ValueError(text)
+        moment_us, number = _PLACE.unpack(base64.urlsafe_b64decode(text))
+        if (value := int.from_bytes(number)) > most:
+            raise ValueError(text)
+        return _EPOCH + timedelta(microseconds=moment_us), value
+    except (ValueError, OverflowError):
+        raise BadRequestError(
+            "after: this is no place in the list. Take it from a next link, or begin again without after.",
+            field="after",
+        ) from None
 
 
 def refuse_unknown(

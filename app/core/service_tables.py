@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import uuid
 from datetime import datetime
 
-from sqlalchemy import BigInteger, CheckConstraint, SmallInteger, func
+from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, SmallInteger, func
 from sqlalchemy.orm import Mapped, mapped_column
 
 from app.core.tables import Base
@@ -46,3 +47,14 @@ class QueueMigration(Base):
 
     name: Mapped[str] = mapped_column(primary_key=True)
     applied_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+
+class DrivePicture(Base):
+    """The picture of a drive's profile as last drawn, of the run that ``app.drives.tracks.run_shown`` names."""
+
+    __tablename__ = "drive_pictures"
+
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    drawn_of: Mapped[str]
+    png: Mapped[bytes]
+    drawn_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)

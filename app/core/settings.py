@@ -142,8 +142,18 @@ class Settings(BaseSettings):
     items_limit_max: int = Field(
         10_000, ge=1, description="Most items per page; a larger limit is reduced to it."
     )
+    tile_features_max: int = Field(
+        5000, ge=1, description="Most segments in a GeoJSON tile; a link leads to the next ones."
+    )
     events_poll_s: float = Field(
-        0.5, gt=0, le=60, description="Seconds between two looks at a drive while its events are followed."
+        10.0,
+        gt=0,
+        le=60,
+        description="Seconds after which drives whose events are followed are looked at though the database told of "
+        "no change.",
+    )
+    events_max: int = Field(
+        800, ge=1, description="Event streams that one process serves at once; one more is answered by 503."
     )
     tile_min_zoom: Zoom = Field(6, description="Lowest zoom level with tiles; further out a tile is empty.")
     tile_full_zoom: Zoom = Field(
@@ -151,6 +161,29 @@ class Settings(BaseSettings):
     )
     tile_max_zoom: Zoom = Field(
         18, description="Highest zoom level with tiles; a map enlarges those beyond it."
+    )
+
+    allowed_hosts: str | None = Field(
+        None,
+        description="Host names, separated by commas, under which the API answers besides loopback, the address that "
+        "it listens on and that of public_url; * for any, where something in front of it checks them.",
+    )
+    statement_timeout_s: float = Field(
+        20.0, ge=0.001, le=3600, description="Seconds that one statement of a request may take; then 503."
+    )
+    lock_timeout_s: float = Field(
+        2.0, ge=0.001, le=3600, description="Seconds that a request waits for one lock; then 503."
+    )
+    pool_timeout_s: float = Field(
+        3.0, gt=0, le=3600, description="Seconds that a request waits for a database connection; then 503."
+    )
+    pictures_kept: int = Field(
+        1000, ge=0, description="Pictures of profiles that are kept, so that they are drawn once."
+    )
+    pictures_waiting: int = Field(
+        100,
+        ge=0,
+        description="Requests for pictures that may wait for one that is drawn; one more is answered by 503.",
     )
 
     # The worker
@@ -232,6 +265,13 @@ class Settings(BaseSettings):
         if "://" in self.dem_url and not self.dem_url.startswith("file://"):
             return RemoteFolder(self.dem_url, self.data_dir / "dem-copies")
         return _absolute(Path(unquote(self.dem_url.removeprefix("file://"))))
+
+    @property
+    def host_names(self) -> frozenset[str]:
+        """The names in ``allowed_hosts``."""
+        return frozenset(
+            name.strip().lower() for name in (self.allowed_hosts or "").split(",") if name.strip()
+        )
 
 
 def _require(holds: bool, sentence: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
@@ -15,6 +16,8 @@ GEO_JSON = "application/geo+json"
 COORDINATE_DIGITS = 7  # degrees: OpenStreetMap's own resolution, about 1 cm
 LENGTH_DIGITS = 3  # metres: a millimetre
 SLOPE_DIGITS = 4  # percent: 1 mm per kilometre, far below any sigma
+
+_AT_ONCE = 1000  # values of a column that are written in one call, well below a millisecond
 
 
 def rounded(value: float | None, digits: int) -> float | None:
@@ -36,6 +39,33 @@ def utc_text(moment: datetime | None) -> str | None:
 def dumps(value: Any) -> str:
     """Compact JSON; ValueError for a NaN, which JSON does not have."""
     return json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+
+
+def geojson_text(document: Mapping[str, Any]) -> bytes:
+    """The document as compact JSON. One feature is written at a time.
+
+    So that features need not be held, and no other thread is kept waiting: a whole document is written in one call,
+    which lets none run.
+    """
+    members = {name: value for name, value in document.items() if name != "features"}
+    if "features" not in document:
+        return dumps(members).encode()
+    features = b",".join([dumps(feature).encode() for feature in document["features"]])
+    return b"".join((dumps(members)[:-1].encode(), b',"features":[', features, b"]}"))
+
+
+def columns_text(document: Mapping[str, Any]) -> bytes:
+    """A document of long columns as compact JSON, a part of a column at a time: see ``geojson_text``."""
+    return (
+        "{" + ",".join(f"{dumps(name)}:{_in_parts(value)}" for name, value in document.items()) + "}"
+    ).encode()
+
+
+def _in_parts(value: Any) -> str:
+    if not isinstance(value, list):
+        return dumps(value)
+    parts = (value[start : start + _AT_ONCE] for start in range(0, len(value), _AT_ONCE))
+    return "[" + ",".join(dumps(part)[1:-1] for part in parts) + "]"
 
 
 Moment = Annotated[datetime, PlainSerializer(utc_text, return_type=str, when_used="json-unless-none")]

@@ -1,26 +1,35 @@
-"""A drive's progress as server-sent events. Looks at the row again and again; knows nothing of workers."""
+"""A drive's progress as server-sent events. What changed it is told by the feed; knows nothing of workers."""
 
 from __future__ import annotations
 
 import time
 import uuid
 from collections.abc import AsyncIterator
+from typing import Annotated
 
-import anyio
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends, Request
 from fastapi.responses import StreamingResponse
-from starlette.concurrency import run_in_threadpool
+from starlette.types import Receive, Scope, Send
 
-from app.core.http import EXAMPLE_ID, BaseUrl, Service, ServiceDep, found, problems
+from app.core.http import EXAMPLE_ID, BaseUrl, found, problems
 from app.core.text import dumps
-from app.drives import store as drives
 from app.drives.documents import TERMINAL_STATUSES, Drive, linked
+from app.drives.feed import Feed, Follower
 
 HEARTBEAT_S = 15.0
 """Pauses are filled with comments, because proxies end connections on which nothing moves."""
 RECONNECT_MS = 2000
 LONGEST_S = 600.0
 """Then the stream ends, and the browser comes again by itself: no connection is held for ever."""
+
+
+async def get_feed(request: Request) -> Feed:
+    """The application's feed of changes."""
+    feed: Feed = request.app.state.feed
+    return feed
+
+
+FeedDep = Annotated[Feed, Depends(get_feed)]
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
@@ -39,40 +48,50 @@ _EXAMPLE = f'id: 3\nevent: drive\ndata: {{"id": "{EXAMPLE_ID}", "status": "runni
         **problems(404, 503),
     },
 )
-async def drive_events(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> StreamingResponse:
+async def drive_events(drive_id: uuid.UUID, feed: FeedDep, base: BaseUrl) -> StreamingResponse:
     """The state at once, then each change. Ends after `done`, `failed` or `cancelled`; `deleted` if removed.
 
-    A browser's EventSource connects again when the stream ends: close it at a terminal status.
+    A browser's EventSource connects again when the stream ends: close it at a terminal status. Where too many streams
+    are open already the answer is 503: ask for the drive itself every few seconds.
     """
-    first = found(await run_in_threadpool(_read, service, base, drive_id), "drive", drive_id)
-    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    stream = _events(service, base, drive_id, first)
-    return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
+    follower = feed.follow(drive_id)
+    try:
+        first = found(await follower.first(), "drive", drive_id)
+    except BaseException:
+        feed.leave(follower)
+        raise
+    return _EventStream(feed, follower, base, first)
 
 
-async def _events(service: Service, base: str, drive_id: uuid.UUID, first: Drive) -> AsyncIterator[str]:
+class _EventStream(StreamingResponse):
+    """The events of one follower, who leaves with the client."""
+
+    def __init__(self, feed: Feed, follower: Follower, base: str, first: Drive) -> None:
+        headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+        super().__init__(_events(follower, base, first), media_type="text/event-stream", headers=headers)
+        self._feed, self._follower = feed, follower
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self._feed.leave(self._follower)
+
+
+async def _events(follower: Follower, base: str, first: Drive) -> AsyncIterator[str]:
     # When the client leaves, the server cancels this generator at its next await.
     yield f"retry: {RECONNECT_MS}\n\n"
     state: Drive | None = first
-    number, sent, started = 0, "", time.monotonic()
-    heard = started
+    number, sent, until = 0, "", time.monotonic() + LONGEST_S
     while state is not None:
-        text = state.model_dump_json()
+        text = linked(base, state).model_dump_json()
         if text != sent:
-            number, sent, heard = number + 1, text, time.monotonic()
+            number, sent = number + 1, text
             yield f"id: {number}\nevent: drive\ndata: {text}\n\n"
-        if state.status in TERMINAL_STATUSES or time.monotonic() - started > LONGEST_S:
+        if state.status in TERMINAL_STATUSES or time.monotonic() > until:
             return
-        if time.monotonic() - heard > HEARTBEAT_S:
-            heard = time.monotonic()
+        if not await follower.changed(within_s=HEARTBEAT_S):
             yield ": still here\n\n"
-        await anyio.sleep(service.settings.events_poll_s)
-        state = await run_in_threadpool(_read, service, base, drive_id)
-    data = dumps({"id": str(drive_id), "status": "cancelled"})
+        state = follower.state
+    data = dumps({"id": str(follower.drive_id), "status": "cancelled"})
     yield f"id: {number + 1}\nevent: deleted\ndata: {data}\n\n"
-
-
-def _read(service: Service, base: str, drive_id: uuid.UUID) -> Drive | None:
-    with service.reading() as session:
-        drive = drives.get_drive(session, drive_id)
-    return None if drive is None else linked(base, drive)

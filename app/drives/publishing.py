@@ -15,8 +15,7 @@ from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives import queue
-from app.drives import store as drives
+from app.drives import endings, queue
 from app.network import passes
 from app.network import results as slopes
 from app.network.marks import MarkedBy, any_due, count_cells
@@ -84,11 +83,11 @@ def settle_quietly(sessions: Sessions) -> bool:
 def finish(sessions: Sessions, blobs: BlobStore) -> int:
     """End the drives of which no mark is left: those that were published are done, those that were removed go."""
     with sessions.begin() as session:
-        published = drives.published_drives(session)
+        published = endings.published_drives(session)
         for drive_id, report in published:
-            drives.mark_done(session, drive_id, hearing_report(report, passes.hearing(session, drive_id)))
+            endings.mark_done(session, drive_id, hearing_report(report, passes.hearing(session, drive_id)))
     with sessions.begin() as session:
-        keys = drives.delete_removed(session)
+        keys = endings.delete_removed(session)
     for key in keys:
         blobs.delete(key)
     return len(published) + len(keys)
@@ -98,9 +97,9 @@ def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation
     """Take back what a drive said whose removal was asked for; its row goes when its squares are solved."""
     with sessions.begin() as session:
         slopes.begin_change(session, drive_id)
-        if drives.lock_cancelled(session, drive_id, generation):
+        if endings.lock_cancelled(session, drive_id, generation):
             slopes.append_removal(session, MarkedBy(drive_id, generation))
-            drives.mark_removing(session, drive_id)
+            endings.mark_removing(session, drive_id)
             queue.enqueue_solve(session)
     finish(sessions, blobs)
 

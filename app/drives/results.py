@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 import uuid
 from collections.abc import Iterator
 from dataclasses import replace
-from threading import Lock
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import StreamingResponse
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
 
 from app.core.errors import NotAcceptableError, NotFoundError
 from app.core.http import (
     JSON,
     BaseUrl,
+    Service,
     ServiceDep,
     found,
     geojson_answer,
@@ -23,12 +26,16 @@ from app.core.http import (
     link,
     preferred,
     problems,
+    with_query,
 )
 from app.core.http import link_documents as documents
-from app.core.text import GEO_JSON, SLOPE_DIGITS, rounded, utc_text
+from app.core.lanes import PARTS
+from app.core.query import cursor_of, parse_cursor
+from app.core.text import GEO_JSON, SLOPE_DIGITS, columns_text, rounded, utc_text
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive, drive_address
+from app.drives.outputs.drawing import Drawing
 from app.drives.outputs.profile import (
     PROFILE_EXAMPLE,
     PROFILE_SCHEMA,
@@ -40,16 +47,15 @@ from app.drives.outputs.profile import (
 from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
 from app.drives.tracks import StoredTrack
 from app.map.attribution import attribution
-from app.map.segments import SEGMENT_EXAMPLE
+from app.map.segments import MAX_ID, SEGMENT_EXAMPLE, CursorQuery
 from app.map.store import DriveSegmentRow, drive_segment_rows
 from fusion.network.combine import NETWORK_ONLY
-from fusion.types import DrawnMeasurements
 
 PNG = "image/png"
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
-_drawing = Lock()  # matplotlib's font cache is shared by all figures
+log = logging.getLogger(__name__)
 
 
 @router.get(
@@ -85,7 +91,7 @@ def drive_track(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Stre
         **problems(404, 406, 422, 503),
     },
 )
-def drive_profile(
+async def drive_profile(
     drive_id: uuid.UUID,
     request: Request,
     service: ServiceDep,
@@ -93,22 +99,25 @@ def drive_profile(
 ) -> Response:
     """Height, grade and segment slopes over the distance driven; slopes here are in the direction of travel.
 
-    JSON, or a PNG where the Accept header prefers `image/png` or `f=png` asks for it.
+    JSON, or a PNG where the Accept header prefers `image/png` or `f=png` asks for it. Pictures are drawn one at a
+    time and kept; where many wait the answer is 503.
     """
     wanted = {"json": JSON, "png": PNG}[f] if f else preferred(request.headers.get("accept"), (JSON, PNG))
     if wanted is None:
         raise NotAcceptableError(
             "A profile is application/json or image/png; Accept allows neither.", field="Accept"
         )
-    with service.reading() as session:
-        drive, stored = _drive_and_track(session, drive_id)
-        estimates = drive_segment_rows(session, drive_id)
-        measurements = tracks.read_measurements(session, drive_id) if wanted == PNG else None
-    profile = _profile(stored, estimates)
     vary = {"Vary": "Accept"}
     if wanted == JSON:
-        return JSONResponse({"drive_id": str(drive.id), **profile_json(profile)}, headers=vary)
-    return Response(_picture(profile, drive.filename, measurements), media_type=PNG, headers=vary)
+        async with service.lanes[PARTS].place():
+            text = await run_in_threadpool(_profile_text, service, drive_id)
+        return Response(text, media_type=JSON, headers=vary)
+    picture = await run_in_threadpool(_kept_picture, service, drive_id)
+    if picture is None:
+        drawing: Drawing = request.app.state.drawing
+        async with drawing.lane.place():
+            picture = await run_in_threadpool(_picture, service, drawing, drive_id)
+    return Response(picture, media_type=PNG, headers=vary)
 
 
 @router.get(
@@ -116,28 +125,44 @@ def drive_profile(
     summary="A drive's estimates",
     response_class=Response,
     responses={
-        200: geojson_answer("In the order of driving.", SEGMENT_EXAMPLE),
-        **problems(404, 503),
+        200: geojson_answer("One page in the order of driving.", SEGMENT_EXAMPLE),
+        **problems(404, 422, 503),
     },
 )
-def drive_segments(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Response:
+def drive_segments(
+    drive_id: uuid.UUID,
+    service: ServiceDep,
+    base: BaseUrl,
+    limit: Annotated[
+        int | None,
+        Query(ge=1, description="Segments per page; at most, and by default, the service's maximum."),
+    ] = None,
+    after: CursorQuery = None,
+) -> Response:
     """Slope and sigma of each segment **from this drive alone**, in the order of driving.
 
     Besides the usual properties: `passes`, `first_at`, `last_at`, `in_network` and `accepted` (as among a
     segment's observations), and what all drives together say:
     `combined_slope_percent`, `combined_slope_sigma_percent`, `combined_drives`. Empty before the first run.
+    Follow the `next` link until there is none; each segment comes once.
     """
+    place = None if after is None else parse_cursor(after, MAX_ID)
+    size = min(limit or service.settings.items_limit_max, service.settings.items_limit_max)
     with service.reading() as session:
         drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
-        estimates = drive_segment_rows(session, drive_id)
-    links = documents([link(f"{drive_address(base, drive)}/segments", "self", GEO_JSON)])
-    features = [_estimate_feature(estimate) for estimate in estimates]
+        rows = drive_segment_rows(session, drive_id, limit=size + 1, after=place)
+    shown = rows[:size]
+    here = f"{drive_address(base, drive)}/segments"
+    links = [link(with_query(here, limit=limit, after=after), "self", GEO_JSON)]
+    if len(rows) > size:
+        following = cursor_of(shown[-1].first_at, shown[-1].segment.stored_id)
+        links.append(link(with_query(here, limit=limit, after=following), "next", GEO_JSON))
     document = {
         "type": "FeatureCollection",
         "attribution": attribution(),
-        "numberReturned": len(features),
-        "links": links,
-        "features": features,
+        "numberReturned": len(shown),
+        "links": documents(links),
+        "features": map(_estimate_feature, shown),
     }
     return geojson_response(document)
 
@@ -162,12 +187,35 @@ def _profile(stored: StoredTrack, estimates: list[DriveSegmentRow]) -> Profile:
     return build_profile(stored.track, stored.segment_id, slopes, roads)
 
 
-def _picture(profile: Profile, title: str, measurements: DrawnMeasurements | None) -> bytes:
-    # Loading matplotlib takes half a second: a service that draws no picture starts without it.
-    from app.drives.outputs.profile_picture import profile_png  # noqa: PLC0415
+def _profile_text(service: Service, drive_id: uuid.UUID) -> bytes:
+    with service.reading() as session:
+        drive, stored = _drive_and_track(session, drive_id)
+        estimates = drive_segment_rows(session, drive_id)
+    return columns_text({"drive_id": str(drive.id), **profile_json(_profile(stored, estimates))})
 
-    with _drawing:
-        return profile_png(profile, title, measurements)
+
+def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
+    """The picture of the drive as it is now, where it was drawn already."""
+    with service.reading() as session:
+        drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        return tracks.read_picture(session, drive)
+
+
+def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
+    # Whoever waited for the same picture finds it.
+    if kept := _kept_picture(service, drive_id):
+        return kept
+    with service.reading() as session:
+        drive, stored = _drive_and_track(session, drive_id)
+        estimates = drive_segment_rows(session, drive_id)
+        measurements = tracks.read_measurements(session, drive_id)
+    picture = drawing.profile(_profile(stored, estimates), drive.filename, measurements)
+    try:
+        with service.sessions.begin() as session:
+            tracks.keep_picture(session, drive, picture, service.settings.pictures_kept)
+    except SQLAlchemyError as error:  # it is a picture nevertheless
+        log.warning("the picture of drive %s is not kept: %s", drive_id, error)
+    return picture
 
 
 def _estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import base64
-import re
-import struct
 import uuid
-from datetime import UTC, datetime, timedelta
 from typing import Annotated
 
 from fastapi import APIRouter, Body, Query, Request, Response
 
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, found, link, problems, with_query
-from app.core.query import refuse_unknown
+from app.core.query import cursor_of, parse_cursor, refuse_unknown
 from app.drives import intake
 from app.drives import store as drives
 from app.drives.documents import (
@@ -47,14 +43,14 @@ def list_drives(
 ) -> DriveList:
     """Newest upload first. Follow the `next` link until there is none; each drive comes once."""
     refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
-    place = None if after is None else parse_cursor(after)
+    place = None if after is None else _place(after)
     with service.reading() as session:
         listed = drives.list_drives(session, status=status, limit=limit + 1, after=place)
     shown, more = listed[:limit], len(listed) > limit
     here = f"{base}/v1/drives"
     links = [link(with_query(here, status=status, limit=limit, after=after), "self")]
     if more:
-        following = cursor_of(DrivePlace(shown[-1].created_at, shown[-1].id))
+        following = cursor_of(shown[-1].created_at, shown[-1].id.int)
         links.append(link(with_query(here, status=status, limit=limit, after=following), "next"))
     return DriveList(drives=[linked(base, drive) for drive in shown], links=links)
 
@@ -110,26 +106,6 @@ def reprocess_drive(
     return accepted(base, drive)
 
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_PLACE = struct.Struct(">q16s")  # microseconds since the epoch, the id
-_CURSOR = re.compile(r"[A-Za-z0-9_-]{32}")
-
-
-def cursor_of(place: DrivePlace) -> str:
-    """The text that ``parse_cursor`` takes; microseconds, the database's resolution, are kept."""
-    moment_us = (place.created_at - _EPOCH) // timedelta(microseconds=1)
-    return base64.urlsafe_b64encode(_PLACE.pack(moment_us, place.id.bytes)).decode("ascii")
-
-
-def parse_cursor(text: str) -> DrivePlace:
-    """The place in the list; ``BadRequestError`` for a text that ``cursor_of`` did not make."""
-    try:
-        if not _CURSOR.fullmatch(text):
-            raise ValueError(text)
-        moment_us, key = _PLACE.unpack(base64.urlsafe_b64decode(text))
-        return DrivePlace(_EPOCH + timedelta(microseconds=moment_us), uuid.UUID(bytes=key))
-    except (ValueError, OverflowError):
-        raise BadRequestError(
-            "after: this is no place in the list. Take it from a next link, or begin again without after.",
-            field="after",
-        ) from None
+def _place(cursor: str) -> DrivePlace:
+    moment, number = parse_cursor(cursor)
+    return DrivePlace(moment, uuid.UUID(int=number))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -26,6 +26,7 @@ _SHOWN = """
 _DRIVES = "SELECT" + _SHOWN + "FROM drives AS d "
 
 _GET = text(_DRIVES + "WHERE d.id = :id")
+_GET_EACH = text(_DRIVES + "WHERE d.id = ANY(:ids)")
 # Of drives from before contents were told only the bytes are known, plain ones perhaps; the very same bytes first.
 _GET_BY_CONTENT = text(
     _DRIVES
@@ -111,23 +112,6 @@ _SET_PUBLISHING = text(
     """
 )
 
-# What no mark waits for any more; another worker may be about to say so, too.
-_PUBLISHED = text(
-    """
-    SELECT d.id, d.report FROM drives AS d
-    WHERE d.status = 'running' AND d.stage = 'publishing' AND NOT EXISTS (
-        SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
-    ORDER BY d.created_at, d.id FOR NO KEY UPDATE OF d SKIP LOCKED
-    """
-)
-_FINISH = text(
-    """
-    UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp(),
-        report = report || CAST(:report AS jsonb)
-    WHERE id = :id
-    """
-)
-
 # A worker that computes the drive finds by the generation that its result is unwanted. What it is known by is free
 # from here on: the same log uploaded again is another drive, and does not go with this one.
 _CANCEL = text(
@@ -138,24 +122,6 @@ _CANCEL = text(
     WHERE id = :id AND status <> 'cancelled' RETURNING generation
     """
 )
-_LOCK_CANCELLED = text(
-    """
-    SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'cancelled' AND stage IS NULL
-    FOR NO KEY UPDATE
-    """
-)
-_SET_REMOVING = text("UPDATE drives SET stage = 'removing' WHERE id = :id")
-_REMOVED = text(
-    """
-    DELETE FROM drives WHERE id IN (
-        SELECT d.id FROM drives AS d
-        WHERE d.status = 'cancelled' AND d.stage = 'removing' AND NOT EXISTS (
-            SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
-        FOR UPDATE OF d SKIP LOCKED)
-    RETURNING blob_key
-    """
-)
-
 # By the higher generation a worker that still computes the older request finds that its result is unwanted.
 ANEW = """
     status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
@@ -228,6 +194,12 @@ def get_drive(session: Session, drive_id: uuid.UUID) -> Drive | None:
     return _one(session, _GET, {"id": drive_id})
 
 
+def get_drives(session: Session, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Drive]:
+    """Those of the drives that there are, by id."""
+    rows = session.execute(_GET_EACH, {"ids": list(ids)})
+    return {row.id: Drive.of(dict(row._mapping)) for row in rows}
+
+
 def list_drives(
     session: Session, *, status: str | None = None, limit: int = 100, after: DrivePlace | None = None
 ) -> list[Drive]:
@@ -297,16 +269,6 @@ def mark_publishing(
     session.execute(_SET_PUBLISHING, {"id": drive_id, "progress": PUBLISHING_PROGRESS, **box, **said})
 
 
-def published_drives(session: Session) -> list[tuple[uuid.UUID, dict[str, Any]]]:
-    """Drives whose squares are all solved, with their reports. Their rows are held."""
-    return [tuple(row) for row in session.execute(_PUBLISHED)]
-
-
-def mark_done(session: Session, drive_id: uuid.UUID, report: Mapping[str, Any]) -> None:
-    """End a drive whose row is held as done, with what is to be added to its report."""
-    session.execute(_FINISH, {"id": drive_id, "report": _json(report)})
-
-
 def request_reprocess(
     session: Session, drive_id: uuid.UUID, method: str, options: Mapping[str, Any]
 ) -> Drive | None:
@@ -326,21 +288,6 @@ def request_removal(session: Session, drive_id: uuid.UUID) -> tuple[Drive | None
     """
     generation = session.execute(_CANCEL, {"id": drive_id}).scalar()
     return get_drive(session, drive_id), generation
-
-
-def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
-    """Hold the row of a drive that is to be removed; False when that is no longer so, or done."""
-    return _changed(session, _LOCK_CANCELLED, {"id": drive_id, "generation": generation})
-
-
-def mark_removing(session: Session, drive_id: uuid.UUID) -> None:
-    """All that the drive said is taken back; its row goes once its squares are solved without it."""
-    session.execute(_SET_REMOVING, {"id": drive_id})
-
-
-def delete_removed(session: Session) -> list[str]:
-    """Delete the rows of drives of which nothing is left on the map; the keys of their blobs."""
-    return list(session.execute(_REMOVED).scalars())
 
 
 def unreferenced_blobs(session: Session, keys: Sequence[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""A drive's track and what its sensors said, kept as Arrow IPC streams. Knows nothing of the drive itself."""
+"""A drive's track and what its sensors said, kept as Arrow IPC streams, and the picture that was drawn of them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import pyarrow as pa
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.drives.documents import Drive
 from fusion.types import DrawnMeasurements, Ints, Track
 
 _SENSORS = b"sensors"
@@ -27,6 +28,27 @@ _SAVE = text(
 )
 _TRACK = text("SELECT track FROM drive_tracks WHERE drive_id = :drive_id")
 _MEASUREMENTS = text("SELECT measurements FROM drive_tracks WHERE drive_id = :drive_id")
+
+PICTURE_SCHEMA = 1
+"""Raise it whenever a picture changes without its drive changing."""
+
+_PICTURE = text("SELECT png FROM drive_pictures WHERE drive_id = :drive_id AND drawn_of = :drawn_of")
+
+# Of a drive that was deleted while its picture was drawn nothing is kept.
+_KEEP_PICTURE = text(
+    """
+    INSERT INTO drive_pictures (drive_id, drawn_of, png)
+    SELECT d.id, :drawn_of, :png FROM drives AS d WHERE d.id = :drive_id
+    ON CONFLICT (drive_id) DO UPDATE
+        SET drawn_of = excluded.drawn_of, png = excluded.png, drawn_at = excluded.drawn_at
+    """
+)
+_DROP_OLD_PICTURES = text(
+    """
+    DELETE FROM drive_pictures WHERE drive_id IN
+        (SELECT drive_id FROM drive_pictures ORDER BY drawn_at DESC OFFSET :kept)
+    """
+)
 
 
 @dataclass(frozen=True)
@@ -67,6 +89,27 @@ def read_measurements(session: Session, drive_id: uuid.UUID) -> DrawnMeasurement
     """What the sensors said in a drive's last successful run; None where its method offers none."""
     data = session.execute(_MEASUREMENTS, {"drive_id": drive_id}).scalar()
     return None if data is None else decode_measurements(data)
+
+
+def run_shown(drive: Drive) -> str | None:
+    """Names what a picture of the drive shows; None while it waits or runs, when another result may come any time."""
+    if drive.status != "done" or drive.finished_at is None:
+        return None
+    return f"{PICTURE_SCHEMA}.{drive.generation}.{drive.method}.{drive.finished_at.isoformat()}"
+
+
+def read_picture(session: Session, drive: Drive) -> bytes | None:
+    """The picture that was drawn of the drive as it is now, or None."""
+    values = {"drive_id": drive.id, "drawn_of": run_shown(drive)}
+    data = session.execute(_PICTURE, values).scalar()
+    return None if data is None else bytes(data)
+
+
+def keep_picture(session: Session, drive: Drive, png: bytes, kept: int) -> None:
+    """Keep the drive's picture among the last ``kept`` that were drawn."""
+    if run_shown(drive) is not None:
+        session.execute(_KEEP_PICTURE, {"drive_id": drive.id, "drawn_of": run_shown(drive), "png": png})
+        session.execute(_DROP_OLD_PICTURES, {"kept": kept})
 
 
 def encode(track: Track, segment_ids: Ints) -> bytes:

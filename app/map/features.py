@@ -216,7 +216,7 @@ def items(
         **({"numberMatched": len(shown)} if not more and not after else {}),
         "numberReturned": len(shown),
         "links": link_documents(links),
-        "features": [row.geojson() for row in shown],
+        "features": (row.geojson() for row in shown),
     }
     return geojson_response(document, headers)
 

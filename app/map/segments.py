@@ -25,6 +25,7 @@ from app.core.http import (
     problems,
     with_query,
 )
+from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON, SLOPE_DIGITS, Moment, rounded
 from app.map import store as segments
 from app.map.attribution import attribution
@@ -38,6 +39,10 @@ GapsQuery = Annotated[
     bool | None,
     Query(description="With true, undriven segments between driven ones come with the slope that follows."),
 ]
+CursorQuery = Annotated[
+    str | None, Query(description="Where the page begins; only `next` links know what to write here.")
+]
+OBSERVATIONS_PER_PAGE = 100
 
 EXAMPLE_ADDRESS = "http://127.0.0.1:8000/collections/segments/items"
 FEATURE_EXAMPLE = Segment(
@@ -131,7 +136,7 @@ class Observation(BaseModel):
 
 
 class ObservationList(BaseModel):
-    """All drives behind a segment's slope, latest first."""
+    """One page of the drives behind a segment's slope, the one that came there last first."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -141,7 +146,7 @@ class ObservationList(BaseModel):
 
     segment_id: int
     observations: list[Observation]
-    links: list[Link]
+    links: list[Link] = Field(description="`next` is missing on the last page.")
 
 
 router = APIRouter(prefix="/v1/segments", tags=["segments"])
@@ -173,15 +178,37 @@ def get_segment(
     return geojson_response({**row.geojson(), "links": link_documents(links)})
 
 
-@router.get("/{segment_id}/observations", summary="The drives behind a segment", responses=problems(404, 503))
-def segment_observations(segment_id: SegmentId, service: ServiceDep, base: BaseUrl) -> ObservationList:
-    """What each drive says about the segment and how that estimate was made, latest drive first."""
+@router.get(
+    "/{segment_id}/observations", summary="The drives behind a segment", responses=problems(404, 422, 503)
+)
+def segment_observations(
+    segment_id: SegmentId,
+    service: ServiceDep,
+    base: BaseUrl,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Drives per page.")] = OBSERVATIONS_PER_PAGE,
+    after: CursorQuery = None,
+) -> ObservationList:
+    """What each drive says about the segment and how that estimate was made, the latest there first.
+
+    Follow the `next` link until there is none; each drive comes once.
+    """
+    place = None if after is None else _place(after)
     with service.reading() as session:
         found(segments.get_segment(session, segment_id), "segment", segment_id)
-        rows = segments.segment_observations(session, segment_id)
-    here = f"{base}/v1/segments/{segment_id}"
+        rows = segments.segment_observations(session, segment_id, limit=limit + 1, after=place)
+    shown, more = rows[:limit], len(rows) > limit
+    up = f"{base}/v1/segments/{segment_id}"
+    here = f"{up}/observations"
+    own = {} if limit == OBSERVATIONS_PER_PAGE else {"limit": limit}
+    links = [link(with_query(here, **own, after=after), "self"), link(up, "up", GEO_JSON)]
+    if more:
+        following = cursor_of(shown[-1].first_at, shown[-1].drive_id.int)
+        links.append(link(with_query(here, **own, after=following), "next"))
     return ObservationList(
-        segment_id=segment_id,
-        observations=[Observation.of(row) for row in rows],
-        links=[link(f"{here}/observations", "self"), link(here, "up", GEO_JSON)],
+        segment_id=segment_id, observations=[Observation.of(row) for row in shown], links=links
     )
+
+
+def _place(cursor: str) -> tuple[datetime, uuid.UUID]:
+    moment, number = parse_cursor(cursor)
+    return moment, uuid.UUID(int=number)

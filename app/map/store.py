@@ -7,7 +7,6 @@ of requests and formats; how a segment's properties are read is said in ``app.ma
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -134,38 +133,48 @@ class ObservationRow:
     estimated_at: datetime
 
 
-# The drives behind a segment, each with how its estimate was made, and whether any pass of it is heard.
+# The drives behind a segment, each with how its estimate was made, and whether any pass of it is heard. What one
+# contributes, 1/percent squared, is nothing where a drive of the network is not heard. A share is one of all drives,
+# so all are read, as three columns, whichever page is shown.
 _OBSERVATIONS = text(
     """
+    WITH said AS (
+        SELECT e.drive_id, e.first_at, h.accepted,
+               CASE WHEN h.accepted OR NOT e.in_network THEN e.slope_sigma_percent ^ -2 ELSE 0 END AS information
+        FROM drive_segments AS e
+        LEFT JOIN (SELECT drive_id, bool_or(accepted) AS accepted FROM drive_passes WHERE segment_id = :id
+                   GROUP BY drive_id) AS h ON h.drive_id = e.drive_id
+        WHERE e.segment_id = :id
+    ), page AS (
+        SELECT *, (SELECT sum(information) FROM said) AS total FROM said
+        WHERE CAST(:after_first_at AS timestamptz) IS NULL
+            OR (first_at, drive_id) < (CAST(:after_first_at AS timestamptz), CAST(:after_id AS uuid))
+        ORDER BY first_at DESC, drive_id DESC LIMIT :limit
+    )
     SELECT d.id AS drive_id, d.drive_time, e.slope_percent, e.slope_sigma_percent, e.observations, e.passes,
            e.first_at, e.last_at, e.in_network, h.accepted, p.method, p.options, p.code_version,
-           p.road_version_id, p.dem_version_id, p.created_at AS estimated_at
-    FROM drive_segments AS e
+           p.road_version_id, p.dem_version_id, p.created_at AS estimated_at,
+           coalesce(h.information / nullif(h.total, 0), 0) AS weight
+    FROM page AS h
+    JOIN drive_segments AS e ON e.drive_id = h.drive_id AND e.segment_id = :id
     JOIN drives AS d ON d.id = e.drive_id
     JOIN provenances AS p ON p.id = e.provenance_id
-    LEFT JOIN (SELECT drive_id, bool_or(accepted) AS accepted FROM drive_passes WHERE segment_id = :id
-               GROUP BY drive_id) AS h ON h.drive_id = e.drive_id
-    WHERE e.segment_id = :id
-    ORDER BY e.first_at DESC, d.id
+    ORDER BY h.first_at DESC, h.drive_id DESC
     """
 )
 
 
-def segment_observations(session: Session, segment_id: int) -> list[ObservationRow]:
-    """The drives behind a segment's slope, latest drive first; empty for an undriven or unknown segment."""
-    rows = [dict(row._mapping) for row in session.execute(_OBSERVATIONS, {"id": segment_id})]
-    information = [_information(row) for row in rows]
-    total = sum(information)
-    return [
-        ObservationRow(**row, weight=part / total if total else 0.0)
-        for row, part in zip(rows, information, strict=True)
-    ]
+def segment_observations(
+    session: Session, segment_id: int, *, limit: int = 100, after: tuple[datetime, uuid.UUID] | None = None
+) -> list[ObservationRow]:
+    """At most ``limit`` of the drives behind a segment's slope, the latest first.
 
-
-def _information(row: Mapping[str, Any]) -> float:
-    """What an estimate contributes, 1/percent squared: nothing where a drive of the network is not heard."""
-    heard = row["accepted"] if row["in_network"] else True
-    return float(row["slope_sigma_percent"]) ** -2 if heard else 0.0
+    ``after``: of the last one before the page, when it came to the segment and its id. Empty for an undriven or
+    unknown segment.
+    """
+    first_at, drive_id = after or (None, None)
+    values = {"id": segment_id, "limit": limit, "after_first_at": first_at, "after_id": drive_id}
+    return [ObservationRow(**row._mapping) for row in session.execute(_OBSERVATIONS, values)]
 
 
 @dataclass(frozen=True)
@@ -196,14 +205,26 @@ _OF_DRIVE = _statement(
     LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
     LEFT JOIN (SELECT segment_id, bool_or(accepted) AS accepted FROM drive_passes WHERE drive_id = :drive_id
                GROUP BY segment_id) AS h ON h.segment_id = s.id
-    WHERE e.drive_id = :drive_id
-    ORDER BY e.first_at, s.id
+    WHERE e.drive_id = :drive_id AND (CAST(:after_first_at AS timestamptz) IS NULL
+        OR (e.first_at, s.id) > (CAST(:after_first_at AS timestamptz), CAST(:after_id AS bigint)))
+    ORDER BY e.first_at, s.id LIMIT CAST(:limit AS bigint)
     """
 )
 
 
-def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegmentRow]:
-    """A drive's estimates in the order of their first observation."""
+def drive_segment_rows(
+    session: Session,
+    drive_id: uuid.UUID,
+    *,
+    limit: int | None = None,
+    after: tuple[datetime, int] | None = None,
+) -> list[DriveSegmentRow]:
+    """A drive's estimates in the order of their first observation; at most ``limit``, all where it is None.
+
+    ``after``: first observation and id of the last segment before the page.
+    """
+    first_at, segment_id = after or (None, None)
+    values = {"drive_id": drive_id, "limit": limit, "after_first_at": first_at, "after_id": segment_id}
     return [
         DriveSegmentRow(
             segment=_segment(row),
@@ -216,7 +237,7 @@ def drive_segment_rows(session: Session, drive_id: uuid.UUID) -> list[DriveSegme
             in_network=row.in_network,
             accepted=row.accepted,
         )
-        for row in session.execute(_OF_DRIVE, {"drive_id": drive_id})
+        for row in session.execute(_OF_DRIVE, values)
     ]
 
 
@@ -250,13 +271,13 @@ _MVT = text(
     """
 )
 
-# The segments that the vector tile shows, whole.
+# A page of the segments that the vector tile shows, whole.
 _TILE = _statement(
     """
     SELECT {columns} FROM {segments}
-    WHERE ST_Intersects(s.geom_3857, ST_TileEnvelope(:z, :x, :y))
+    WHERE s.id > :after_id AND ST_Intersects(s.geom_3857, ST_TileEnvelope(:z, :x, :y))
         AND (CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL)
-    ORDER BY s.id
+    ORDER BY s.id LIMIT :limit
     """
 )
 
@@ -271,9 +292,21 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM)
     return bytes(session.execute(_MVT, {**values, "classes": _classes(z, full_zoom)}).scalar_one() or b"")
 
 
-def geojson_tile(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM) -> list[Segment]:
-    """The segments that meet the tile, whole and with all properties, by ascending id."""
-    values = {"z": z, "x": x, "y": y, "classes": _classes(z, full_zoom)}
+def geojson_tile(
+    session: Session,
+    z: int,
+    x: int,
+    y: int,
+    *,
+    full_zoom: int = FULL_ZOOM,
+    after_id: int = 0,
+    limit: int = 5000,
+) -> list[Segment]:
+    """At most ``limit`` of the segments that meet the tile, with an id above ``after_id``, by ascending id.
+
+    They are whole and have all properties. Going on from the last id reaches every segment once.
+    """
+    values = {"z": z, "x": x, "y": y, "classes": _classes(z, full_zoom), "after_id": after_id, "limit": limit}
     return [_segment(row) for row in session.execute(_TILE, values)]
 
 

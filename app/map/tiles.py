@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from app.core.errors import NotFoundError
@@ -16,20 +16,24 @@ from app.core.http import (
     ServiceDep,
     etag_matches,
     geojson_answer,
+    geojson_response,
     json_answer,
+    link,
+    link_documents,
     problems,
+    with_query,
 )
-from app.core.text import GEO_JSON, dumps
+from app.core.text import GEO_JSON
 from app.map import store as tiles
 from app.map.attribution import attribution, attribution_html
 from app.map.coverage import cached_extent, dem_names
 from app.map.segment import HEIGHT_DATUM
-from app.map.segments import SEGMENT_EXAMPLE
+from app.map.segments import MAX_ID, SEGMENT_EXAMPLE
 from app.network.cells import tile_tag
 from app.terrain.store import dem_version_id
 
 MVT = "application/vnd.mapbox-vector-tile"
-TILE_SCHEMA = 2
+TILE_SCHEMA = 3
 """Raise it whenever tiles change without their data changing, so that caches notice."""
 FIELDS = {
     "slope_percent": "Number; percent, positive uphill from from_node to to_node; absent: unknown",
@@ -88,25 +92,50 @@ def mvt_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, service: 
     summary="GeoJSON tile",
     response_class=Response,
     responses={
-        200: geojson_answer("The segments that meet the tile, whole.", SEGMENT_EXAMPLE),
+        200: geojson_answer("One page of the segments that meet the tile, whole.", SEGMENT_EXAMPLE),
         304: _EMPTY[304],
         **problems(404, 503),
     },
 )
-def geojson_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, service: ServiceDep) -> Response:
-    """The same segments with all their properties, not cut at the tile's edge."""
+def geojson_tile(
+    z: ZoomPath,
+    x: ColumnPath,
+    y: RowPath,
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    after: Annotated[
+        int, Query(ge=0, le=MAX_ID, description="For `next` links: the last id before the page.")
+    ] = 0,
+) -> Response:
+    """The same segments with all their properties, not cut at the tile's edge.
+
+    A tile that has more of them than the service puts into one answer has a `next` link, as items have: follow it
+    until there is none, and every segment comes exactly once.
+    """
 
     def build(session: Session) -> Response:
-        full_zoom = service.settings.tile_full_zoom
-        shown = z >= service.settings.tile_min_zoom
-        rows = tiles.geojson_tile(session, z, x, y, full_zoom=full_zoom) if shown else []
-        document = {
-            "type": "FeatureCollection",
-            "attribution": attribution(dem_names(service, session)),
-            "height_datum": HEIGHT_DATUM,
-            "features": [row.geojson() for row in rows],
-        }
-        return Response(dumps(document), media_type=GEO_JSON)
+        full_zoom, most = service.settings.tile_full_zoom, service.settings.tile_features_max
+        rows = []
+        if z >= service.settings.tile_min_zoom:
+            # One more than shown tells whether there is a next page.
+            rows = tiles.geojson_tile(session, z, x, y, full_zoom=full_zoom, after_id=after, limit=most + 1)
+        shown = rows[:most]
+        here = f"{base}/tiles/{z}/{x}/{y}.geojson"
+        links = [link(with_query(here, after=after or None), "self", GEO_JSON)]
+        if len(rows) > most:
+            title = f"The tile holds more than these {most} segments: the next ones"
+            links.append(link(with_query(here, after=shown[-1].id), "next", GEO_JSON, title))
+        return geojson_response(
+            {
+                "type": "FeatureCollection",
+                "attribution": attribution(dem_names(service, session)),
+                "height_datum": HEIGHT_DATUM,
+                "numberReturned": len(shown),
+                "links": link_documents(links),
+                "features": (row.geojson() for row in shown),
+            }
+        )
 
     return _answer(request, service, (z, x, y), build, with_source=True)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 
+from anyio import to_thread
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.exc import SQLAlchemyError
@@ -29,14 +30,18 @@ class Health(BaseModel):
 
 
 @router.get("/healthz", summary="Liveness")
-def healthz() -> Health:
-    """Answers as long as the process does; asks nothing of the database."""
+async def healthz() -> Health:
+    """Answers as long as the process does; asks nothing of the database, and waits for no thread."""
     return Health(status="ok")
 
 
 @router.get("/readyz", summary="Readiness", responses=problems(503))
-def readyz(service: ServiceDep) -> Health:
+async def readyz(service: ServiceDep) -> Health:
     """Whether requests can be answered: database reachable and migrated, blob store writable and not full."""
+    return await to_thread.run_sync(_ready, service, limiter=service.probe_threads)
+
+
+def _ready(service: Service) -> Health:
     checks = {"database": _database(service), "blobs": _blobs(service)}
     bad = [FieldError(field=name, message=state) for name, state in checks.items() if state != "ok"]
     if bad:
@@ -46,7 +51,7 @@ def readyz(service: ServiceDep) -> Health:
 
 def _database(service: Service) -> str:
     try:
-        with service.reading() as session:
+        with service.probes() as session:
             standing = migrate.standing(session)
     except SQLAlchemyError:
         log.exception("readiness: the database cannot be used")

@@ -73,7 +73,12 @@ def import_roads(
 
 
 def _import(
-    sessions: Sessions, table: RoadTable, source_name: str, sha256: str, dem_dir: Path, progress: Progress
+    sessions: Sessions,
+    table: RoadTable,
+    source_name: str,
+    sha256: str,
+    dem_dir: FilePlace,
+    progress: Progress,
 ) -> ImportCounts | None:
     """One try: what takes long first, outside of any lock; None where the elevation set is another by then."""
     with sessions() as session:

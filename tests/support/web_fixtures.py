@@ -214,7 +214,6 @@ def settings(database_url: str, tmp_path: Path) -> Settings:
         max_upload_bytes=200_000,
         items_limit_max=50,
         items_limit_default=20,
-        events_poll_s=0.02,
         default_method="raw",
     )
 

@@ -226,13 +226,35 @@ def test_tracks_from_before_measurements_were_kept_stay(blank_database_url: str)
     engine.dispose()
 
 
+def test_changes_are_announced_no_longer_after_the_way_back(blank_database_url: str) -> None:
+    migrate.upgrade(blank_database_url, "0009")
+    engine = create_engine(blank_database_url)
+    functions = "SELECT proname FROM pg_proc WHERE proname LIKE 'versant%'"
+    triggers = "SELECT tgname FROM pg_trigger WHERE NOT tgisinternal AND tgrelid = 'drives'::regclass"
+    with engine.begin() as connection:
+        connection.execute(text(_DATA_OF_0001))
+        connection.execute(
+            text("INSERT INTO drive_pictures (drive_id, drawn_of, png) SELECT id, '1', 'png' FROM drives")
+        )
+    assert (len(rows_of(engine, functions)), len(rows_of(engine, triggers))) == (1, 2)
+    before = rows_of(engine, "SELECT * FROM drives")
+    migrate.downgrade(blank_database_url, "0006")
+    assert rows_of(engine, functions) == rows_of(engine, triggers) == []
+    assert rows_of(engine, "SELECT * FROM drives") == before
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE drives SET progress = 0.5"))
+    migrate.upgrade(blank_database_url)
+    engine.dispose()
+
+
 def test_bytes_that_do_not_compress_are_not_compressed(database_url: str) -> None:
     engine = create_engine(database_url)
     query = text(
-        "SELECT attname FROM pg_attribute WHERE attstorage = 'e' AND attrelid = 'drive_passes'::regclass"
+        "SELECT attname FROM pg_attribute WHERE attstorage = 'e' AND attrelid = CAST(:name AS regclass)"
     )
     with engine.connect() as connection:
-        assert connection.execute(query).scalars().all() == ["factor"]
+        for table, column in (("drive_passes", "factor"), ("drive_pictures", "png")):
+            assert connection.execute(query, {"name": table}).scalars().all() == [column]
     engine.dispose()
 
 

@@ -17,7 +17,7 @@ from app.core import migrate, schema
 from app.core.settings import Settings, libpq_url
 from problem_support import check
 
-BEFORE_THE_RECORD = "0006"  # the last revision whose databases do not say what the queue is at
+BEFORE_THE_RECORD = "0009"  # the last revision whose databases do not say what the queue is at
 _QUEUE = """
     SELECT 'column', table_name || '.' || column_name, data_type || coalesce(column_default, '') || is_nullable
         FROM information_schema.columns WHERE table_name LIKE 'procrastinate%'

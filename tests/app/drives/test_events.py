@@ -6,15 +6,21 @@ import json
 import threading
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import httpx
+import psycopg
 import pytest
+from sqlalchemy import text
 
+from app.core.settings import Settings, libpq_url
 from app.drives import store
+from problem_support import check
+from server_support import wait_until
 
 MakeDrive = Callable[..., uuid.UUID]
+MakeServer = Callable[[Settings], Any]
 
 
 def upload(web: Any) -> str:
@@ -73,28 +79,160 @@ def test_events_end_when_the_drive_is_removed(web: Any) -> None:
         assert [event for event, _ in events] == ["deleted"]
 
 
-def test_a_reader_that_leaves_stops_the_looking(web: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def look_counter(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many drives each look was at."""
+    looks: list[int] = []
+    look = store.get_drives
+
+    def counted(session: Any, ids: Any) -> Any:
+        looks.append(len(ids))
+        return look(session, ids)
+
+    monkeypatch.setattr("app.main.get_drives", counted)
+    return looks
+
+
+def threads() -> int:
+    return sum("AnyIO" in thread.name for thread in threading.enumerate())
+
+
+def test_a_reader_that_leaves_stops_the_looking(
+    settings: Settings, server_maker: MakeServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks = look_counter(monkeypatch)
+    with server_maker(settings.model_copy(update={"events_poll_s": 0.02})) as web:
+        drive = upload(web)
+        with following(web, drive) as events:
+            next(events)
+            wait_until(lambda: len(looks) > 3)
+        calm = threading.Event()
+
+        def silent() -> bool:
+            seen = len(looks)
+            calm.wait(0.5)
+            return len(looks) == seen
+
+        wait_until(silent)
+
+
+def test_sixty_readers_cost_no_thread_and_one_look_each_time(
+    settings: Settings, server_maker: MakeServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks = look_counter(monkeypatch)
+    with server_maker(settings.model_copy(update={"events_poll_s": 60})) as web, ExitStack() as readers:
+        drive = upload(web)
+        before = threads()
+        streams = [readers.enter_context(following(web, drive)) for _ in range(60)]
+        for events in streams:
+            assert next(events)[1]["status"] == "queued"
+        looks.clear()
+        with web.sessions.begin() as session:
+            store.mark_running(session, uuid.UUID(drive), 1)
+        for events in streams:
+            assert next(events)[1]["status"] == "running"
+        assert looks == [1]
+        assert threads() <= before + 1  # the one that looks
+
+
+def test_more_readers_than_are_served_are_told_to_ask_now_and_then(
+    settings: Settings, server_maker: MakeServer
+) -> None:
+    with server_maker(settings.model_copy(update={"events_max": 2})) as web:
+        drive = upload(web)
+        path = f"/v1/drives/{drive}/events"
+        with following(web, drive) as first, following(web, drive) as second:
+            assert next(first) == next(second)
+            answer = web.client.get(path)
+            assert check(answer, 503)["type"] == "/problems/busy"
+            assert int(answer.headers["retry-after"]) > 0
+            assert web.client.get(f"/v1/drives/{drive}").status_code == 200
+
+        def served_again() -> bool:
+            with httpx.stream("GET", web.base + path, trust_env=False) as answer:
+                return answer.status_code == 200
+
+        wait_until(served_again)
+        assert web.client.get(f"/v1/drives/{uuid.uuid4()}/events").status_code == 404
+        wait_until(served_again)  # who follows nothing takes no place
+
+
+def test_what_changes_while_nothing_is_heard_is_told_afterwards(
+    settings: Settings, server_maker: MakeServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As after a restart of PostgreSQL: all connections are gone, and what was announced meanwhile is lost."""
+    monkeypatch.setattr("app.drives.feed.AGAIN_S", 0.3)
+    with server_maker(settings.model_copy(update={"events_poll_s": 60})) as web:
+        drive = upload(web)
+        with following(web, drive) as events:
+            assert next(events)[1]["status"] == "queued"
+            with web.sessions.begin() as session:
+                ended = session.execute(
+                    text(
+                        "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity "
+                        "WHERE datname = current_database() AND pid <> pg_backend_pid()"
+                    )
+                ).scalar_one()
+                assert ended >= 1
+                store.mark_running(session, uuid.UUID(drive), 1)
+            assert next(events)[1]["status"] == "running"
+            wait_until(lambda: listening(web) == 1)
+            with web.sessions.begin() as session:
+                store.set_progress(session, uuid.UUID(drive), 1, "filter", 0.5)
+            assert next(events)[1]["progress"] == 0.5
+
+
+def listening(web: Any) -> int:
+    query = text(
+        "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() AND query LIKE 'LISTEN%'"
+    )
+    with web.sessions() as session:
+        return int(session.execute(query).scalar_one())
+
+
+def test_a_change_that_nobody_announces_is_found_after_a_while(
+    settings: Settings, server_maker: MakeServer
+) -> None:
+    with server_maker(settings.model_copy(update={"events_poll_s": 0.1})) as web:
+        drive = upload(web)
+        with following(web, drive) as events:
+            next(events)
+            with web.sessions.begin() as session:
+                session.execute(text("ALTER TABLE drives DISABLE TRIGGER USER"))
+                store.mark_running(session, uuid.UUID(drive), 1)
+            assert next(events)[1]["status"] == "running"
+
+
+def test_many_drives_changed_at_once_are_announced_as_many(web: Any) -> None:
     drive = upload(web)
-    looks = threading.Semaphore(0)
-    look = store.get_drive
-
-    def counted(*arguments: Any) -> Any:
-        looks.release()
-        return look(*arguments)
-
-    monkeypatch.setattr("app.drives.events.drives.get_drive", counted)
     with following(web, drive) as events:
         next(events)
-        assert looks.acquire(timeout=30)
-        assert looks.acquire(timeout=30)
-    calm = threading.Event()
-    for _ in range(200):
-        while looks.acquire(blocking=False):
-            pass
-        calm.wait(0.2)  # ten polls
-        if not looks.acquire(blocking=False):
-            return
-    raise AssertionError("the drive is still being looked at")
+        with web.sessions.begin() as session:
+            session.execute(
+                text(
+                    "INSERT INTO drives (id, sha256, filename, size_bytes, blob_key, status, method, options) "
+                    "SELECT gen_random_uuid(), i, 'f', 1, 'k', 'queued', 'raw', '{}' FROM generate_series(1, 200) AS i"
+                )
+            )
+        with psycopg.connect(libpq_url(str(web.settings.database_url)), autocommit=True) as listener:
+            listener.execute("LISTEN versant_drives")
+            with web.sessions.begin() as session:
+                session.execute(text("UPDATE drives SET generation = generation + 1, stage = 'x'"))
+            assert [note.payload for note in listener.notifies(timeout=30, stop_after=1)] == ["*"]
+        assert next(events)[1]["stage"] == "x"
+
+
+def test_only_what_is_shown_is_announced(web: Any) -> None:
+    drive = upload(web)
+    with psycopg.connect(libpq_url(str(web.settings.database_url)), autocommit=True) as listener:
+        listener.execute("LISTEN versant_drives")
+        for change in (
+            "UPDATE drives SET epochs = 7",
+            "UPDATE drives SET progress = 0.3",
+            "DELETE FROM drives",
+        ):
+            with web.sessions.begin() as session:
+                session.execute(text(change))
+        assert [note.payload for note in listener.notifies(timeout=1, stop_after=3)] == [drive, drive]
 
 
 def test_events_of_no_drive(web: Any) -> None:

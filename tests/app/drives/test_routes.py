@@ -157,6 +157,7 @@ def test_the_picture_shows_what_was_measured(filled: Any, done: str) -> None:
         along, height = np.linspace(0, 100, 15), np.full(15, 121.0)
         said = DrawnMeasurements(("altitude",), np.zeros(15, int), time_s, along, height, np.ones(15, bool))
         tracks.save_track(session, uuid.UUID(done), stored.track, np.arange(100), said)
+        session.execute(text("UPDATE drives SET finished_at = now()"))
     assert filled.client.get(address).content != without
 
 

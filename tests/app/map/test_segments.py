@@ -10,6 +10,7 @@ from app.map.segment import HEIGHT_DATUM
 from app.network import extracts as roads
 from fusion.network.combine import NETWORK_ONLY
 from network_support import drive_over, new_drive, pass_over, publish
+from problem_support import check
 
 ITEMS = "/collections/segments/items"
 
@@ -133,3 +134,50 @@ def test_deleting_the_drives_takes_the_gaps_along(filled: Any, street: list[int]
     for one in behind:
         assert filled.client.delete(f"/v1/drives/{one['drive_id']}").status_code == 204
     assert all(p["slope_percent"] is None for p in items(filled, gaps="true").values())
+
+
+def all_pages(web: Any, path: str, member: str) -> tuple[list[dict[str, Any]], int]:
+    found: list[dict[str, Any]] = []
+    pages = 0
+    while path:
+        document = web.client.get(path).json()
+        found, pages = found + document[member], pages + 1
+        path = next((link["href"] for link in document["links"] if link["rel"] == "next"), "")
+    return found, pages
+
+
+def test_observations_come_in_pages_and_each_has_its_share_of_all(filled: Any, street: list[int]) -> None:
+    """Also where two drives came there at the same moment."""
+    path = f"/v1/segments/{street[0]}/observations"
+    whole = filled.client.get(path).json()["observations"]
+    found, pages = all_pages(filled, f"{path}?limit=1", "observations")
+    assert found == whole
+    assert pages == len(whole) == 3
+    moments = [one["first_at"] for one in found]
+    assert moments == sorted(moments, reverse=True)
+    assert sum(one["weight"] for one in found) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_drive_s_estimates_come_in_pages_in_the_order_of_driving(filled: Any, drive_maker: Any) -> None:
+    drive = drive_maker(filled.sessions, [5, 3, 4, 0, 9])
+    path = f"/v1/drives/{drive}/segments"
+    whole = filled.client.get(path).json()["features"]
+    moments = [one["properties"]["first_at"] for one in whole]
+    assert moments == sorted(moments)
+    assert all_pages(filled, f"{path}?limit=2", "features") == (whole, 3)
+    assert all_pages(filled, f"{path}?limit=99999", "features") == (whole, 1)
+
+
+@pytest.mark.parametrize(
+    ("query", "field"), [("limit=0", "limit"), ("after=x", "after"), ("after=f" + "_" * 31, "after")]
+)
+def test_pages_that_there_are_not(reading: Any, query: str, field: str) -> None:
+    drive = reading.client.get("/v1/drives").json()["drives"][0]["id"]
+    for path in ("/v1/segments/1/observations", f"/v1/drives/{drive}/segments"):
+        problem = check(reading.client.get(f"{path}?{query}"), 422)
+        assert [error["field"] for error in problem["errors"]] == [field]
+
+
+def test_no_segment_has_such_a_number(reading: Any) -> None:
+    drive = reading.client.get("/v1/drives").json()["drives"][0]["id"]
+    check(reading.client.get(f"/v1/drives/{drive}/segments?after=" + "_" * 32), 422)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 import struct
+import tracemalloc
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+
+from app.core.settings import Settings
+from app.core.text import geojson_text
+from web_fixtures import fill_roads
 
 EXTENT = 4096
 
@@ -165,6 +171,52 @@ def test_geojson_features_of_tiles_are_the_items(reading: Any, items: dict[int, 
     x, y = tile_of(8.407, 49.007, 13)
     for feature in reading.client.get(f"/tiles/13/{x}/{y}.geojson").json()["features"]:
         assert feature == items[feature["id"]]
+
+
+def test_pages_of_a_geojson_tile_reach_each_segment_once(
+    settings: Settings, server_maker: Callable[..., Any]
+) -> None:
+    x, y = tile_of(8.407, 49.007, 12)
+    path = f"/tiles/12/{x}/{y}.geojson"
+    with server_maker(settings) as web:
+        fill_roads(web.sessions)
+        whole = web.client.get(path).json()
+        assert [link["rel"] for link in whole["links"]] == ["self"]
+    found, address, pages = [], path, 0
+    with server_maker(settings.model_copy(update={"tile_features_max": 7})) as web:
+        while address:
+            answer = web.client.get(address)
+            page = answer.json()
+            assert page["numberReturned"] == len(page["features"]) <= 7
+            (self_link,) = [link["href"] for link in page["links"] if link["rel"] == "self"]
+            assert web.client.get(self_link).content == answer.content
+            following = [link for link in page["links"] if link["rel"] == "next"]
+            assert all("more than these 7 segments" in link["title"] for link in following)
+            found, pages = found + page["features"], pages + 1
+            address = following[0]["href"] if following else ""
+    assert found == whole["features"]
+    assert len(found) > 14
+    assert pages == math.ceil(len(found) / 7)
+
+
+def test_a_large_answer_is_not_held_a_second_time_as_objects() -> None:
+    features = [{"type": "Feature", "properties": {"name": "x" * 100, "k": k}} for k in range(10)]
+
+    def many() -> Iterator[dict[str, Any]]:
+        for k in range(20_000):
+            yield {**features[k % 10], "id": k}
+
+    def peak(make: Callable[[], bytes]) -> tuple[int, int]:
+        tracemalloc.start()
+        size = len(make())
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return size, most
+
+    size, most = peak(lambda: geojson_text({"type": "FeatureCollection", "features": many()}))
+    assert most < 3 * size
+    held = {"type": "FeatureCollection", "features": list(many())}
+    assert json.loads(geojson_text(held)) == held
 
 
 def test_a_tile_of_nothing(reading: Any) -> None:

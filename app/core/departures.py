@@ -1,0 +1,164 @@
+"""A client that goes away ends what was begun for it: its place in a queue, its statement in the database.
+
+Only what reads is ended so, and only what has no body: a change that has begun is brought to its end. Routes need not
+know of it: a session of ``Service.reading`` belongs to the request that it was opened for.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from threading import Lock
+from typing import Any
+
+import anyio
+import psycopg
+from anyio import CancelScope, CapacityLimiter, to_thread
+from psycopg import Connection
+from sqlalchemy import event
+from sqlalchemy.orm import Session
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+CLIENT_GONE = 499
+"""nginx's status; nobody reads it, and the metrics count it."""
+AGAIN_S = 0.2
+"""A request that is between two statements begins the next one: it is cancelled again after so long."""
+CANCEL_TIMEOUT_S = 5.0
+"""How long the server may take to hear of a cancelled statement."""
+
+
+class _Work:
+    """One request, and the connections that work for it."""
+
+    def __init__(self) -> None:
+        self.gone = False
+        self._connections: set[Connection[Any]] = set()
+        self._lock = Lock()
+
+    def begin(self, connection: Connection[Any]) -> None:
+        with self._lock:
+            self._connections.add(connection)
+
+    def end(self, connection: Connection[Any]) -> None:
+        """Forget the connection; waits while it is being cancelled, which must not hit who gets it next."""
+        with self._lock:
+            self._connections.discard(connection)
+
+    def cancel(self) -> None:
+        """Cancel on the server what runs for this request."""
+        with self._lock:
+            for connection in self._connections:
+                with suppress(psycopg.Error):  # a server that is away runs no statement either
+                    connection.cancel_safe(timeout=CANCEL_TIMEOUT_S)
+
+
+_current: ContextVar[_Work | None] = ContextVar("work of this request", default=None)
+
+
+def client_left() -> bool:
+    """Whether the client of the request that is being answered went away."""
+    work = _current.get()
+    return work is not None and work.gone
+
+
+@contextmanager
+def ending_with_client(session: Session) -> Iterator[None]:
+    """Within the block the session's statements are cancelled when the client of the present request leaves."""
+    work = _current.get()
+    if work is None:
+        yield
+        return
+    mine: list[Connection[Any]] = []
+
+    def begin(_session: object, _transaction: object, connection: Any) -> None:
+        mine.append(connection.connection.driver_connection)
+        work.begin(mine[-1])
+
+    event.listen(session, "after_begin", begin)
+    try:
+        yield
+    finally:
+        for connection in mine:
+            work.end(connection)
+        if work.gone:  # a cancellation that arrives late must hit nobody
+            session.invalidate()
+
+
+class EndWithClient:
+    """Watches whether the client of a request that reads is still there, and ends the request when it is not."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+        self._threads = CapacityLimiter(4)  # cancelling waits for no other work
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer the request, or end it."""
+        if (
+            scope["type"] != "http"
+            or scope["method"] not in {"GET", "HEAD"}
+            or has_body(Headers(scope=scope))
+        ):
+            await self.app(scope, receive, send)
+            return
+        answer = _Answer(send)
+        watching = asyncio.create_task(self._watch(receive, answer))
+        token = _current.set(answer.work)
+        try:
+            with answer.running:
+                await self.app(scope, answer.receive, answer.send)
+        finally:
+            _current.reset(token)
+            watching.cancel()
+            with suppress(asyncio.CancelledError):
+                await watching
+        if not answer.started:
+            await answer.send({"type": "http.response.start", "status": CLIENT_GONE, "headers": []})
+            await answer.send({"type": "http.response.body", "body": b""})
+
+    async def _watch(self, receive: Receive, answer: _Answer) -> None:
+        while (await receive())["type"] != "http.disconnect":
+            pass
+        answer.gone.set()
+        if answer.finished:  # the server says the same after its last byte
+            return
+        answer.work.gone = True
+        answer.running.cancel()
+        while True:
+            await to_thread.run_sync(answer.work.cancel, limiter=self._threads)
+            await anyio.sleep(AGAIN_S)
+
+
+class _Answer:
+    """How far the answer to one request is; its messages pass through here."""
+
+    def __init__(self, send: Send) -> None:
+        self.work = _Work()
+        self.running = CancelScope()
+        self.gone = asyncio.Event()
+        self.started = self.finished = False
+        self._asked = False
+        self._send = send
+
+    async def receive(self) -> Message:
+        """What the server would say: the request, which has no body, then that the client is gone."""
+        if not self._asked:
+            self._asked = True
+            return {"type": "http.request", "body": b"", "more_body": False}
+        await self.gone.wait()
+        return {"type": "http.disconnect"}
+
+    async def send(self, message: Message) -> None:
+        """Pass the message on."""
+        self.started = True
+        if self.work.gone and message["type"] == "http.response.start":
+            message = {**message, "status": CLIENT_GONE}
+        self.finished = message["type"] == "http.response.body" and not message.get("more_body")
+        await self._send(message)
+
+
+def has_body(headers: Headers) -> bool:
+    """Whether a request announces a body."""
+    return headers.get("content-length", "0") != "0" or "transfer-encoding" in headers

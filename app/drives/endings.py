@@ -1,0 +1,77 @@
+"""How drives end in the database: done once they are published, gone once nothing of them is left on the map.
+
+Both wait for marks (``app.network.marks``). Callers own the transaction (``app.drives.publishing``).
+"""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.db import plain_json
+
+# What no mark waits for any more; another worker may be about to say so, too.
+_PUBLISHED = text(
+    """
+    SELECT d.id, d.report FROM drives AS d
+    WHERE d.status = 'running' AND d.stage = 'publishing' AND NOT EXISTS (
+        SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
+    ORDER BY d.created_at, d.id FOR NO KEY UPDATE OF d SKIP LOCKED
+    """
+)
+_FINISH = text(
+    """
+    UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp(),
+        report = report || CAST(:report AS jsonb)
+    WHERE id = :id
+    """
+)
+
+_LOCK_CANCELLED = text(
+    """
+    SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'cancelled' AND stage IS NULL
+    FOR NO KEY UPDATE
+    """
+)
+_SET_REMOVING = text("UPDATE drives SET stage = 'removing' WHERE id = :id")
+_REMOVED = text(
+    """
+    DELETE FROM drives WHERE id IN (
+        SELECT d.id FROM drives AS d
+        WHERE d.status = 'cancelled' AND d.stage = 'removing' AND NOT EXISTS (
+            SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
+        FOR UPDATE OF d SKIP LOCKED)
+    RETURNING blob_key
+    """
+)
+
+
+def published_drives(session: Session) -> list[tuple[uuid.UUID, dict[str, Any]]]:
+    """Drives whose squares are all solved, with their reports. Their rows are held."""
+    return [tuple(row) for row in session.execute(_PUBLISHED)]
+
+
+def mark_done(session: Session, drive_id: uuid.UUID, report: Mapping[str, Any]) -> None:
+    """End a drive whose row is held as done, with what is to be added to its report."""
+    session.execute(_FINISH, {"id": drive_id, "report": json.dumps(plain_json(report))})
+
+
+def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
+    """Hold the row of a drive that is to be removed; False when that is no longer so, or done."""
+    values = {"id": drive_id, "generation": generation}
+    return session.execute(_LOCK_CANCELLED, values).scalar() is not None
+
+
+def mark_removing(session: Session, drive_id: uuid.UUID) -> None:
+    """All that the drive said is taken back; its row goes once its squares are solved without it."""
+    session.execute(_SET_REMOVING, {"id": drive_id})
+
+
+def delete_removed(session: Session) -> list[str]:
+    """Delete the rows of drives of which nothing is left on the map; the keys of their blobs."""
+    return list(session.execute(_REMOVED).scalars())

@@ -1,0 +1,194 @@
+"""Tells those who follow drives of every change: one connection that listens and one look for all of them.
+
+The database announces a drive when its status, stage or progress changed or when it went (migration 0009). What it
+announces is only that one has to look, so a lost announcement costs time and nothing else: after a reconnection, and
+every so often, all followed drives are looked at. Knows no HTTP.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import uuid
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
+from itertools import islice
+
+import psycopg
+from anyio import CapacityLimiter, to_thread
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.core.errors import BusyError
+from app.core.settings import libpq_url
+from app.drives.documents import Drive
+
+CHANNEL = "versant_drives"
+MANY = "*"
+"""What is announced instead of ids where one statement changed many drives."""
+AT_ONCE = 100
+"""Drives that one statement looks at."""
+TOLD_AT_ONCE = 20
+"""Followers that are told in one go, while nobody else is answered."""
+PAUSE_S = 0.05
+"""Between two looks: what changes meanwhile is looked at together."""
+AGAIN_S = 1.0
+"""After a look or a connection that failed."""
+CONNECT_TIMEOUT_S = 5
+
+Read = Callable[[Collection[uuid.UUID]], Mapping[uuid.UUID, Drive]]
+
+log = logging.getLogger(__name__)
+
+
+class Follower:
+    """One who follows a drive: its latest state, None when there is no such drive (any more)."""
+
+    def __init__(self, drive_id: uuid.UUID) -> None:
+        self.drive_id = drive_id
+        self.state: Drive | None = None
+        self.looked = False
+        self._error: Exception | None = None
+        self._news = asyncio.Event()
+
+    async def first(self) -> Drive | None:
+        """The state now; raises SQLAlchemy's error where the database cannot be asked."""
+        await self._news.wait()
+        self._news.clear()
+        if not self.looked and self._error is not None:
+            raise self._error
+        return self.state
+
+    async def changed(self, within_s: float) -> bool:
+        """Wait for a change of the state; False when there was none in time."""
+        try:
+            async with asyncio.timeout(within_s):
+                await self._news.wait()
+        except TimeoutError:
+            return False
+        self._news.clear()
+        return True
+
+    def hear(self, state: Drive | None) -> None:
+        """A look found this state."""
+        if self.looked and state == self.state:
+            return
+        self.looked, self.state = True, state
+        self._news.set()
+
+    def fail(self, error: Exception) -> None:
+        """A look failed: of concern only to who has seen nothing yet."""
+        if not self.looked:
+            self._error = error
+            self._news.set()
+
+
+class Feed:
+    """The followers of a process. Everything but ``read`` happens in the event loop."""
+
+    def __init__(self, url: str, read: Read, look_every_s: float, most: int) -> None:
+        """``read`` is called in a thread and returns those of the drives that there are."""
+        self._url = libpq_url(url)
+        self._read = read
+        self._look_every_s = look_every_s
+        self._most = most
+        self._followers: dict[uuid.UUID, set[Follower]] = {}
+        self._due: set[uuid.UUID] = set()
+        self._wake = asyncio.Event()
+        self._thread = CapacityLimiter(1)
+
+    def __len__(self) -> int:
+        """How many follow."""
+        return sum(map(len, self._followers.values()))
+
+    def follow(self, drive_id: uuid.UUID) -> Follower:
+        """A new follower, to whom the state is told at once; ``BusyError`` where there are too many."""
+        if len(self) >= self._most:
+            raise BusyError(
+                f"{self._most} event streams are open already. Ask for the drive itself every few seconds, or try "
+                "again in a moment."
+            )
+        follower = Follower(drive_id)
+        self._followers.setdefault(drive_id, set()).add(follower)
+        self._look_at({drive_id})
+        return follower
+
+    def leave(self, follower: Follower) -> None:
+        """Follow no longer."""
+        others = self._followers[follower.drive_id]
+        others.remove(follower)
+        if not others:
+            del self._followers[follower.drive_id]
+
+    async def run(self) -> None:
+        """Listen and look until cancelled."""
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._listen())
+            tasks.create_task(self._look())
+
+    def _look_at(self, drives: Collection[uuid.UUID]) -> None:
+        self._due.update(drives)
+        self._wake.set()
+
+    async def _listen(self) -> None:
+        heard = True
+        while True:
+            try:
+                async with await psycopg.AsyncConnection.connect(
+                    self._url,
+                    autocommit=True,
+                    connect_timeout=CONNECT_TIMEOUT_S,
+                    application_name="versant events",
+                ) as connection:
+                    await connection.execute(f"LISTEN {CHANNEL}")
+                    heard = True
+                    self._look_at(self._followers)  # what was announced meanwhile is lost
+                    async for note in connection.notifies():
+                        self._announced(note.payload)
+            except psycopg.Error as error:
+                if heard:  # once, however long it lasts
+                    log.warning("changes of drives are not heard for now: %s", error)
+                heard = False
+            await asyncio.sleep(AGAIN_S)
+
+    def _announced(self, payload: str) -> None:
+        if payload == MANY:
+            self._look_at(self._followers)
+            return
+        with suppress(ValueError):  # whoever has the database's password may announce anything
+            self._look_at({uuid.UUID(payload)} & self._followers.keys())
+
+    async def _look(self) -> None:
+        while True:
+            try:
+                async with asyncio.timeout(self._look_every_s):
+                    await self._wake.wait()
+            except TimeoutError:
+                self._due.update(self._followers)
+            self._wake.clear()
+            while self._due:
+                failed = not await self._looked(set(islice(self._due, AT_ONCE)))
+                await asyncio.sleep(AGAIN_S if failed else PAUSE_S)
+
+    async def _looked(self, drives: set[uuid.UUID]) -> bool:
+        """Look at these drives and tell their followers; False when the database cannot be asked."""
+        self._due -= drives
+        followed = drives & self._followers.keys()
+        if not followed:
+            return True
+        try:
+            states = await to_thread.run_sync(self._read, followed, limiter=self._thread)
+        except Exception as error:  # whatever it is: without this loop nobody is told anything any more
+            if not isinstance(error, SQLAlchemyError):
+                log.exception("followed drives cannot be looked at")
+            self._due |= followed
+            for follower in self._of(followed):
+                follower.fail(error)
+            return False
+        for number, follower in enumerate(self._of(followed), start=1):
+            follower.hear(states.get(follower.drive_id))
+            if number % TOLD_AT_ONCE == 0:
+                await asyncio.sleep(0)
+        return True
+
+    def _of(self, drives: Collection[uuid.UUID]) -> list[Follower]:
+        return [follower for drive_id in drives for follower in self._followers.get(drive_id, ())]

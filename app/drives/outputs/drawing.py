@@ -1,0 +1,98 @@
+"""The process in which pictures are drawn: beside the one that answers, which a picture would keep from answering.
+
+It is started with the first picture (loading matplotlib takes half a second and 100 MB), draws one at a time, and is
+started again when it ended. What is drawn is handed over whole; the process knows no database.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import traceback
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from threading import Lock
+
+from app.core.errors import NotReadyError
+from app.core.lanes import Lane
+from app.drives.outputs.profile import Profile
+from fusion.types import DrawnMeasurements
+
+LONGEST_S = 30.0
+"""A picture of a day's drive takes some seconds."""
+LONGEST_WAIT_S = 60.0
+
+
+class Drawing:
+    """The process, and the queue before it."""
+
+    def __init__(self, most_waiting: int) -> None:
+        self.lane = Lane(1, most_waiting, LONGEST_WAIT_S)
+        """Hold its place from before what is drawn is read: only one at a time is in memory."""
+        self._lock = Lock()
+        self._process: SpawnProcess | None = None
+        self._pipe: Connection | None = None
+
+    def profile(self, profile: Profile, title: str, measurements: DrawnMeasurements | None) -> bytes:
+        """The PNG; ``NotReadyError`` when the process ends or stays silent over it."""
+        with self._lock:
+            for _ in range(2):  # one that was ended at rest, for lack of memory say, is found out only now
+                try:
+                    return self._asked((profile, title, measurements))
+                except (EOFError, OSError):
+                    self._stop()
+        raise NotReadyError(
+            "The picture could not be drawn. Ask for the profile as JSON, or try again in a moment."
+        )
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            self._stop()
+
+    def _asked(self, wanted: tuple[Profile, str, DrawnMeasurements | None]) -> bytes:
+        pipe = self._pipe or self._start()
+        pipe.send(wanted)
+        if not pipe.poll(LONGEST_S):
+            self._stop()
+            raise NotReadyError(f"The picture took more than {LONGEST_S:g} s. Ask for the profile as JSON.")
+        png, fault = pipe.recv()
+        if fault:
+            raise RuntimeError(f"the picture could not be drawn\n{fault}")
+        return bytes(png)
+
+    def _start(self) -> Connection:
+        # Not a copy of this process: its threads hold locks, and it holds connections.
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        self._process = context.Process(target=_draw, args=(theirs,), name="versant drawing", daemon=True)
+        self._process.start()
+        theirs.close()
+        self._pipe = ours
+        return ours
+
+    def _stop(self) -> None:
+        if self._pipe is not None:
+            self._pipe.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process.close()
+        self._pipe = self._process = None
+
+
+def _draw(pipe: Connection) -> None:
+    """Draw what comes until the other end closes, as it does however that process ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C in the terminal is for the parent
+    from app.drives.outputs.profile_picture import profile_png  # noqa: PLC0415 - here alone matplotlib is loaded
+
+    while True:
+        try:
+            profile, title, measurements = pipe.recv()
+        except EOFError:
+            return
+        try:
+            answer = (profile_png(profile, title, measurements), "")
+        except Exception:  # whatever it is: the next picture may be drawn
+            answer = (b"", traceback.format_exc())
+        pipe.send(answer)

@@ -1,0 +1,81 @@
+"""A client that goes away ends what was begun for it, on the server of the database as well."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Any
+
+import httpx
+import pytest
+
+from server_support import connected, sleep, sleeping, wait_until
+
+TILE = "/tiles/14/8574/5626.mvt"
+WIDE = "/tiles/8/133/87.mvt"
+
+
+def counted(web: Any, status: int) -> float:
+    """How many requests were answered so; those that left while they waited had come to no route yet."""
+    lines = web.client.get("/metrics").text.splitlines()
+    requests = [line for line in lines if line.startswith("versant_http_requests_total{")]
+    return sum(float(line.split()[-1]) for line in requests if f'status="{status}"' in line)
+
+
+@pytest.fixture
+def slow(filled: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A service whose tiles take two minutes each."""
+    monkeypatch.setattr("app.map.tiles.tiles.mvt", sleep)
+    return filled
+
+
+def test_the_statement_of_a_tile_ends_when_its_client_leaves(slow: Any) -> None:
+    with connected(slow, TILE):
+        wait_until(lambda: sleeping(slow) == 1)
+    wait_until(lambda: sleeping(slow) == 0)
+    wait_until(lambda: counted(slow, 499) == 1)
+
+
+def test_a_route_that_goes_on_to_another_statement_ends_all_the_same(
+    filled: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stubborn(session: Any, *_: object, **__: object) -> bytes:
+        for _ in range(3):
+            try:
+                sleep(session)
+            except Exception:
+                session.rollback()
+        return b""
+
+    monkeypatch.setattr("app.map.tiles.tiles.mvt", stubborn)
+    with connected(filled, TILE):
+        wait_until(lambda: sleeping(filled) == 1)
+    wait_until(lambda: sleeping(filled) == 0)
+    wait_until(lambda: counted(filled, 499) == 1)
+
+
+def test_clients_that_leave_while_they_wait_begin_nothing(slow: Any) -> None:
+    with ExitStack() as crowd:
+        for _ in range(10):
+            crowd.enter_context(connected(slow, WIDE))
+        wait_until(lambda: sleeping(slow) == 2)  # the lane's places
+
+    wait_until(lambda: counted(slow, 499) == 10)
+    assert sleeping(slow) == 0
+
+
+def test_the_next_one_on_the_connection_is_not_hit(filled: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("app.map.tiles.tiles.mvt", sleep)
+        for _ in range(5):
+            with connected(filled, TILE):
+                wait_until(lambda: sleeping(filled) == 1)
+    for _ in range(50):
+        assert filled.client.get(TILE).status_code == 200
+
+
+def test_a_client_that_stays_is_answered_and_its_connection_kept(filled: Any) -> None:
+    with httpx.Client(base_url=filled.base, trust_env=False) as client:
+        for _ in range(3):
+            assert client.get(TILE).status_code == 200
+            assert client.request("GET", "/healthz", content=b"a body").status_code == 200
+            assert client.head("/v1/drives").status_code == 200

@@ -1,0 +1,176 @@
+"""What is slow waits for its own kind."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import httpx
+import pytest
+from starlette.types import Receive, Scope, Send
+
+from app.core.errors import BusyError
+from app.core.lanes import Lane, Lanes, Turnstile, kind_of_request, make_lanes
+from problem_support import check
+from server_support import Gate, asked_at_once, wait_until
+
+QUICK = ("/healthz", "/readyz", "/v1/drives", "/v1/segments/999")
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "kind"),
+    [
+        ("GET", "/tiles/8/133/87.mvt", "wide tiles"),
+        ("HEAD", "/tiles/11/1/1.geojson", "wide tiles"),
+        ("GET", "/tiles/12/1/1.mvt", "tiles"),
+        ("GET", "/collections/segments/items", "wide tiles"),
+        ("GET", "/collections/segments/items/7", None),
+        ("GET", "/v1/drives/x/track", "parts"),
+        ("GET", "/v1/drives/x/events", None),
+        ("GET", "/v1/drives/x", None),
+        ("GET", "/v1/segments/7/observations", "parts"),
+        ("GET", "/v1/admin/stats", "figures"),
+        ("DELETE", "/v1/drives/x", "changes"),
+        ("POST", "/v1/drives/x/reprocess", "changes"),
+        ("POST", "/v1/drives", None),
+        ("GET", "/readyz", None),
+    ],
+)
+def test_each_kind_has_its_lane(method: str, path: str, kind: str | None) -> None:
+    assert kind_of_request(method, path) == kind
+    assert kind is None or kind in make_lanes(5)
+
+
+def test_the_lanes_leave_connections_for_what_is_quick() -> None:
+    for connections in (1, 5, 100):
+        assert sum(lane.places for lane in make_lanes(connections).values()) <= connections + 10 - 3
+
+
+def test_sixty_slow_tiles_keep_nobody_else_waiting(reading: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    gate = Gate(lambda *_, **__: b"")
+    monkeypatch.setattr("app.map.tiles.tiles.mvt", gate)
+    with asked_at_once(reading, [f"/tiles/8/{x}/87.mvt" for x in range(60)]) as answers:
+        try:
+            wait_until(lambda: gate.inside == 2)
+            for path in QUICK:
+                assert reading.client.get(path).status_code in {200, 404}
+            monkeypatch.setattr("app.map.tiles.tiles.mvt", lambda *_, **__: b"tile")
+            assert reading.client.get("/tiles/14/8574/5626.mvt").content == b"tile"
+        finally:
+            gate.open.set()
+        assert {one.result() for one in answers} <= {200, 204}
+    assert gate.most == 2
+
+
+def test_sixty_deletions_keep_nobody_else_waiting(reading: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    gate = Gate(lambda *_, **__: None)
+    monkeypatch.setattr("app.drives.routes.intake.reprocess", gate)
+    drive = "00000000-0000-0000-0000-000000000000"
+
+    def ask(web: Any) -> None:
+        with httpx.Client(base_url=web.base, trust_env=False, timeout=60) as client:
+            client.post(f"/v1/drives/{drive}/reprocess")
+
+    from threading import Thread  # noqa: PLC0415 - the only use
+
+    clients = [Thread(target=ask, args=(reading,)) for _ in range(60)]
+    for client in clients:
+        client.start()
+    try:
+        wait_until(lambda: gate.inside == 2)
+        for path in QUICK:
+            assert reading.client.get(path).status_code in {200, 404}
+    finally:
+        gate.open.set()
+        for client in clients:
+            client.join()
+    assert gate.most == 2
+
+
+def test_life_and_readiness_need_no_thread_that_others_use(
+    reading: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More requests than there are threads, of a kind that has no lane."""
+    gate = Gate(lambda *_, **__: [])
+    monkeypatch.setattr("app.drives.routes.drives.list_drives", gate)
+    with asked_at_once(reading, ["/v1/drives"] * 50) as answers:
+        try:
+            wait_until(lambda: gate.inside == 40)
+            assert reading.client.get("/healthz", timeout=10).status_code == 200
+            assert reading.client.get("/readyz", timeout=10).status_code == 200
+        finally:
+            gate.open.set()
+        assert {one.result() for one in answers} == {200}
+
+
+def test_who_comes_when_too_many_wait_is_sent_away() -> None:
+    async def scenario() -> None:
+        lane = Lane(places=1, most_waiting=1, longest_wait_s=0.05)
+        async with lane.place():
+            waiting = asyncio.create_task(lane.place().__aenter__())
+            await asyncio.sleep(0)
+            with pytest.raises(BusyError, match="wait already"):
+                await lane.place().__aenter__()
+            with pytest.raises(BusyError, match="took more than"):
+                await waiting
+        async with lane.place():
+            pass
+
+    asyncio.run(scenario())
+
+
+def test_being_sent_away_is_a_503_that_says_when_to_come_again() -> None:
+    async def route(scope: Scope, receive: Receive, send: Send) -> None:
+        raise AssertionError("nothing of a request begins before it has a place")
+
+    async def scenario() -> httpx.Response:
+        lane = Lane(places=1, most_waiting=0)
+        app = Lanes(route, {"tiles": lane})
+        async with (
+            lane.place(),
+            httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost") as client,
+        ):
+            return await client.get("/tiles/14/1/1.mvt")
+
+    answer = asyncio.run(scenario())
+    assert check(answer, 503)["type"] == "/problems/busy"
+    assert int(answer.headers["retry-after"]) > 0
+
+
+def test_a_crowd_is_begun_one_after_the_other_and_a_probe_passes() -> None:
+    begun: list[str] = []
+
+    async def route(scope: Scope, receive: Receive, send: Send) -> None:
+        begun.append(scope["path"])
+
+    async def scenario() -> None:
+        app = Turnstile(route)
+        asked = ["/a"] * 100 + ["/healthz"]
+        scopes = [{"type": "http", "path": path} for path in asked]
+        await asyncio.gather(*(app(scope, None, None) for scope in scopes))  # type: ignore[arg-type]
+
+    asyncio.run(scenario())
+    assert len(begun) == 101
+    assert begun.index("/healthz") <= 1
+
+
+def test_a_client_that_reads_slowly_holds_no_place() -> None:
+    sent = asyncio.Event()
+
+    async def route(scope: Scope, receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": b""})
+
+    async def scenario() -> None:
+        lane = Lane(places=1)
+
+        async def slow(message: Any) -> None:
+            if message["type"] == "http.response.body":
+                async with lane.place():
+                    sent.set()
+
+        scope = {"type": "http", "method": "GET", "path": "/tiles/14/1/1.mvt"}
+        await Lanes(route, {"tiles": lane})(scope, None, slow)  # type: ignore[arg-type]
+
+    asyncio.run(scenario())
+    assert sent.is_set()

@@ -1,0 +1,84 @@
+"""What tests of a service under load share: statements that last, clients that come and go, and waiting for a state."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+from sqlalchemy import text
+
+WAIT_S = 30.0
+"""Far longer than anything that is waited for takes."""
+
+_RUNNING = text(
+    """
+    SELECT count(*) FROM pg_stat_activity
+    WHERE state = 'active' AND query LIKE '%pg_sleep%' AND pid <> pg_backend_pid() AND datname = current_database()
+    """
+)
+
+
+def sleep(session: Any, *_: object, **__: object) -> Any:
+    """In place of a function of a store: a statement that lasts longer than a test."""
+    session.execute(text("SELECT pg_sleep(120)"))
+
+
+def sleeping(web: Any) -> int:
+    """How many of those statements run."""
+    with web.sessions() as session:
+        return int(session.execute(_RUNNING).scalar_one())
+
+
+def wait_until(holds: Callable[[], bool], within_s: float = WAIT_S) -> None:
+    pause = threading.Event()
+    for _ in range(int(within_s / 0.02)):
+        if holds():
+            return
+        pause.wait(0.02)
+    raise AssertionError("it did not come about")
+
+
+@contextmanager
+def connected(web: Any, path: str) -> Iterator[socket.socket]:
+    """A client that asked and reads nothing; it is gone at the end of the block."""
+    place = urlsplit(web.base)
+    with socket.create_connection((place.hostname, place.port)) as client:
+        client.sendall(f"GET {path} HTTP/1.1\r\nHost: {place.netloc}\r\n\r\n".encode())
+        yield client
+
+
+@contextmanager
+def asked_at_once(web: Any, paths: list[str]) -> Iterator[list[Future[int]]]:
+    """Ask for all of these at once, beside what the block does; the statuses of the answers to come."""
+
+    def ask(path: str) -> int:
+        return httpx.get(web.base + path, timeout=WAIT_S * 2, trust_env=False).status_code
+
+    with ThreadPoolExecutor(len(paths)) as clients:
+        yield [clients.submit(ask, path) for path in paths]
+
+
+class Gate:
+    """A function of a store that waits until the gate is opened, and how many wait there."""
+
+    def __init__(self, answer: Callable[..., Any]) -> None:
+        self.open = threading.Event()
+        self.inside = 0
+        self.most = 0
+        self._answer = answer
+        self._lock = threading.Lock()
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        with self._lock:
+            self.inside += 1
+            self.most = max(self.most, self.inside)
+        assert self.open.wait(WAIT_S)
+        with self._lock:
+            self.inside -= 1
+        return self._answer(*arguments, **options)
