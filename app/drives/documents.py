@@ -47,7 +47,8 @@ DRIVE_EXAMPLE: dict[str, Any] = {
 
 # A StrEnum made from the tuple that the table's constraint is made from: one list of statuses.
 DriveStatus = StrEnum("DriveStatus", {name.upper(): name for name in DRIVE_STATUSES})  # type: ignore[misc]
-TERMINAL_STATUSES = frozenset({"done", "failed", "cancelled"})
+ENDED = frozenset({"done", "failed"})
+"""Statuses that stay until somebody asks for more; a cancelled drive will soon be gone."""
 
 
 class Failure(BaseModel):

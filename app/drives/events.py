@@ -13,7 +13,7 @@ from starlette.types import Receive, Scope, Send
 
 from app.core.http import EXAMPLE_ID, BaseUrl, found, problems
 from app.core.text import dumps
-from app.drives.documents import TERMINAL_STATUSES, Drive, linked
+from app.drives.documents import ENDED, Drive, linked
 from app.drives.feed import Feed, Follower
 
 HEARTBEAT_S = 15.0
@@ -49,7 +49,7 @@ _EXAMPLE = f'id: 3\nevent: drive\ndata: {{"id": "{EXAMPLE_ID}", "status": "runni
     },
 )
 async def drive_events(drive_id: uuid.UUID, feed: FeedDep, base: BaseUrl) -> StreamingResponse:
-    """The state at once, then each change. Ends after `done`, `failed` or `cancelled`; `deleted` if removed.
+    """The state at once, then each change. Ends after `done` or `failed`, or by `deleted` when the drive is gone.
 
     A browser's EventSource connects again when the stream ends: close it at a terminal status. Where too many streams
     are open already the answer is 503: ask for the drive itself every few seconds.
@@ -88,7 +88,7 @@ async def _events(follower: Follower, base: str, first: Drive) -> AsyncIterator[
         if text != sent:
             number, sent = number + 1, text
             yield f"id: {number}\nevent: drive\ndata: {text}\n\n"
-        if state.status in TERMINAL_STATUSES or time.monotonic() > until:
+        if state.status in ENDED or time.monotonic() > until:
             return
         if not await follower.changed(within_s=HEARTBEAT_S):
             yield ": still here\n\n"

@@ -66,6 +66,16 @@ def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> b
     return drive is not None
 
 
+def carry_out_removals(sessions: Sessions, blobs: BlobStore) -> None:
+    """Do what a worker does of removals that were asked for."""
+    query = text("SELECT id, generation FROM drives WHERE status = 'cancelled' AND stage IS NULL")
+    with sessions() as session:
+        waiting = session.execute(query).all()
+    for drive_id, generation in waiting:
+        publishing.remove(sessions, blobs, drive_id, generation)
+    publish_all(sessions, blobs)
+
+
 def drive_now(bench: Workbench, drive_id: uuid.UUID) -> Drive:
     with bench.sessions() as session:
         found = drives.get_drive(session, drive_id)

@@ -27,7 +27,7 @@ from fusion.errors import BadOptionsError, RoadsError, TerrainError, UnknownName
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
-from processing_support import accept_upload, put_blob
+from processing_support import accept_upload, carry_out_removals, put_blob
 
 Upload = Callable[..., tuple[Drive, bool]]
 
@@ -151,12 +151,13 @@ def test_reprocess_queues_a_new_generation(sessions: Sessions, upload: Upload) -
 
 def test_a_removed_drive_is_gone_with_its_bytes(sessions: Sessions, blobs: BlobStore, upload: Upload) -> None:
     drive, _ = upload()
-    assert intake.remove_drive(sessions, blobs, drive.id)
-    assert not intake.remove_drive(sessions, blobs, drive.id)
-    assert blobs.keys() == []
-    again, created = upload()
+    assert intake.remove_drive(sessions, drive.id)
+    again, created = upload()  # the same bytes before it is gone
     assert created
     assert again.id != drive.id
+    carry_out_removals(sessions, blobs)
+    assert intake.remove_drive(sessions, drive.id) is None
+    assert blobs.keys() == [again.blob_key]
 
 
 def test_orphans_are_swept_and_nothing_else(sessions: Sessions, blobs: BlobStore, upload: Upload) -> None:

@@ -20,13 +20,12 @@ from app.drives import store as drives
 from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench
 from app.drives.progress import Interrupted
-from app.network import passes
 from app.network import results as slopes
 from app.roads import imports as road_imports
 from fusion.pipeline import run_drive
 from fusion.simulate.scene.town import Town
 from fusion.types import Progress
-from processing_support import drive_now, process_drive, state
+from processing_support import carry_out_removals, drive_now, process_drive, remove_drive, state
 
 Send = Callable[..., Drive]
 
@@ -50,10 +49,11 @@ def test_a_drive_deleted_while_it_runs_is_discarded(
     bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = send(0)
-    remove = Disturbed(lambda: intake.remove_drive(bench.sessions, bench.blobs, drive.id))
+    remove = Disturbed(lambda: intake.remove_drive(bench.sessions, drive.id))
     monkeypatch.setattr(process, "run_drive", remove)
     assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
     assert remove.runs == 1
+    carry_out_removals(bench.sessions, bench.blobs)
     assert state(bench) == []
     with bench.sessions() as session:
         for table in ("drives", "drive_tracks", "provenances", "segment_slopes"):
@@ -116,14 +116,14 @@ def test_a_lost_connection_is_no_failure_of_the_drive(
             )  # fmt: skip
 
     drive = send(0)
-    genuine = slopes.save_result
+    genuine = slopes.append_result
 
-    def save(session: Any, *args: Any) -> passes.Hearing:
+    def save(session: Any, *args: Any, **options: Any) -> list[int]:
         cut()
-        return genuine(session, *args)
+        return genuine(session, *args, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(slopes, "save_result", save)
+        patch.setattr(slopes, "append_result", save)
         with pytest.raises(OperationalError) as caught:
             process_drive(bench, drive.id, 1)
     assert process.is_connection_loss(caught.value)
@@ -175,7 +175,7 @@ def test_two_drives_of_the_same_roads_at_once(bench: Workbench, send: Send, file
         assert set(pool.map(run, made)) == {Outcome.DONE}
     at_once = state(bench)
     for drive in made:
-        intake.remove_drive(bench.sessions, bench.blobs, drive.id)
+        assert remove_drive(bench.sessions, bench.blobs, drive.id)
     assert state(bench) == []
     for seed in (2, 0, 1):
         process_drive(bench, send(seed, "raw").id, 1)

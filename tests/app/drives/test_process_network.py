@@ -12,14 +12,13 @@ from sqlalchemy.orm import Session
 
 from app.cli.fuse_files import Fusion
 from app.core.db import Sessions
-from app.drives import intake, process
+from app.drives import intake, process, queue
 from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench
 from app.drives.publishing import hearing_report
 from app.map import store as segments
 from app.network import extracts as roads
-from app.network import passes
-from app.network import results as slopes
+from app.network import passes, swap
 from app.network.settle import settle_network
 from fusion.formats import read_log
 from fusion.pipeline import parse_options, run_drive
@@ -27,7 +26,7 @@ from fusion.roads.osm import read_roads
 from fusion.roads.table import rows_of as table_rows
 from fusion.terrain.dem import Dem
 from network_support import Rows, assert_same, rows_of
-from processing_support import drive_now, process_drive
+from processing_support import drive_now, process_drive, remove_drive
 
 Send = Callable[..., Drive]
 Key = tuple[int, int, int]
@@ -133,17 +132,23 @@ def test_workers_at_once_end_where_one_after_the_other_does(bench: Workbench, se
         assert set(pool.map(lambda drive: process_drive(bench, drive.id, 1), made)) == {Outcome.DONE}
     at_once = rows_of(bench.sessions)
     for drive in made:
-        intake.remove_drive(bench.sessions, bench.blobs, drive.id)
+        assert remove_drive(bench.sessions, bench.blobs, drive.id)
     assert rows_of(bench.sessions) == {}
     for log in (1, 2, 0):
         done(bench, send, log)
     assert_same(at_once, rows_of(bench.sessions))
 
 
-def test_a_killed_publication_leaves_nothing_and_the_next_run_all(
-    bench: Workbench, send: Send, sessions: Sessions, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("module", "last"), [(queue, "enqueue_solve"), (swap, "take_away")])
+def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
+    bench: Workbench,
+    send: Send,
+    sessions: Sessions,
+    monkeypatch: pytest.MonkeyPatch,
+    module: object,
+    last: str,
 ) -> None:
-    """The server process dies after the passes, the evidence and the slopes are written."""
+    """The server process dies when all that the drive says is written, or all that was solved."""
     done(bench, send, 1)
     before = rows_of(sessions), rows_of(sessions, "network_slopes")
     drive = send(0, "profile")
@@ -152,14 +157,15 @@ def test_a_killed_publication_leaves_nothing_and_the_next_run_all(
         session.execute(text("SELECT pg_terminate_backend(pg_backend_pid())"))
 
     with monkeypatch.context() as patch:
-        patch.setattr(slopes, "bump_data_version", die)
+        patch.setattr(module, last, die)
         with pytest.raises(Exception, match="terminat") as caught:
             process_drive(bench, drive.id, 1)
     assert process.is_connection_loss(caught.value)
     assert (rows_of(sessions), rows_of(sessions, "network_slopes")) == before
     with sessions() as session:
-        assert segments.drive_segment_rows(session, drive.id) == []
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE
+        assert bool(segments.drive_segment_rows(session, drive.id)) == (last == "take_away")
+    process_drive(bench, drive.id, 1)
+    assert drive_now(bench, drive.id).status == "done"
     assert rows_of(sessions) != before[0]
 
 

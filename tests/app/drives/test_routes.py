@@ -24,7 +24,7 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
 from fusion.types import DrawnMeasurements, Track
-from processing_support import process_drive
+from processing_support import carry_out_removals, process_drive
 
 MakeDrive = Callable[..., uuid.UUID]
 
@@ -61,7 +61,8 @@ def test_pages_go_on_past_a_drive_deleted_meanwhile(web: Any) -> None:
     made = [upload(web, b"%d" % number) for number in range(4)][::-1]
     page = web.client.get("/v1/drives?limit=2").json()
     following = next(link["href"] for link in page["links"] if link["rel"] == "next")
-    assert web.client.delete(f"/v1/drives/{made[1]}").status_code == 204
+    assert web.client.delete(f"/v1/drives/{made[1]}").status_code == 202
+    carry_out_removals(web.sessions, web.blobs)
     answer = web.client.get(following)
     assert answer.status_code == 200, answer.text
     assert [drive["id"] for drive in answer.json()["drives"]] == made[2:]
@@ -218,9 +219,13 @@ def test_a_removed_drive_leaves_every_aggregate(filled: Any, done: str, drive_ma
         return {f["id"]: (f["properties"]["slope_percent"], f["properties"]["drives"]) for f in found}
 
     assert slopes() == {1: (3.0, 1), 2: (3.0, 1), 3: (2.0, 2), 4: (1.0, 1)}
-    assert filled.client.delete(f"/v1/drives/{done}").status_code == 204
+    assert filled.client.delete(f"/v1/drives/{done}").status_code == 202
+    assert slopes()[1] == (3.0, 1)  # until a worker has taken it back
+    carry_out_removals(filled.sessions, filled.blobs)
     assert slopes() == {3: (1.0, 1), 4: (1.0, 1)}
-    assert filled.client.delete(f"/v1/drives/{other}").status_code == 204
+    assert filled.client.delete(f"/v1/drives/{other}").status_code == 202
+    assert filled.client.delete(f"/v1/drives/{other}").status_code == 202  # once more, to no effect
+    carry_out_removals(filled.sessions, filled.blobs)
     assert slopes() == {}
     assert filled.client.delete(f"/v1/drives/{other}").status_code == 404
 
@@ -233,7 +238,12 @@ def test_removal_works_in_any_state(web: Any, status: str) -> None:
             assert store.mark_running(session, drive, 1)
             if status == "failed":
                 store.mark_failed(session, drive, 1, kind="x", reason="x.", stage="x")
-    assert web.client.delete(f"/v1/drives/{drive}").status_code == 204
+    answer = web.client.delete(f"/v1/drives/{drive}")
+    assert answer.status_code == 202
+    assert answer.json()["status"] == "cancelled"
+    assert web.client.get(answer.headers["location"]).json()["status"] == "cancelled"
+    assert web.client.post(f"/v1/drives/{drive}/reprocess").status_code == 404
+    carry_out_removals(web.sessions, web.blobs)
     assert web.client.get(f"/v1/drives/{drive}").status_code == 404
     assert web.blobs.keys() == []
 
