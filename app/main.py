@@ -31,9 +31,10 @@ from app.core.openapi import TAGS, describe
 from app.core.problems import install_error_handlers
 from app.core.settings import Settings, SettingsError, get_settings
 from app.core.version import code_version
-from app.drives import batches, events, upload
+from app.drives import events, upload
 from app.drives import results as drive_parts
 from app.drives import routes as drives
+from app.drives.batches import routes as batches
 from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing

@@ -33,8 +33,9 @@ from sqlalchemy.orm import Session
 
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
-from app.drives import bulk, enqueuing
-from app.drives.batch_documents import Selection, Which
+from app.drives.batches import enqueuing
+from app.drives.batches import store as bulk
+from app.drives.batches.documents import Selection, Which
 from app.drives.queue import BEHIND, TASK
 from app.embedded.cluster import EmbeddedPostgres
 from app.jobs.task import QUEUE

@@ -11,14 +11,15 @@ from alembic import context
 from geoalchemy2 import alembic_helpers
 from sqlalchemy import Connection, create_engine, pool
 
-from app.core import (
-    batch_tables,  # noqa: F401 - they describe tables of the same Base
-    cell_tables,  # noqa: F401
-    migrate,
-    schema,
-)
-from app.core.service_tables import Base
+from app.core import migrate, schema
 from app.core.settings import sqlalchemy_url
+from app.core.tables import Base
+from app.core.tables import batches as _batches
+from app.core.tables import cells as _cells
+from app.core.tables import service as _service
+
+_OF_THE_SAME_BASE = (_batches, _cells, _service)
+"""They describe the other tables of it."""
 
 
 def include_object(thing: Any, name: str | None, kind: str, reflected: bool, compare_to: Any) -> bool:

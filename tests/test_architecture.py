@@ -30,10 +30,10 @@ SQL_PLACES = {
     for place in (
         "core/databases.py",
         "core/schema.py",
-        "drives/bulk.py",
+        "drives/batches/store.py",
         "drives/endings.py",
         "drives/queue.py",
-        "drives/selection.py",
+        "drives/batches/selection.py",
         "drives/store.py",
         "drives/tracks.py",
         "jobs/computations.py",
@@ -119,7 +119,7 @@ def test_the_library_reads_no_environment() -> None:
 def test_sql_stands_in_the_stores_only() -> None:
     assert violations(sql_statements, outside_the_stores()) == []
     # The declaration of the tables may name SQL functions and conditions: defaults, partial indexes.
-    declared = {Path("app/core") / f"{name}tables.py" for name in ("", "service_", "batch_", "cell_")}
+    declared = set(Path("app/core/tables").glob("*.py"))
     assert violations(sql_builders, [path for path in outside_the_stores() if path not in declared]) == []
 
 

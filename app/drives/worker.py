@@ -13,8 +13,9 @@ from datetime import timedelta
 
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
-from app.drives import enqueuing, intake, publishing
+from app.drives import intake, publishing
 from app.drives import store as drives
+from app.drives.batches import enqueuing
 from app.drives.process import Workbench, give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.renewal import HeightFiller, renew

@@ -1,7 +1,7 @@
 """Batches of drives that are asked for anew, counts of drives that are kept as they change, indexes of a long queue.
 
 Counts are rows that are only ever added, by triggers, so that no two workers write the same one; the workers' chore
-adds them up (``app.drives.bulk``).
+adds them up (``app.drives.batches.store``).
 """
 
 import sqlalchemy as sa

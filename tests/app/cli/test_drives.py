@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 
 from app.cli import app
 from app.cli.client import Client
+from processing_support import carry_out_removals
 
 SERVER = "http://service.example"
 FAILURE = {"kind": "no-match", "reason": "No road is near."}
@@ -186,4 +187,6 @@ def test_the_real_service_counts_takes_on_and_calls_off(web: Any) -> None:
     )
     assert "queued" in command("show", drives[0])
     command("delete", *drives)
+    assert command("list").count("cancelled") == 2
+    carry_out_removals(web.sessions, web.blobs)
     assert drives[0] not in command("list")

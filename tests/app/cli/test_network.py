@@ -1,4 +1,4 @@
-"""``versant rebuild``, and gaps in what ``export`` and ``fuse`` write."""
+"""``versant settle``, and gaps in what ``export`` and ``fuse`` write."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_rebuild_makes_the_network_from_its_passes(sessions: Sessions, tmp_path:
     with sessions.begin() as session:
         for relation in ("network_slopes", "segment_slopes"):
             session.execute(text(f"DELETE FROM {relation}"))
-    result = run("rebuild", "--json", tmp_path / "figures.json")
+    result = run("settle", "--json", tmp_path / "figures.json")
     assert_same(before, rows_of(sessions))
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert figures["segments"] > 0

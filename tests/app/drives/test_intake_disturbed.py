@@ -24,7 +24,7 @@ from app.drives import intake
 from app.drives import store as drives
 from app.drives.documents import Drive
 from lossy_database import LossyWay, lossy_way
-from processing_support import accept_upload, put_blob
+from processing_support import accept_upload, put_blob, remove_drive
 
 Lossy = Callable[..., Any]
 LOG = b"time_s,lat_deg,lon_deg\n1700000000,49.0,8.4\n"
@@ -218,7 +218,7 @@ def test_a_drive_that_is_deleted_while_its_content_comes_again_is_made_anew(
     genuine = drives.give_blob
 
     def too_late(*args: Any, **kwargs: Any) -> bool:
-        assert intake.remove_drive(sessions, blobs, drive.id)
+        assert remove_drive(sessions, blobs, drive.id)
         return genuine(*args, **kwargs)
 
     monkeypatch.setattr(drives, "give_blob", too_late)

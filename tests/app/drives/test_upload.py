@@ -18,6 +18,7 @@ import pytest
 from sqlalchemy import text
 
 from app.core.settings import Settings
+from processing_support import carry_out_removals
 
 LOG = b"time_s,lat_deg,lon_deg\n1700000000,49.0,8.4\n"
 
@@ -241,5 +242,6 @@ def test_uploads_to_a_bucket(settings: Settings, bucket: str, server_maker: Call
             assert file.read() == LOG
         drive = answers[0].headers["location"]
         web.client.delete(drive)
+        carry_out_removals(web.sessions, web.blobs)
         assert web.blobs.keys() == []
     assert [path for path in fsspec.filesystem("s3").find(bucket) if "/databases/" not in path] == []

@@ -199,10 +199,11 @@ def test_a_drive_that_is_cut_off_again_and_again_is_innocent(
 
 def test_the_job_of_a_removed_drive_ends_quietly(settings: Settings, sessions: Sessions, send: Send) -> None:
     gone, stays = send(0), send(1)
-    assert intake.remove_drive(sessions, BlobStore(settings.blob_store_url), gone.id)
+    assert intake.remove_drive(sessions, gone.id)
     run_worker(settings, wait=False)
     assert now(sessions, stays.id).status == "done"
     with sessions() as session:
+        assert drives.get_drive(session, gone.id) is None
         assert session.execute(text("SELECT count(*) FROM procrastinate_jobs")).scalar_one() == 0
 
 

@@ -103,12 +103,12 @@ def test_only_the_computation_of_a_drive_is_marked(
 
         monkeypatch.setattr(process, name, look)
 
-    for name in ("read_log", "run_drive", "fill_heights_along", "_publish"):
+    for name in ("read_log", "run_drive", "fill_heights_along", "_append"):
         watched(name)
     drive = send(0, "profile")
     run_worker(settings, wait=False)
     assert drive_now(bench, drive.id).status == "done"
-    assert marks == {"read_log": True, "run_drive": True, "fill_heights_along": False, "_publish": False}
+    assert marks == {"read_log": True, "run_drive": True, "fill_heights_along": False, "_append": False}
     with bench.sessions() as session:
         assert session.execute(text("SELECT count(*) FROM computations")).scalar_one() == 0
 

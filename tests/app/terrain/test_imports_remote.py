@@ -101,7 +101,7 @@ def test_a_raster_that_one_machine_imported_is_read_on_another(
     assert found.paths[0].read_bytes() == raster.read_bytes()
     assert found.paths[0].is_relative_to(machine("second").copies)
     with sessions() as session:
-        slope, heights = dem.terrain_under(session, chain(), machine("third"))
+        slope, heights = dem.terrain_under(current_dem(session, machine("third")), chain())
     assert np.isfinite(slope).all()
     assert np.isfinite(heights).all()
 

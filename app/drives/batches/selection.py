@@ -1,4 +1,4 @@
-"""Which drives a batch means, as conditions on their rows; part of the statements in ``app.drives.bulk``."""
+"""Which drives a batch means, as conditions on their rows; part of the statements in ``app.drives.batches.store``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from app.core.db import plain_json
 from app.core.version import code_version
-from app.drives.batch_documents import Selection, Which
+from app.drives.batches.documents import Selection, Which
 from fusion.methods import METHODS
 from fusion.pipeline import parse_options
 

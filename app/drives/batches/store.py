@@ -1,7 +1,7 @@
 """Many drives at once in the database: asked for anew in batches, followed, called off; and drives without a job.
 
-All of it goes in pieces, each a short transaction of the caller (``app.drives.enqueuing``): drives never come to the
-client, and a batch that is cut off goes on where it stood.
+All of it goes in pieces, each a short transaction of the caller (``app.drives.batches.enqueuing``): drives never come
+to the client, and a batch that is cut off goes on where it stood.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.drives.batch_documents import Batch, BatchState, Selection
+from app.drives.batches.documents import Batch, BatchState, Selection
+from app.drives.batches.selection import conditions
 from app.drives.queue import JOBS_BEHIND, TASK
-from app.drives.selection import conditions
 from app.drives.store import ANEW
 
 PIECE_DRIVES = 1000

@@ -16,8 +16,10 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.errors import BadRequestError
-from app.drives import bulk, enqueuing, intake
-from app.drives.batch_documents import Batch, Selection, Which
+from app.drives import intake
+from app.drives.batches import enqueuing
+from app.drives.batches import store as bulk
+from app.drives.batches.documents import Batch, Selection, Which
 from app.drives.queue import BEHIND, enqueue
 from many_drives import execute, make_drives, rows, waiting
 

@@ -9,9 +9,9 @@ from fastapi import APIRouter, Query, Request, Response
 from app.core.errors import BadQueryError, BadRequestError
 from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems
 from app.core.query import parse_bbox, refuse_unknown
-from app.drives import enqueuing
-from app.drives.batch_documents import Batch, BatchAccepted, BatchRequest, Selection, Which
-from app.drives.bulk import batch_progress, count_selected
+from app.drives.batches import enqueuing
+from app.drives.batches.documents import Batch, BatchAccepted, BatchRequest, Selection, Which
+from app.drives.batches.store import batch_progress, count_selected
 from app.drives.method_choice import default_method
 
 _LAST = 2**63 - 1  # that a number of the database can be

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from app.drives import enqueuing
-from app.drives.batch_documents import Selection, Which
+from app.drives.batches import enqueuing
+from app.drives.batches.documents import Selection, Which
 from app.drives.worker import run_worker
 from fusion.registry import DEFAULT_METHOD
+from processing_support import carry_out_removals
 
 
 @pytest.fixture
@@ -86,7 +87,8 @@ def test_uploads_go_before_drives_that_are_processed_again(web: Any, made: list[
 def test_a_drive_asked_for_anew_leaves_the_batch(web: Any, made: list[str]) -> None:
     batch = web.client.post("/v1/drives/reprocess?method=dem").headers["location"]
     assert web.client.post(f"/v1/drives/{made[0]}/reprocess").status_code == 202
-    assert web.client.delete(f"/v1/drives/{made[1]}").status_code == 204
+    assert web.client.delete(f"/v1/drives/{made[1]}").status_code == 202
+    carry_out_removals(web.sessions, web.blobs)
     found = web.client.get(batch).json()
     assert (found["drives"], found["progress"]) == (0, 1.0)
 
@@ -150,7 +152,7 @@ def test_a_batch_says_what_it_is_and_is_called_off(web: Any, made: list[str]) ->
 def test_a_worker_goes_on_with_what_a_request_left(
     web: Any, made: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.drives.bulk.PIECE_DRIVES", 1)
+    monkeypatch.setattr("app.drives.batches.store.PIECE_DRIVES", 1)
     number, count = enqueuing.reprocess_all(web.sessions, Selection(which=Which.ALL), "dem", for_s=0)
     address = f"/v1/drives/reprocess?batch={number}"
     assert (count, web.client.get(address).json()["state"]) == (1, "enqueuing")

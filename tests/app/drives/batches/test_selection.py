@@ -9,8 +9,9 @@ import pytest
 
 from app.core.db import Sessions
 from app.core.version import code_version
-from app.drives import bulk, enqueuing
-from app.drives.batch_documents import Selection, Which
+from app.drives.batches import enqueuing
+from app.drives.batches import store as bulk
+from app.drives.batches.documents import Selection, Which
 from fusion.errors import UnknownNameError
 from fusion.pipeline import parse_options
 from many_drives import execute, make_drives, rows, waiting

@@ -1,6 +1,6 @@
 """The tables of many drives at once: the batches that were asked for, and the counts of drives that are kept.
 
-Described as the other tables are (``app.core.tables``); their statements stand in ``app.drives.bulk``.
+Described as the other tables are (``app.core.tables``); their statements stand in ``app.drives.batches.store``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Batches of drives from the request to the queue and out of it again, piece by piece; what a worker does for them.
 
 Every piece is a transaction, and the batch's row remembers how far it came: whoever is cut off, somebody goes on.
-Knows no HTTP; its SQL is ``bulk``'s.
+Knows no HTTP; its SQL is ``store``'s.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.errors import BadRequestError
-from app.drives import bulk
-from app.drives.batch_documents import Selection, Which
+from app.drives.batches import store
+from app.drives.batches.documents import Selection, Which
 from fusion.pipeline import parse_options
 
 ENQUEUE_FOR_S = 10.0
@@ -42,10 +42,10 @@ def reprocess_all(
     """
     check(selection, method)
     with sessions.begin() as session:
-        batch = bulk.open_batch(session, selection, method)
-    _go_on(sessions, bulk.enqueue_piece, batch, for_s)
+        batch = store.open_batch(session, selection, method)
+    _go_on(sessions, store.enqueue_piece, batch, for_s)
     with sessions() as session:
-        return batch, bulk.enqueued(session, batch)
+        return batch, store.enqueued(session, batch)
 
 
 def check(selection: Selection, method: str | None) -> None:
@@ -64,22 +64,22 @@ def cancel(sessions: Sessions, batch: int, for_s: float = ENQUEUE_FOR_S) -> None
     before cannot be read any more.
     """
     with sessions.begin() as session:
-        if not bulk.cancel_batch(session, batch):
+        if not store.cancel_batch(session, batch):
             raise BadRequestError(
                 "This batch cannot be cancelled: an update of the service computes its drives again, because what "
                 "they said before cannot be read any more.",
                 field="batch",
             )
-    _go_on(sessions, bulk.put_back_piece, batch, for_s)
+    _go_on(sessions, store.put_back_piece, batch, for_s)
 
 
 def tend(sessions: Sessions) -> bool:
     """A worker's part: go on with what requests left for a moment, add counts up; whether more is to be done."""
     with sessions.begin() as session:
-        bulk.fold_counts(session, MOST_COUNT_ROWS)
-        left = bulk.unfinished_batches(session)
+        store.fold_counts(session, MOST_COUNT_ROWS)
+        left = store.unfinished_batches(session)
     for batch, cancelled in left:
-        piece = bulk.put_back_piece if cancelled else bulk.enqueue_piece
+        piece = store.put_back_piece if cancelled else store.enqueue_piece
         if _go_on(sessions, piece, batch, TEND_FOR_S):
             return True
     return False
@@ -90,11 +90,11 @@ def give_jobs(sessions: Sessions) -> int:
     count, pieces, last = 0, 0, None
     while True:
         with sessions.begin() as session:
-            last = bulk.adopt_piece(session, last)
+            last = store.adopt_piece(session, last)
         if last is None:
             return count
         count, pieces = count + last.drives, pieces + 1
-        if last.drives == bulk.PIECE_DRIVES:
+        if last.drives == store.PIECE_DRIVES:
             _keep_statistics(sessions, pieces)
 
 
@@ -114,4 +114,4 @@ def _keep_statistics(sessions: Sessions, pieces: int) -> None:
     """After the first piece, the second, the fourth: figures of a queue half as long mislead nobody."""
     if not pieces & (pieces - 1):
         with sessions.begin() as session:
-            bulk.refresh_statistics(session)
+            store.refresh_statistics(session)
