@@ -37,7 +37,7 @@ from fusion.formats import read_log
 from fusion.methods import METHODS
 from fusion.methods.particle.method import prepare, threads_for
 from fusion.methods.particle.options import ParticleOptions
-from fusion.pipeline import ROAD_MARGIN_M
+from fusion.pipeline import road_boxes
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.simulate.drive import simulate_drive
@@ -76,7 +76,7 @@ def keys_of(table: RoadTable) -> list[Key]:
 def drive_of(path: Path, roads: RoadTable, dem: Dem | None, truth: dict[Key, float]) -> Drive:
     """A log as the pipeline hands it to a method."""
     log = read_log(path)
-    return Drive(log, RoadNetwork.project(roads.near(log.bounds_deg(), ROAD_MARGIN_M)), dem, truth)
+    return Drive(log, RoadNetwork.project(roads.along(road_boxes(log))), dem, truth)
 
 
 def roads_of(args: argparse.Namespace, folder: Path) -> Iterator[tuple[str, list[Drive]]]:

@@ -27,6 +27,7 @@ from fusion.network.unknowns import knot_positions
 from fusion.network.window import gap_rows
 from fusion.network.witnesses import Witness, repeated
 from fusion.registry import DEFAULT_METHOD
+from fusion.roads.along import boxes_along
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.datum import datum_of_log, datum_of_network
@@ -69,7 +70,7 @@ def run_drive(
 ) -> tuple[RoadNetwork, DriveResult]:
     """Estimate the slopes of the segments that one drive went over.
 
-    Takes the roads within ``ROAD_MARGIN_M`` of the log's extent, so a whole country may be handed in. Returns
+    Takes the roads along the log (``road_boxes``), so a whole country may be handed in. Returns
     the network that the result's segment indices refer to. Raises ``FusionError`` with a sentence for the
     person who supplied the log.
     """
@@ -86,7 +87,7 @@ def run_drive(
             f"The log reaches from {west:.3f} to {east:.3f} degrees east: it crosses the 180th meridian, which is not "
             "supported yet. Split it there into two logs."
         )
-    near = roads.near(log.bounds_deg(), ROAD_MARGIN_M)
+    near = roads.along(road_boxes(log))
     if not len(near):
         raise NoMatchError(_far_message(log))
     network = RoadNetwork.project(near, _plane(log))
@@ -96,6 +97,11 @@ def run_drive(
     progress("filter", 1.0)
     report = _report(log, result, method, chosen, dem)
     return network, replace(result, report=report)
+
+
+def road_boxes(log: DriveLog) -> Floats:
+    """Boxes (m, 4: west, south, east, north; degrees) whose roads a drive is matched to: within ``ROAD_MARGIN_M``."""
+    return boxes_along(log.fix.lon_deg, log.fix.lat_deg, ROAD_MARGIN_M)
 
 
 def _plane(log: DriveLog) -> LocalProjection:

@@ -41,7 +41,7 @@ from fusion.errors import FusionError
 from fusion.formats import read_log
 from fusion.formats.base import NO_DATE
 from fusion.methods.base import DriveResult
-from fusion.pipeline import ROAD_MARGIN_M, parse_options, run_drive
+from fusion.pipeline import parse_options, road_boxes, run_drive
 from fusion.roads.table import rows_of
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Ints
@@ -180,7 +180,7 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
                 "No roads have been imported yet. Import them (`versant import-roads FILE`), then ask for "
                 "this drive again."
             )
-        table, ids = extracts.roads_near(session, log.bounds_deg(), ROAD_MARGIN_M)
+        table, ids = extracts.roads_along(session, road_boxes(log))
         return _Surroundings(StoredRoads(version.id, table, ids), dem.current_dem(session, bench.dem_dir))
 
 

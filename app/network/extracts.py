@@ -15,7 +15,6 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
 from app.core.tables import WITHOUT_HEIGHTS
-from fusion.frames import SHORTEST_DEGREE_M
 from fusion.roads.table import RoadTable, rows_of
 from fusion.types import Floats, Ints
 
@@ -45,6 +44,19 @@ _IN_BOX = text(
     """  # noqa: S608 - constants
 )
 
+# Through the index, box by box: the cost is that of the roads along a log, not of the land that it spans.
+ROADS_ALONG = text(
+    f"""
+    SELECT {ROAD_COLUMNS} FROM segments AS s
+    WHERE s.id IN (
+        SELECT i.id
+        FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
+                    CAST(:north AS float8[])) AS box (west, south, east, north)
+        JOIN segments AS i ON i.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326))
+    ORDER BY {ROAD_ORDER}
+    """  # noqa: S608 - constants
+)
+
 _WITHOUT_HEIGHTS = text(
     f"""
     SELECT {ROAD_COLUMNS} FROM segments AS s
@@ -67,21 +79,17 @@ _WITHOUT_HEIGHTS_IN = text(
 )
 
 
-def roads_near(session: Session, bounds_deg: Bounds, margin_m: float = 250.0) -> tuple[RoadTable, Ints]:
-    """The segments that ``RoadTable.near`` would select from the whole network, and their ids, shape (n,).
+def roads_along(session: Session, boxes_deg: Floats) -> tuple[RoadTable, Ints]:
+    """The segments that ``RoadTable.along`` would select from the whole network, and their ids, shape (n,).
 
-    Coordinates are bit for bit those that were imported, rows sorted as in every ``RoadTable``, so that the
-    same log on the same roads gives the same numbers with and without a database.
+    ``boxes_deg`` (m, 4): west, south, east, north. Coordinates are bit for bit those that were imported, rows sorted as
+    in every ``RoadTable``, so that the same log on the same roads gives the same numbers with and without a database.
     """
-    west, south, east, north = bounds_deg
-    lat_margin = margin_m / SHORTEST_DEGREE_M
-    farthest = min(max(abs(south), abs(north)) + lat_margin, 89.9)
-    lon_margin = lat_margin / float(np.cos(np.radians(farthest)))
-    wider, ids = roads_within(
-        session, (west - lon_margin, south - lat_margin, east + lon_margin, north + lat_margin)
-    )
-    near = wider.near(bounds_deg, margin_m)
-    return near, ids[rows_of(wider, near)]
+    west, south, east, north = boxes_deg.T.tolist()
+    box = {"west": west, "south": south, "east": east, "north": north}
+    wider, ids = road_table(list(session.execute(ROADS_ALONG, box)))
+    along = wider.along(boxes_deg)
+    return along, ids[rows_of(wider, along)]
 
 
 def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]:

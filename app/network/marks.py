@@ -30,8 +30,19 @@ _APPEND = text(
 )
 _WAITING = text(
     """
-    SELECT cell, min(due_at) <= clock_timestamp() AS due, sum(cardinality(touched)) AS touched
+    SELECT cell, min(due_at) <= clock_timestamp() AS due, sum(cardinality(touched)) AS touched,
+           max(tries) >= :patience AS suspect
     FROM network_marks GROUP BY cell ORDER BY min(due_at), cell
+    """
+)
+# A solver that dies leaves what it began with. What kills one after the other is left alone longer and longer.
+_TRY = text(
+    """
+    UPDATE network_marks
+    SET tries = tries + 1, due_at = CASE WHEN tries >= :patience
+        THEN clock_timestamp() + make_interval(secs => least(:longest_s, :pause_s * 2 ^ (tries - :patience)))
+        ELSE due_at END
+    WHERE cell = ANY(CAST(:cells AS integer[]))
     """
 )
 _ANY_DUE = text("SELECT EXISTS (SELECT FROM network_marks WHERE due_at <= clock_timestamp())")
@@ -44,6 +55,11 @@ _TAKE_AWAY = text("DELETE FROM network_marks WHERE id = ANY(CAST(:ids AS bigint[
 _MAKE_DUE = text("UPDATE network_marks SET due_at = clock_timestamp() WHERE due_at > clock_timestamp()")
 
 
+PATIENCE = 2
+"""Marks that so many solvers have begun with and none has ended are solved by themselves, and ever more rarely."""
+PAUSE_S, LONGEST_PAUSE_S = 30.0, 3600.0
+
+
 class MarkedBy(NamedTuple):
     """A drive, and the run of it that made marks."""
 
@@ -52,11 +68,13 @@ class MarkedBy(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """A square with marks: whether any is due, and how many segments are touched, each as often as it was."""
+    """A square with marks: whether any is due, how many segments are touched, each as often as it was, and whether
+    solvers have begun with it in vain."""
 
     cell: int
     due: bool
     touched: int
+    suspect: bool
 
 
 @dataclass(frozen=True)
@@ -91,7 +109,13 @@ def append_marks(
 
 def waiting_cells(session: Session) -> list[Waiting]:
     """All squares with marks, those that are due the longest first."""
-    return [Waiting(*row) for row in session.execute(_WAITING)]
+    return [Waiting(*row) for row in session.execute(_WAITING, {"patience": PATIENCE})]
+
+
+def note_try(session: Session, cells: Collection[int]) -> None:
+    """A solver begins with these squares; if it does not come to an end, another will, later and later."""
+    pause = {"patience": PATIENCE, "pause_s": PAUSE_S, "longest_s": LONGEST_PAUSE_S}
+    session.execute(_TRY, {"cells": sorted(cells), **pause})
 
 
 def any_due(session: Session) -> bool:

@@ -32,8 +32,8 @@ _INSERT = """
 
 _OVER = """
     SELECT p.id, p.drive_id, p.accepted, p.factor, p.segment_id, p.sequence
-    FROM drive_passes AS p JOIN drives AS d ON d.id = p.drive_id
-    WHERE p.segment_id = ANY(%(ids)s::bigint[]) AND d.same_as IS NULL
+    FROM drive_passes AS p
+    WHERE p.segment_id = ANY(%(ids)s::bigint[]) AND (SELECT same_as IS NULL FROM drives WHERE id = p.drive_id)
     ORDER BY p.drive_id, p.sequence
 """
 

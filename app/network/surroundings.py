@@ -28,14 +28,15 @@ _LINES = text(
 )
 
 # Through the index on the geometry: the cost is that of the roads around the touched ones, however large the map. A
-# segment is driven where a drive that is heard has a pass; the first that is found will do.
+# segment is driven where a drive that is heard has a pass; the first that is found will do. Passes are looked at before
+# drives, whatever the planner thinks of tables that have grown since it last looked (OFFSET 0 keeps it from that).
 SURROUNDINGS = text(
     f"""
     SELECT {ROAD_COLUMNS}, s.cell, coalesce(p.driven, false) AS driven, n.drives, n.slope_percent, n.slope_sigma_percent
     FROM segments AS s
     LEFT JOIN LATERAL (
-        SELECT true AS driven FROM drive_passes AS p JOIN drives AS d ON d.id = p.drive_id
-        WHERE p.segment_id = s.id AND d.same_as IS NULL LIMIT 1) AS p ON true
+        SELECT true AS driven FROM (SELECT drive_id FROM drive_passes WHERE segment_id = s.id OFFSET 0) AS over
+        WHERE (SELECT same_as IS NULL FROM drives WHERE id = over.drive_id) LIMIT 1) AS p ON true
     LEFT JOIN network_slopes AS n ON n.segment_id = s.id
     WHERE s.id IN (
         SELECT i.id

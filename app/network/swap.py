@@ -22,7 +22,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
 from app.network.locks import CellClaims, cell_claims, share_network
-from app.network.marks import Marked, Waiting, count_cells, marked_in, take_away, waiting_cells
+from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
 from app.network.passes import set_verdicts
 from app.network.publish import refresh_aggregates
 from app.network.slopes import clear_slopes, write_slopes
@@ -80,6 +80,8 @@ def solve_marked(sessions: Sessions, *, only_due: bool = True, more: Callable[[]
         if cells:
             if any((w.due or not only_due) and w.cell not in cells for w in waiting):
                 more()
+            with sessions.begin() as session:
+                note_try(session, cells)
             publish_cells(sessions, cells)
     return len(cells)
 
@@ -172,11 +174,11 @@ def _take(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int
             break
     else:
         return set()
-    edge, touched = [first.cell], first.touched
+    edge, touched = [] if first.suspect else [first.cell], first.touched
     while edge and len(claims.cells) < MOST_CELLS:
         for cell in beside(edge.pop(0)):
             near = marked.get(cell)
-            if near is None or cell in claims.cells or touched + near.touched > MOST_TOUCHED:
+            if near is None or near.suspect or cell in claims.cells or touched + near.touched > MOST_TOUCHED:
                 continue
             if len(claims.cells) < MOST_CELLS and claims.take(cell):
                 touched += near.touched

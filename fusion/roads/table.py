@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pyproj import Geod
 
-from fusion.frames import METRES_PER_DEGREE
 from fusion.types import Floats, Ints
 
 _WGS84 = Geod(ellps="WGS84")
@@ -134,13 +133,14 @@ class RoadTable:
         )
         return self.subset(meets)
 
-    def near(self, log_bounds_deg: tuple[float, float, float, float], margin_m: float = 250.0) -> RoadTable:
-        """The segments whose bounding box comes within about ``margin_m`` of (west, south, east, north)."""
-        west, south, east, north = log_bounds_deg
-        lat_margin = margin_m / METRES_PER_DEGREE
-        widest = min(max(abs(south), abs(north)) + lat_margin, 89.9)
-        lon_margin = lat_margin / float(np.cos(np.radians(widest)))
-        return self.within(west - lon_margin, south - lat_margin, east + lon_margin, north + lat_margin)
+    def along(self, boxes_deg: Floats) -> RoadTable:
+        """The segments whose bounding box meets one of the boxes (m, 4: west, south, east, north)."""
+        meets = np.zeros(len(self), np.bool_)
+        west, east = np.minimum(self.lon0_deg, self.lon1_deg), np.maximum(self.lon0_deg, self.lon1_deg)
+        south, north = np.minimum(self.lat0_deg, self.lat1_deg), np.maximum(self.lat0_deg, self.lat1_deg)
+        for left, low, right, high in boxes_deg.tolist():
+            meets |= (west <= right) & (east >= left) & (south <= high) & (north >= low)
+        return self.subset(meets)
 
     def bounds_deg(self) -> tuple[float, float, float, float]:
         """(west, south, east, north) of all segments, degrees; raises ``ValueError`` for an empty table."""

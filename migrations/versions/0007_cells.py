@@ -94,6 +94,7 @@ def upgrade() -> None:
         sa.Column("touched", postgresql.ARRAY(sa.BigInteger()), nullable=False),
         sa.Column("combined", postgresql.ARRAY(sa.BigInteger()), nullable=False),
         sa.Column("due_at", sa.DateTime(timezone=True), nullable=False),
+        sa.Column("tries", sa.SmallInteger(), nullable=False, server_default=sa.text("0")),
         sa.Column("made_at", sa.DateTime(timezone=True), nullable=False, server_default=sa.func.now()),
     )
     op.create_index("ix_network_marks_cell", "network_marks", ["cell"])

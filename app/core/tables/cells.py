@@ -6,7 +6,7 @@ import uuid
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import BigInteger, Identity, Index, Integer, func, text
+from sqlalchemy import BigInteger, Identity, Index, Integer, SmallInteger, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from app.core.tables import Base
@@ -51,6 +51,8 @@ class NetworkMark(Base):
     combined: Mapped[list[int]]
     """Segments of which only what is published is to be put together again."""
     due_at: Mapped[datetime]
+    tries: Mapped[int] = mapped_column(SmallInteger, server_default="0")
+    """How often a solver has begun with it."""
     made_at: Mapped[datetime] = mapped_column(server_default=func.now())
 
     __table_args__ = (

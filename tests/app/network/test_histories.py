@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -34,25 +33,16 @@ class Death(Exception):  # noqa: N818  (no error of the program)
     """The solver is gone."""
 
 
-@contextmanager
-def dying(name: str) -> Iterator[None]:
-    """The solver dies when it would call this."""
-
-    def die(*_: object, **__: object) -> None:
-        raise Death
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(swap, name, die)
-        with pytest.raises(Death):
-            yield
-        return
+def die(*_: object, **__: object) -> None:
+    raise Death
 
 
 def solve_some(sessions: Sessions, how: str) -> None:
     if how == "solved":
         swap.solve_marked(sessions)
-    elif count_of(sessions, "network_marks"):
-        with dying({"died before": "swap", "died after": "take_away"}[how]):
+    else:
+        with pytest.MonkeyPatch.context() as patch, suppress(Death):
+            patch.setattr(swap, {"died before": "swap", "died after": "take_away"}[how], die)
             swap.solve_marked(sessions)
 
 

@@ -109,6 +109,41 @@ def test_a_solution_that_is_out_of_date_is_found_again(
     assert_same(at_once, rows_of(sessions))
 
 
+def test_what_no_solver_survives_does_not_keep_the_others_from_their_work(
+    sessions: Sessions, chain: Callable[..., RoadTable], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two streets 70 km apart, of which one is more than any solver can bear."""
+    k = np.arange(16)
+    lon = np.where(k < 8, 8.505, 9.505) + 0.001 * (k % 8)  # each in one square
+    table = chain(
+        16, osm_way_id=7 + k // 8, from_node=100 + k + k // 8, to_node=101 + k + k // 8, lon0_deg=lon,
+        lon1_deg=lon + 0.001,
+    )  # fmt: skip
+    with sessions.begin() as session:
+        roads.replace_roads(session, table, "x", "0" * 64)
+        table, ids = extracts.all_roads(session)
+    heavy = set(ids[:8].tolist())
+    genuine = swap.solve_around
+
+    def solve(session: Session, touched: Collection[int]) -> object:
+        if heavy & set(touched):
+            raise MemoryError
+        return genuine(session, touched)
+
+    monkeypatch.setattr(swap, "solve_around", solve)
+    for rows in (range(8), range(8, 16)):
+        append(sessions, new_drive(sessions), ids, passes_of(table, dict.fromkeys(rows, (2.0, 0.5))))
+    for _ in range(marks.PATIENCE + 1):
+        with pytest.raises(MemoryError):
+            swap.solve_marked(sessions)
+    assert swap.solve_marked(sessions) == 1
+    assert rows_of(sessions).keys() == set(ids[8:].tolist())
+    assert swap.solve_marked(sessions) == 0  # for half a minute
+    monkeypatch.undo()
+    swap.solve_all_marked(sessions)
+    assert len(rows_of(sessions)) == 16
+
+
 def test_only_what_changed_is_written(sessions: Sessions, streets: Driven, town: Town) -> None:
     for one in walks(town, 3):
         drive_over(sessions, *streets, one)

@@ -69,22 +69,6 @@ def test_within_takes_segments_that_cross_the_box_without_an_end_in_it(
     assert len(table.within(9.0, 49.0, 9.1, 49.1)) == 0
 
 
-@pytest.mark.parametrize("lat", [0.0, 49.0, -60.0])
-def test_near_widens_the_box_by_metres_in_every_direction(
-    make_table: Callable[..., RoadTable], lat: float
-) -> None:
-    for dx, dy in [(1, 0), (-1, 0), (0, 1), (0, -1)]:
-        lon_m, lat_m = 111_320 * np.cos(np.radians(lat)), 110_900
-        at = (
-            [np.array([8 + dx * d / lon_m]) for d in (240, 300)],
-            [np.array([lat + dy * d / lat_m]) for d in (240, 300)],
-        )
-        table = make_table(
-            np.concatenate(at[0]), np.concatenate(at[1]), np.concatenate(at[0]), np.concatenate(at[1])
-        )
-        assert table.near((8.0, lat, 8.0, lat), 250.0).osm_way_id.tolist() == [0]
-
-
 def test_length_is_geodesic(make_table: Callable[..., RoadTable]) -> None:
     table = make_table([8.0, 8.0], [49.0, 0.0], [8.0, 9.0], [50.0, 0.0])
     # a degree of meridian from 49 to 50 N, and of the equator, on WGS 84
