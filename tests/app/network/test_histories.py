@@ -16,7 +16,7 @@ from app.network.settle import settle_network
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
-from network_support import append, assert_same, count_of, delete, new_drive, passes_of, rows_of, walks
+from network_support import append, assert_at_once, count_of, delete, new_drive, passes_of, rows_of, walks
 
 Driven = tuple[RoadTable, Ints]
 DRIVES = 6
@@ -72,7 +72,7 @@ def test_any_history_ends_in_the_map_of_the_drives_that_are_left(
     at_once = rows_of(sessions)
     settle_network(sessions)
     settled = rows_of(sessions)
-    assert_same(at_once, settled)
+    assert_at_once(at_once, settled)
 
     left = {k: what for k, (_, what) in alive.items()}
     for drive, _ in alive.values():

@@ -23,7 +23,9 @@ from fusion.types import Ints
 from network_support import (
     Rows,
     append,
+    assert_at_once,
     assert_same,
+    assert_settled,
     count_of,
     delete,
     drive_over,
@@ -49,12 +51,17 @@ def test_two_workers_at_once_end_where_one_after_the_other_does(
     with ThreadPoolExecutor(4) as pool:
         made = [drive for lane in pool.map(work, range(4)) for drive in lane]
     at_once = rows_of(sessions)
+    settle_network(sessions)
+    settled = rows_of(sessions)
+    assert_at_once(at_once, settled)
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(lambda drive: delete(sessions, drive), made))
     assert rows_of(sessions) == {}
     for one in said:
         drive_over(sessions, *streets, one)
-    assert_same(at_once, rows_of(sessions))
+    assert_same(settled, rows_of(sessions))
+    settle_network(sessions)
+    assert_settled(settled, rows_of(sessions))
 
 
 def test_a_swap_that_breaks_off_leaves_what_stood_and_the_marks(
