@@ -39,6 +39,7 @@ from app.drives.batches.documents import Selection, Which
 from app.drives.queue import BEHIND, TASK
 from app.embedded.cluster import EmbeddedPostgres
 from app.jobs.task import QUEUE
+from app.network.cells import raise_versions
 from app.ops import store
 from app.ops.metrics import read_gauges
 from app.ops.stats import read_stats
@@ -270,6 +271,8 @@ def fill(cluster: EmbeddedPostgres, drives: int, segments: int) -> None:
     with session_factory(engine).begin() as session:
         for statement in (*_ROADS.split(";"), *_DRIVES.split(";")):
             session.execute(text(statement), {"drives": drives, "segments": segments})
+        squares = list(session.execute(text("SELECT DISTINCT cell FROM segments")).scalars())
+        raise_versions(session, squares)
     with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
         connection.execute(text("VACUUM ANALYZE"))
     engine.dispose()
