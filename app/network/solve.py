@@ -29,9 +29,9 @@ settling the whole changes is to stay below 0.1 sigma."""
 SCALES = (1.0, 2.0, 4.0, 8.0)
 """The library's radii are multiplied by these in turn until the slopes are settled."""
 
-LARGEST_GROWING = 10_000
+LARGEST_GROWING = 3_000
 """Windows of more segments do not grow: what they leave is the next settling's. Changes reach far where little is
-known, and there drives are few."""
+known, and there roads are few; a window twice as wide has four times as many."""
 
 SETTLING_SCALE = 2.0
 """Of the one window in which a square of a network is solved that is solved whole."""
