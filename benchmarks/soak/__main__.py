@@ -73,7 +73,7 @@ class Verdict:
         return (
             not any(self.wrong.values())
             and self.far is not None
-            and self.far.at_once_share >= judging.AT_ONCE_SHARE
+            and self.far.at_once_sigmas <= judging.AT_ONCE_SIGMAS
             and self.far.settled_sigmas <= judging.SETTLED_SIGMAS
             and not self.far.other_segments
         )
@@ -130,7 +130,7 @@ def soak(folder: Path, seconds: float, seed: int, logs: int) -> Verdict:
             seed,
             seconds,
             _by_act(ledger.counts),
-            {**wrong, **{f"stuck {name}": count for name, count in remains.items()}},
+            {**wrong, "faults": ledger.faults(), "stuck": 0, **{f"stuck {k}": n for k, n in remains.items()}},
             len(there),
             judging.orphans(service),
             rest_s,
@@ -212,8 +212,9 @@ def report(verdict: Verdict) -> list[str]:
     )
     if (far := verdict.far) is not None:
         lines.append(
-            f"{far.segments} segments from scratch: {100 * far.at_once_share:.2f} % within {judging.AT_ONCE_SIGMAS} "
-            f"sigma at once, all within {far.settled_sigmas:.2g} sigma settled, {far.other_segments} others."
+            f"{far.segments} segments from scratch: at once {100 * judging.AT_ONCE_SHARE:.0f} % are within "
+            f"{far.at_once_sigmas:.2g} sigma and all within {far.at_once_all_sigmas:.2g}; settled, all are within "
+            f"{far.settled_sigmas:.2g} sigma and {far.other_segments} others."
         )
     lines.append(f"{'Good' if verdict.good else 'Wrong'} (--seed {verdict.seed}).")
     return lines

@@ -52,6 +52,13 @@ class Ledger:
         with self.lock:
             self.counts[act, ended] += 1
 
+    def faults(self) -> int:
+        """How many answers were neither what was asked for nor one that a client has to reckon with."""
+        expected = {"404", "503"}
+        return sum(
+            n for (_, end), n in self.counts.items() if end.isdigit() and end >= "400" and end not in expected
+        )
+
     def drives(self) -> list[str]:
         """Drives that should be there, in the order in which they came."""
         with self.lock:

@@ -22,6 +22,8 @@ from soak.material import Material
 REST_S = 300.0
 """After the last disturbance all is done in this time, or stuck."""
 AT_ONCE_SIGMAS, AT_ONCE_SHARE, SETTLED_SIGMAS = 0.1, 0.99, 0.01
+LACKING_SIGMAS = 1e6
+"""Of a driven segment without a slope."""
 
 # What is left to be done, by its name.
 _LEFT = """
@@ -75,8 +77,10 @@ class Far:
     """How far published slopes are from those of a computation from scratch."""
 
     segments: int
-    at_once_share: float
-    """Of the driven segments, within ``AT_ONCE_SIGMAS`` before settling."""
+    at_once_sigmas: float
+    """``AT_ONCE_SHARE`` of the driven segments are within it before settling."""
+    at_once_all_sigmas: float
+    """All of them are."""
     settled_sigmas: float
     """All, after settling."""
     other_segments: int
@@ -150,11 +154,14 @@ def _content(blobs: BlobStore, key: str) -> str | None:
 def far(at_once: Slopes, settled: Slopes, scratch: Slopes) -> Far:
     """Compare what was published before and after settling with what is settled from scratch."""
     driven = [key for key, slope in scratch.items() if slope.drives]
-    near = [key in at_once and _sigmas(at_once[key], scratch[key]) <= AT_ONCE_SIGMAS for key in driven]
+    off = [_sigmas(at_once[key], scratch[key]) if key in at_once else LACKING_SIGMAS for key in driven] or [
+        0.0
+    ]
     both = settled.keys() & scratch.keys()
     return Far(
         segments=len(scratch),
-        at_once_share=float(np.mean(near)) if near else 1.0,
+        at_once_sigmas=float(np.quantile(off, AT_ONCE_SHARE)),
+        at_once_all_sigmas=max(off),
         settled_sigmas=max((_sigmas(settled[key], scratch[key]) for key in both), default=0.0),
         other_segments=len(settled.keys() ^ scratch.keys())
         + sum(settled[key].drives != scratch[key].drives for key in both),
