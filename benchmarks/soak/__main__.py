@@ -42,7 +42,7 @@ CLIENTS = 2
 CHANGING_SHARE = 2 / 3
 """Of the time, in which roads change."""
 IMPORTS, KILLS = 40, 60
-"""About so many in ten minutes; the time between two is at least ..."""
+"""About so many, unless the time between two were shorter than ..."""
 LEAST_PAUSE_S = 5.0
 LONG_S = 600.0
 TRIES = 5
@@ -147,7 +147,7 @@ def disturb(service: Disturbed, ledger: Ledger, material: Material, seconds: flo
     def common(name: str) -> tuple[Disturbed, Ledger, random.Random, threading.Event]:
         return service, ledger, random.Random(f"{seed} {name}"), over  # noqa: S311 - no secret
 
-    pause_s = {n: max(LEAST_PAUSE_S, LONG_S / n) for n in (IMPORTS, KILLS)}
+    pause_s = {n: max(LEAST_PAUSE_S, seconds / n) for n in (IMPORTS, KILLS)}
     operator = Operator(*common("operator"), material, begin + CHANGING_SHARE * seconds, pause_s[IMPORTS])
     actors: list[Actor] = [operator, Killer(*common("killer"), pause_s[KILLS])]
     actors += [Client(*common(f"client {k}"), material, ACTS_EVERY_S) for k in range(CLIENTS)]

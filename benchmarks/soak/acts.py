@@ -22,11 +22,13 @@ from soak.material import Material
 
 ANSWER_S = 30.0
 """So long is waited for an answer."""
+AGAIN_S = 1.0
+"""Before anything else is asked of a service that is not there."""
 IMPORT_S = 180.0
 GZIPPED = 0.3
 """Share of the uploads."""
-CUT_OFF = 0.15
-"""Share of the imports."""
+CUT_OFF, SAME_ROADS = 0.15, 0.3
+"""Shares of the imports."""
 KILLED = {"worker": 5, "API": 2, "postmaster": 2, "backend": 2}
 """How often each."""
 METHODS = ("profile", "profile", "profile", "raw")
@@ -78,6 +80,7 @@ class Api:
             answer = self._http.request(method, path, content=content)
         except httpx.TransportError:
             self._ledger.count(act, "no answer")
+            time.sleep(AGAIN_S)
             return None
         self._ledger.count(act, str(answer.status_code))
         return answer
@@ -220,7 +223,9 @@ class Operator(Actor):
         if time.monotonic() > self._until_s and not self.stay:
             self.let_stay()
             return
-        which = self.stays if self.stay else self.rng.choice(list(self._maps))
+        same = self.rng.random() < SAME_ROADS and self.last
+        others = [name for name in self._maps if name != self.last]
+        which = self.stays if self.stay else self.last if same else self.rng.choice(others)
         self.import_roads(which, cut_off=self.rng.random() < CUT_OFF)
 
     def let_stay(self) -> None:
