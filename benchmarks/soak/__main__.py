@@ -112,8 +112,7 @@ def soak(folder: Path, seconds: float, seed: int, logs: int) -> Verdict:
             if service.begin(*command).wait():
                 raise RuntimeError(f"{command[0]} failed: {service.log.read_text()[-2000:]}")
         ledger = Ledger()
-        operator = disturb(service, ledger, material, seconds, seed)
-        began = time.monotonic()
+        operator, began = disturb(service, ledger, material, seconds, seed)
         remains = come_to_rest(service, operator)
         rest_s = time.monotonic() - began
         wrong, there, said = judging.drives_at_the_end(service, ledger, material)
@@ -139,8 +138,10 @@ def soak(folder: Path, seconds: float, seed: int, logs: int) -> Verdict:
         )
 
 
-def disturb(service: Disturbed, ledger: Ledger, material: Material, seconds: float, seed: int) -> Operator:
-    """Let everybody act for so long."""
+def disturb(
+    service: Disturbed, ledger: Ledger, material: Material, seconds: float, seed: int
+) -> tuple[Operator, float]:
+    """Let everybody act for so long; the operator, and when it was over."""
     over = threading.Event()
     begin = time.monotonic()
 
@@ -157,9 +158,10 @@ def disturb(service: Disturbed, ledger: Ledger, material: Material, seconds: flo
         show_progress(f"{left_s:.0f} s to go, {sum(ledger.counts.values())} acts")
         time.sleep(min(1.0, left_s))
     over.set()
+    ended = time.monotonic()
     for actor in actors:
         actor.join()
-    return operator
+    return operator, ended
 
 
 def come_to_rest(service: Disturbed, operator: Operator) -> dict[str, int]:

@@ -53,6 +53,9 @@ _MISCOUNTED = """
 """
 
 
+_FAILED_JOBS = "SELECT count(*) FROM procrastinate_jobs WHERE status = 'failed'"
+
+
 class Slope(NamedTuple):
     """What is published of a segment."""
 
@@ -134,7 +137,8 @@ def drives_at_the_end(
         ),
         "doubled": sum(n - 1 for n in Counter(known.values()).values()),
         "not removed": len(ledger.going & {row[0] for row in rows}),
-        "failed": len(failed),
+        "failed drives": len(failed),
+        "failed jobs": int(service.ask(_FAILED_JOBS)[0][0]),
         "miscounted": int(service.ask(_MISCOUNTED)[0][0]),
     }
     methods = {row[0]: row[3] for row in rows}
