@@ -9,7 +9,7 @@ UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test check check-types check-tests lock clean
+.PHONY: help setup demo test soak check check-types check-tests lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 16
@@ -21,6 +21,9 @@ demo: setup  ## from nothing to slopes: the whole job on simulated drives, resul
 
 test: setup  ## every test, on a private PostGIS
 	@$(BIN)/python -m pytest -n 2
+
+soak: setup  ## ten minutes of uploads, removals, imports and kills at random (SOAK=--seed 7: that one again)
+	@PYTHONPATH=.:benchmarks $(BIN)/python -m soak $(SOAK)
 
 check: $(INSTALLED)  ## linters, types and the fast tests, in under a minute
 	@$(BIN)/ruff check .

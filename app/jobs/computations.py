@@ -57,6 +57,11 @@ _CHARGE = text(
     """
 )
 
+# Of jobs that came to their end while the database was not there to be told so, or in the hands of another worker.
+_FORGET_GONE = text(
+    "DELETE FROM computations AS c WHERE NOT EXISTS (SELECT FROM procrastinate_jobs AS j WHERE j.id = c.job_id)"
+)
+
 
 class Witness:
     """This process's marks, and the connection that ends when it does. Any thread may use it."""
@@ -149,3 +154,8 @@ class Witness:
 def charge(session: Session, job: int) -> int:
     """The worker of a job is silent: count a death if its process died while it computed; returns how many."""
     return session.execute(_CHARGE, {"job": job}).scalar() or 0
+
+
+def forget_gone(session: Session) -> None:
+    """Take away what is left of jobs that are in the queue no more."""
+    session.execute(_FORGET_GONE)

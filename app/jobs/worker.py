@@ -21,7 +21,7 @@ from sqlalchemy import Engine
 
 from app.core.db import Sessions
 from app.core.settings import Settings
-from app.jobs.computations import Witness, charge
+from app.jobs.computations import Witness, charge, forget_gone
 from app.jobs.runs import Runs, make_queue
 from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
 from app.jobs.task import QUEUE, Task
@@ -148,10 +148,16 @@ class Worker:
                     await self._queue.job_manager.finish_job(job, jobs.Status.ABORTED, delete_job=True)
         except exceptions.ConnectorException:
             logger.warning("stalled jobs could not be looked after; trying again later", exc_info=True)
+        else:
+            await in_thread(self._forget_gone, "marks of jobs that are gone could not be taken away")()
 
     def _charge(self, job: int) -> None:
         with self._sessions.begin() as session:
             charge(session, job)
+
+    def _forget_gone(self) -> None:
+        with self._sessions.begin() as session:
+            forget_gone(session)
 
 
 def in_thread(work: Callable[[], bool | None], failed: str) -> Chore:

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 from sqlalchemy import text
+from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.jobs.computations import Witness, charge
+from app.jobs.computations import Witness, charge, forget_gone
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 _PROGRAM = """
@@ -144,3 +145,23 @@ def test_the_end_of_an_old_run_leaves_the_mark_of_a_new_one(sessions: Sessions, 
         assert session.execute(text("SELECT count(*) FROM computations")).scalar_one() == 0
     old.close()
     new.close()
+
+
+def test_what_is_left_of_jobs_that_are_gone_goes(sessions: Sessions, database_url: str) -> None:
+    """A job's end that the database could not be told of."""
+    witness = Witness(database_url)
+    with sessions.begin() as session:
+        waits = add_waiting_job(session)
+    for job in (7, waits):
+        with witness.computing(job):
+            pass
+    witness.close()
+    with sessions.begin() as session:
+        forget_gone(session)
+        assert session.execute(text("SELECT job_id FROM computations")).scalars().all() == [waits]
+
+
+def add_waiting_job(session: Session) -> int:
+    """A job in the queue; its number, which is not 7."""
+    add = text("INSERT INTO procrastinate_jobs (id, queue_name, task_name) VALUES (8, 'q', 'x') RETURNING id")
+    return int(session.execute(add).scalar_one())
