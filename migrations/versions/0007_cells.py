@@ -32,10 +32,10 @@ _CELLS_ALONG = """
                             versant_cell(greatest(e.x0, e.x1), 0) >> 14) AS x (n),
             LATERAL (SELECT -20037508.342789244 + x.n * 2445.98490512564 AS left) AS c,
             LATERAL (
-                SELECT CASE WHEN e.x0 = e.x1 THEN e.y0
+                SELECT CASE WHEN abs(e.x1 - e.x0) < 0.001 THEN e.y0
                        ELSE e.y0 + (e.y1 - e.y0)
                            * least(1, greatest(0, (c.left - e.x0) / (e.x1 - e.x0))) END AS there,
-                       CASE WHEN e.x0 = e.x1 THEN e.y1
+                       CASE WHEN abs(e.x1 - e.x0) < 0.001 THEN e.y1
                        ELSE e.y0 + (e.y1 - e.y0)
                            * least(1, greatest(0, (c.left + 2445.98490512564 - e.x0) / (e.x1 - e.x0))) END AS back
             ) AS r,
