@@ -18,7 +18,7 @@ from app.core.db import Sessions
 from app.drives import endings, queue
 from app.network import passes
 from app.network import results as slopes
-from app.network.marks import MarkedBy, any_due, count_cells
+from app.network.marks import MarkedBy, any_due, count_cells, make_due
 from app.network.settle import settle_due
 from app.network.swap import BusyError, solve_marked
 
@@ -65,9 +65,14 @@ def solve_some(sessions: Sessions, blobs: BlobStore) -> int:
 
 
 def look_after(sessions: Sessions, blobs: BlobStore) -> None:
-    """Finish drives whose squares were solved elsewhere, and ask for a solver where marks are due and none waits."""
+    """Finish drives whose squares were solved elsewhere, and ask for a solver where marks are due and none waits.
+
+    Squares wait for the sake of drives that wait: when none does any more, all are due.
+    """
     finish(sessions, blobs)
     with sessions.begin() as session:
+        if not queue.drives_wait(session, behind=True):
+            make_due(session)
         if any_due(session):
             queue.enqueue_solve(session)
 

@@ -52,7 +52,9 @@ _IN_CELLS = text(
 )
 _STILL_THERE = text("SELECT id FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
 _TAKE_AWAY = text("DELETE FROM network_marks WHERE id = ANY(CAST(:ids AS bigint[]))")
-_MAKE_DUE = text("UPDATE network_marks SET due_at = clock_timestamp() WHERE due_at > clock_timestamp()")
+_MAKE_DUE = text(
+    "UPDATE network_marks SET due_at = clock_timestamp() WHERE due_at > clock_timestamp() AND tries < :patience"
+)
 
 
 PATIENCE = 2
@@ -129,8 +131,8 @@ def count_cells(session: Session) -> int:
 
 
 def make_due(session: Session) -> None:
-    """Let nothing wait any longer."""
-    session.execute(_MAKE_DUE)
+    """Let nothing wait any longer but what solvers have begun with in vain."""
+    session.execute(_MAKE_DUE, {"patience": PATIENCE})
 
 
 def marked_in(session: Session, cells: Collection[int]) -> Marked:

@@ -92,3 +92,23 @@ def test_nobody_is_asked_twice_and_somebody_where_nobody_was(
     for _ in range(2):
         publishing.look_after(sessions, BlobStore("memory://blobs"))
         assert solvers() == 1
+
+
+def test_squares_wait_no_longer_than_drives_do(
+    sessions: Sessions, chain: Callable[..., RoadTable], segment_ids: Ints
+) -> None:
+    append(sessions, new_drive(sessions), segment_ids, passes_of(chain(), {0: (2.0, 0.5)}))
+    later = "UPDATE network_marks SET due_at = now() + interval '1 hour', tries = :tries"
+    wait(sessions, queue.BEHIND)
+    for tries, due in ((0, True), (marks.PATIENCE, False)):
+        with sessions.begin() as session:
+            session.execute(text(later), {"tries": tries})
+        publishing.look_after(sessions, BlobStore("memory://blobs"))
+        with sessions.begin() as session:
+            assert not marks.any_due(session)
+            session.execute(text("UPDATE procrastinate_jobs SET status = 'succeeded'"))
+        publishing.look_after(sessions, BlobStore("memory://blobs"))
+        with sessions.begin() as session:
+            assert marks.any_due(session) == due
+            session.execute(text("DELETE FROM procrastinate_jobs"))
+        wait(sessions, queue.BEHIND)
