@@ -2,7 +2,7 @@
 """How fast a real service publishes drives: many at once by some workers, one alone, and beside another checkout.
 
     python benchmarks/publishing.py [--roads FILE.osm.pbf] [--drives 200] [--workers 1,2,4] [--alone 5]
-                                    [--before CHECKOUT] [--before-drives 60] [--before-workers 2] [--json FILE]
+                                    [--before CHECKOUT] [--before-workers 2] [--json FILE]
 
 Drives of 10 km wander over the map (default: Heidelberg, beside the repository) and log at 1 Hz what an ordinary
 receiver with Doppler, pitch and specific force does (``profile_speed.record``), each at a time of its own. For each
@@ -16,7 +16,8 @@ up. Then all drives are uploaded while no worker runs, and the workers started.
     lock waits  of 100 ms and longer, as PostgreSQL logs them, and the longest
     settled     how far slopes are from what ``versant settle`` makes of the same drives: 99 % within, and all, sigmas
 
-``--before`` runs the same with the code of another checkout, as a rule the parent commit, with its own compiled loops.
+``--before`` runs the same, with as many drives, by the code of another checkout, as a rule the parent commit: how fast
+it is depends on how many drives there are already.
 
 Aims: 8 times the parent's rate with two workers; two workers 1.7 times one; alone 3 s; no lock waits; 99 % within 0.1.
 """
@@ -85,7 +86,6 @@ def main() -> None:
     parser.add_argument("--workers", default="1,2,4")
     parser.add_argument("--alone", type=int, default=5)
     parser.add_argument("--before", type=Path, metavar="CHECKOUT")
-    parser.add_argument("--before-drives", type=int, default=60)
     parser.add_argument("--before-workers", default="2")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
@@ -97,7 +97,7 @@ def main() -> None:
         if args.before is not None:
             for count in map(int, args.before_workers.split(",")):
                 results.append(
-                    run("before", args.before.resolve(), args, logs, args.before_drives, count, settle=False)
+                    run("before", args.before.resolve(), args, logs, args.drives, count, settle=False)
                 )
         results += [
             run("now", HERE, args, logs, args.drives, count) for count in map(int, args.workers.split(","))

@@ -43,6 +43,8 @@ _TRIES = 20
 _PAUSE_S = 0.02
 """Before another try, a few times as long each: swaps take some tens of milliseconds."""
 _LOCK_WAIT = text("SET LOCAL lock_timeout = '50ms'")
+_OTHERS_WRITE = frozenset({"55P03", "40P01"})
+"""PostgreSQL's codes for a lock that was not had in time, and for two that waited for each other."""
 _ROADS = text("SELECT coalesce(max(id), 0) FROM road_versions")
 
 
@@ -145,22 +147,19 @@ def swap(
             share_network(session)
             if road_version(session) != found.roads or lock_cells(session, found.versions) != found.versions:
                 return False
-            touched = (
-                []
+            solved = (
+                ()
                 if found.solution is None
                 else _write(session, found.solution, found.shown, tolerance_sigmas)
             )
-            changed = refresh_aggregates(session, [*touched, *found.combined])
+            changed = refresh_aggregates(session, [*solved, *found.combined])
             cells = cells_over(session, changed) if changed else []
             raise_versions(session, cells)
             if not settled:
                 unsettle(session, cells)
             take_away(session, found.marks)
     except OperationalError as error:
-        if getattr(error.orig, "sqlstate", None) in {
-            "55P03",
-            "40P01",
-        }:  # waited too long; waited for each other
+        if getattr(error.orig, "sqlstate", None) in _OTHERS_WRITE:
             return False
         raise
     return True

@@ -2,7 +2,7 @@
 
 from bucket_fixtures import bucket, bucket_server
 from drive_fixtures import bench, files, send
-from store_fixtures import add_drive, chain, segment_ids, sessions, streets
+from store_fixtures import add_drive, chain, segment_ids, sessions, streets, streets_apart
 from web_fixtures import drive_maker, filled, reading, server_maker, settings, web
 
 __all__ = [
@@ -21,5 +21,6 @@ __all__ = [
     "sessions",
     "settings",
     "streets",
+    "streets_apart",
     "web",
 ]

@@ -72,6 +72,20 @@ def segment_ids(sessions: Sessions, chain: Callable[..., RoadTable]) -> Ints:
 
 
 @pytest.fixture
+def streets_apart(sessions: Sessions, chain: Callable[..., RoadTable]) -> tuple[RoadTable, Ints]:
+    """Two streets of eight segments each, 73 km apart, each in one square; imported, with their ids."""
+    k = np.arange(16)
+    lon = np.where(k < 8, 8.505, 9.505) + 0.001 * (k % 8)
+    table = chain(
+        16, osm_way_id=7 + k // 8, from_node=100 + k + k // 8, to_node=101 + k + k // 8, lon0_deg=lon,
+        lon1_deg=lon + 0.001,
+    )  # fmt: skip
+    with sessions.begin() as session:
+        roads.replace_roads(session, table, "apart.osm", "0" * 64)
+        return extracts.all_roads(session)
+
+
+@pytest.fixture
 def streets(sessions: Sessions, town: Town) -> tuple[RoadTable, Ints]:
     """The town's roads, imported, and their ids."""
     with sessions.begin() as session:

@@ -2,38 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from app.network import extracts
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import drive_over
 from processing_support import carry_out_removals
 
-HERE, THERE = "/tiles/14/8578/5626", "/tiles/14/8624/5626"
+HERE, THERE = "/tiles/14/8579/5626", "/tiles/14/8624/5626"
 ABOVE_HERE, ABOVE_THERE, BOTH = "/tiles/10/536/351", "/tiles/10/539/351", "/tiles/6/33/21"
 NEAR = {HERE, ABOVE_HERE, BOTH}
 FAR = {THERE, ABOVE_THERE}
-
-
-@pytest.fixture
-def streets_apart(web: Any, chain: Callable[..., RoadTable]) -> tuple[RoadTable, Ints]:
-    """Two streets, 70 km apart."""
-    k = np.arange(16)
-    lon = np.where(k < 8, 8.5, 9.5) + 0.001 * (k % 8)
-    table = chain(
-        16, osm_way_id=7 + k // 8, from_node=100 + k + k // 8, to_node=101 + k + k // 8, lon0_deg=lon,
-        lon1_deg=lon + 0.001,
-    )  # fmt: skip
-    with web.sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
-        return extracts.all_roads(session)
 
 
 @pytest.mark.parametrize("suffix", [".mvt", ".geojson"])

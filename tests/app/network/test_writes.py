@@ -14,7 +14,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.network import cells, extracts, marks, surroundings, swap
+from app.network import cells, marks, surroundings, swap
 from app.network.settle import settle_network
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
@@ -117,18 +117,10 @@ def test_a_solution_that_is_out_of_date_is_found_again(
 
 
 def test_what_no_solver_survives_does_not_keep_the_others_from_their_work(
-    sessions: Sessions, chain: Callable[..., RoadTable], monkeypatch: pytest.MonkeyPatch
+    sessions: Sessions, streets_apart: Driven, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two streets 70 km apart, of which one is more than any solver can bear."""
-    k = np.arange(16)
-    lon = np.where(k < 8, 8.505, 9.505) + 0.001 * (k % 8)  # each in one square
-    table = chain(
-        16, osm_way_id=7 + k // 8, from_node=100 + k + k // 8, to_node=101 + k + k // 8, lon0_deg=lon,
-        lon1_deg=lon + 0.001,
-    )  # fmt: skip
-    with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
-        table, ids = extracts.all_roads(session)
+    """One of two streets is more than any solver can bear."""
+    table, ids = streets_apart
     heavy = set(ids[:8].tolist())
     genuine = swap.solve_around
 
@@ -215,20 +207,12 @@ def test_the_window_is_found_by_the_index(sessions: Sessions, chain: Callable[..
 
 
 def test_a_version_rises_where_something_changed_and_only_there(
-    sessions: Sessions, chain: Callable[..., RoadTable]
+    sessions: Sessions, streets_apart: Driven
 ) -> None:
-    """Two streets 70 km apart: tiles over one of them do not see what happens on the other, those over both do."""
-    k = np.arange(16)
-    lon = np.where(k < 8, 8.5, 9.5) + 0.001 * (k % 8)
-    table = chain(
-        16, osm_way_id=7 + k // 8, from_node=100 + k + k // 8, to_node=101 + k + k // 8, lon0_deg=lon,
-        lon1_deg=lon + 0.001,
-    )  # fmt: skip
-    with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
-        table, ids = extracts.all_roads(session)
+    """Tiles over one of them do not see what happens on the other, those over both do."""
+    table, ids = streets_apart
     tiles = {
-        "here": (14, 8578, 5626), "there": (14, 8624, 5626), "here from afar": (10, 536, 351), "both": (6, 33, 21)
+        "here": (14, 8579, 5626), "there": (14, 8624, 5626), "here from afar": (10, 536, 351), "both": (6, 33, 21)
     }  # fmt: skip
 
     def tags() -> dict[str, str]:
