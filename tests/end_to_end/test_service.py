@@ -146,6 +146,9 @@ def test_fuse_gives_the_numbers_of_the_service(
         features = [f for part in pages(http, "/collections/segments/items?limit=1000") for f in part]
         served = {key(f): f["properties"] for f in features if f["properties"]["drives"]}
         assert fused.keys() == served.keys()
+        # Where two stretches are as steep as each other, either may be the steepest: one climbs, the other may fall.
+        moved = {i for i, p in fused.items() if any(_apart(served[i][n], p[n]) for n in WHERE)}
+        assert len(moved) <= len(fused) // 20
         for identity, properties in fused.items():
             slope, height = 0.1 * properties["slope_sigma_percent"], 0.6 * properties["height_sigma_m"]
             close = {
@@ -158,13 +161,12 @@ def test_fuse_gives_the_numbers_of_the_service(
             }
             for name in names:
                 value, found = properties[name], served[identity][name]
+                if name == "steepest_percent" and identity in moved:
+                    value, found = abs(value), abs(found)
                 assert found == (pytest.approx(value, **close[name]) if name in close else value), (
                     identity,
                     name,
                 )
-        # Where two stretches are as steep as each other, either may be the steepest.
-        moved = [i for i, p in fused.items() if any(_apart(served[i][n], p[n]) for n in WHERE)]
-        assert len(moved) <= len(fused) // 20
 
     every = set(next(iter(fused.values()))) - OWN - WHERE
     compare(every - HEIGHTS)
