@@ -14,7 +14,10 @@ from psycopg import Connection
 from sqlalchemy import Engine, create_engine
 from sqlalchemy.orm import Session, sessionmaker
 
+from app.core import arrays
 from app.core.settings import sqlalchemy_url
+
+arrays.register()
 
 Sessions = sessionmaker[Session]
 

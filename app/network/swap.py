@@ -21,6 +21,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
+from app.network.extracts import road_version
 from app.network.locks import CellClaims, cell_claims, share_network
 from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
 from app.network.passes import set_verdicts
@@ -45,7 +46,6 @@ _PAUSE_S = 0.02
 _LOCK_WAIT = text("SET LOCAL lock_timeout = '50ms'")
 _OTHERS_WRITE = frozenset({"55P03", "40P01"})
 """PostgreSQL's codes for a lock that was not had in time, and for two that waited for each other."""
-_ROADS = text("SELECT coalesce(max(id), 0) FROM road_versions")
 
 
 def _nobody() -> None:
@@ -120,11 +120,6 @@ def solve_all_marked(sessions: Sessions, progress: Progress = no_progress) -> No
             return
         if not solve_marked(sessions, only_due=False):
             time.sleep(_PAUSE_S)
-
-
-def road_version(session: Session) -> int:
-    """The number of the last import of roads."""
-    return int(session.execute(_ROADS).scalar_one())
 
 
 def shown_cells(

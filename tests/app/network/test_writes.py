@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import uuid
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.network import cells, marks, surroundings, swap
+from app.network import cells, marks, swap
 from app.network.settle import settle_network
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
@@ -189,21 +189,6 @@ def test_segments_that_meet_have_one_height_there(sessions: Sessions, streets: D
     settle_network(sessions)
     at = node_heights(sessions, streets)
     assert sum(len(heights) > 1 for heights in at.values()) <= 0.02 * len(at)
-
-
-def test_the_window_is_found_by_the_index(sessions: Sessions, chain: Callable[..., RoadTable]) -> None:
-    """A map of 40,000 segments: the roads around a drive cost no look at all the others."""
-    n = 40_000
-    k = np.arange(n)
-    table = chain(n, lon0_deg=8 + 0.001 * (k % 200), lat0_deg=48 + 0.001 * (k // 200),
-                  lon1_deg=8.001 + 0.001 * (k % 200), lat1_deg=48 + 0.001 * (k // 200))  # fmt: skip
-    with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
-        values = {"west": [8.05], "south": [48.05], "east": [8.06], "north": [48.06]}
-        explain = text("EXPLAIN (FORMAT TEXT) " + surroundings.SURROUNDINGS.text)
-        plan = "\n".join(session.execute(explain, values).scalars())
-    assert "ix_segments_geom" in plan
-    assert "Seq Scan on segments" not in plan
 
 
 def test_a_version_rises_where_something_changed_and_only_there(
