@@ -6,6 +6,7 @@ import threading
 import uuid
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as FutureTimeout
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.embedded.cluster import EmbeddedPostgres
 from app.network import cells, marks, swap
 from app.network.settle import settle_network
 from app.roads import imports as roads
@@ -223,3 +225,26 @@ def test_a_version_rises_where_something_changed_and_only_there(
         )
         roads.replace_roads(session, other, "x", "1" * 64)
     assert changed(seen) == {"here", "here from afar", "both"}
+
+
+@pytest.mark.parametrize("held", ["SELECT FROM cells FOR UPDATE", "SELECT pg_advisory_xact_lock(1448300116)"])
+def test_what_others_hold_is_left_for_later_and_no_error_to_the_server(
+    sessions: Sessions, cluster: EmbeddedPostgres, streets: Driven, town: Town, held: str
+) -> None:
+    """Squares that another solver writes, a network that an import owns: found again, without a wait cut off."""
+    one, two = walks(town, 2)
+    drive_over(sessions, *streets, one)
+    append(sessions, new_drive(sessions), streets[1], passes_of(streets[0], two))
+    begun = cluster.log_path.stat().st_size
+    with ThreadPoolExecutor(1) as pool:
+        with sessions.begin() as other:
+            other.execute(text(held))
+            solved = pool.submit(swap.solve_all_marked, sessions)
+            with pytest.raises(FutureTimeout):
+                solved.result(0.5)
+            assert count_of(sessions, "network_marks") > 0
+        solved.result(60)
+    assert count_of(sessions, "network_marks") == 0
+    with cluster.log_path.open("rb") as log:
+        log.seek(begun)
+        assert b"lock timeout" not in log.read()
