@@ -17,7 +17,7 @@ from app.core.db import Sessions
 from app.network.cells import beside, cells_over, take_unsettled, unsettle, unsettled, versions_of
 from app.network.locks import cell_claims
 from app.network.solve import settle_square
-from app.network.swap import BusyError, Found, road_version, shown_cells, snapshot, swap
+from app.network.swap import BusyError, Found, road_version, shown_cells, snapshot, sum_old_passes, swap
 from fusion.types import Progress, no_progress
 
 _WAIT_S = 0.1
@@ -25,7 +25,8 @@ _TRIES = 100
 
 # Each stage is made anew wherever it is or ought to be: what lost its ground must go.
 _IN_NETWORK = """
-    SELECT segment_id FROM drive_passes {of_cell} UNION SELECT segment_id FROM network_slopes {of_cell}
+    SELECT segment_id FROM drive_passes {of_cell} {of_region}
+    UNION SELECT segment_id FROM network_slopes {of_cell}
 """
 _PUBLISHED = """
     SELECT segment_id FROM network_slopes {of_cell} UNION SELECT segment_id FROM drive_segments {of_cell}
@@ -37,11 +38,13 @@ _SQUARES = text(
     SELECT s.cell, count(*) FILTER (WHERE n.segment_id IS NOT NULL) AS in_network
     FROM ({_PUBLISHED.format(of_cell="")} UNION SELECT segment_id FROM drive_passes) AS p
     JOIN segments AS s ON s.id = p.segment_id
-    LEFT JOIN ({_IN_NETWORK.format(of_cell="")}) AS n ON n.segment_id = p.segment_id
+    LEFT JOIN ({_IN_NETWORK.format(of_cell="", of_region="")}) AS n ON n.segment_id = p.segment_id
     GROUP BY s.cell ORDER BY s.cell
     """  # noqa: S608 - constants
 )
-_IN_NETWORK_OF_CELL = text(_IN_NETWORK.format(of_cell=_OF_CELL))
+_IN_NETWORK_OF_CELL = text(
+    _IN_NETWORK.format(of_cell=_OF_CELL, of_region="AND region = versant_region(CAST(:cell AS integer))")
+)
 _PUBLISHED_OF_CELL = text(_PUBLISHED.format(of_cell=_OF_CELL))
 
 
@@ -85,7 +88,8 @@ def _settle(sessions: Sessions, cell: int) -> None:
     try:
         with cell_claims(sessions) as claims:
             for _ in range(_TRIES):
-                if claims.take(cell) and swap(sessions, _find(sessions, cell), 0.0, settled=True):
+                if claims.take(cell) and swap(sessions, found := _find(sessions, cell), 0.0, settled=True):
+                    sum_old_passes(sessions, found)
                     return
                 time.sleep(_WAIT_S)
         raise BusyError(f"{_TRIES} times others were at work in the same square")
