@@ -15,15 +15,14 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from app.network.sums import OF_DRIVE, append_sums, sums_of_drive
+from app.network.sums import OF_DRIVE, append_sums, of_drive, sums_of_drive
 from fusion.network.elsewhere import ConstantsSaid
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
 
 # Statements with %(name)s are executed by psycopg itself, which takes and gives bytes as they are (``app.core.db``).
 
-_MINE = OF_DRIVE.format(drive="%(drive_id)s")
-_THEIRS = OF_DRIVE.format(drive=":drive_id")
+_MINE, _ITS = OF_DRIVE.format("%(", ")s"), OF_DRIVE.format(":", "")
 
 _DELETE = f"""
     DELETE FROM drive_passes WHERE {_MINE}
@@ -86,14 +85,14 @@ _HEARD = text(
     f"""
     SELECT count(*) AS segments, count(*) FILTER (WHERE NOT heard) AS rejected
     FROM (SELECT bool_or(r.pass_id IS NULL OR d.same_as IS NOT NULL) AS heard
-          FROM (SELECT * FROM drive_passes WHERE {_THEIRS}) AS p JOIN drives AS d ON d.id = p.drive_id
+          FROM (SELECT * FROM drive_passes WHERE {_ITS}) AS p JOIN drives AS d ON d.id = p.drive_id
           LEFT JOIN rejected_passes AS r ON r.segment_id = p.segment_id AND r.pass_id = p.id
           GROUP BY p.segment_id) AS one
     """  # noqa: S608 - constants
 )
 
 
-_MOMENTS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_THEIRS}")  # noqa: S608 - constants
+_MOMENTS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
 
 
 class StoredPass(NamedTuple):
@@ -120,7 +119,7 @@ def replace_passes(
     ``epoch_s`` are the times of the log's positions, shape (e,), Unix seconds.
     """
     session.execute(_KEEP, {"drive_id": drive_id})
-    gone = fetch_binary(session, _DELETE, {"drive_id": drive_id})
+    gone = fetch_binary(session, _DELETE, of_drive(session, drive_id))
     append_sums(session, {segment: -said for segment, said in sums_of_drive(session, drive_id, gone).items()})
     session.execute(_DELETE_VERDICTS, {"drive_id": drive_id})
     session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})
@@ -138,7 +137,7 @@ def replace_passes(
             "said": ConstantsSaid.of_passes(factors).encode(),
             "measurements": sum(f.rows for f in factors),
             "epoch_s": np.asarray(epoch_s, "<f8").tobytes(),
-            "regions": regions_of(session, columns["segment_id"]),
+            "regions": regions_of(session, {f.segment for f in factors}),
         }
         send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **whole})
     return touched | {f.segment for f in factors}
@@ -151,7 +150,7 @@ def regions_of(session: Session, segment_ids: Collection[int]) -> list[int]:
 
 def moments_of(session: Session, drive_id: uuid.UUID) -> set[float]:
     """When the drive came to its segments, Unix seconds."""
-    return set(session.execute(_MOMENTS, {"drive_id": drive_id}).scalars())
+    return set(session.execute(_MOMENTS, of_drive(session, drive_id)).scalars())
 
 
 def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPass]:
@@ -208,4 +207,4 @@ def set_verdicts(session: Session, heard: Sequence[StoredPass], rejected: Sequen
 
 def hearing(session: Session, drive_id: uuid.UUID) -> Hearing:
     """How far the drive agrees with the others over the same segments, by the verdicts that stand."""
-    return Hearing(*session.execute(_HEARD, {"drive_id": drive_id}).one())
+    return Hearing(*session.execute(_HEARD, of_drive(session, drive_id)).one())

@@ -28,16 +28,15 @@ many are left. CHOSEN."""
 MOST_SUMMED = 2000
 """Passes that are summed after one solution, a millisecond each: nobody waits for long, and the rest comes later."""
 
-# Wherever drives are named their regions are, too: only these parts of the table are looked at.
-OF_DRIVE = """
-    drive_id = {drive} AND region = ANY (CAST((
-        SELECT regions FROM drive_constants AS c WHERE c.drive_id = {drive}) AS smallint[]))
-"""
-OF_DRIVES = """
-    drive_id = ANY({drives}) AND region = ANY (CAST(ARRAY(
-        SELECT DISTINCT unnest(regions) FROM drive_constants AS c WHERE c.drive_id = ANY({drives})) AS smallint[]))
-"""
-_MINE = OF_DRIVE.format(drive="%(drive_id)s")
+# Wherever drives are named their regions are, too, as a value that is known when it is planned: only those parts of the
+# table are looked at.
+OF_DRIVE = "drive_id = {0}drive_id{1} AND region = ANY(CAST({0}regions{1} AS smallint[]))"
+_MINE = OF_DRIVE.format("%(", ")s")
+_DRIVE_REGIONS = text(
+    """
+    SELECT DISTINCT unnest(regions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[])) ORDER BY 1
+    """
+)
 
 _OVER = "SELECT segment_id, said FROM pass_sums WHERE segment_id = ANY(%(ids)s::bigint[]) ORDER BY id"
 _TAKE = "DELETE FROM pass_sums WHERE segment_id = ANY(%(ids)s::bigint[]) RETURNING segment_id, said"
@@ -94,7 +93,7 @@ def sums_over(
     """The sums over these segments, but for what one drive has in them."""
     found = _added(fetch_binary(session, _OVER, {"ids": list(segment_ids)}))
     if found and without is not None:
-        rows = fetch_binary(session, _SUMMED, {"drive_id": without, "ids": list(found)})
+        rows = fetch_binary(session, _SUMMED, {**of_drive(session, without), "ids": list(found)})
         for segment, own in sums_of_drive(session, without, rows).items():
             found[segment] = found[segment] + -own
     return {segment: one for segment, one in found.items() if one.passes > 0}
@@ -114,6 +113,16 @@ def sums_of_drive(session: Session, drive_id: uuid.UUID, rows: Iterable[SummedRo
     return {segment: _sum_of(said, whole, lengths[segment]) for segment, said in over.items()}
 
 
+def of_drive(session: Session, drive_id: uuid.UUID) -> dict[str, Any]:
+    """The values of a statement on the passes of one drive (``OF_DRIVE``)."""
+    return {"drive_id": drive_id, "regions": drive_regions(session, [drive_id])}
+
+
+def drive_regions(session: Session, drive_ids: Collection[uuid.UUID]) -> list[int]:
+    """The regions in which drives have passes."""
+    return list(session.execute(_DRIVE_REGIONS, {"ids": list(drive_ids)}).scalars())
+
+
 def append_sums(session: Session, sums: Mapping[int, PassSum]) -> None:
     """Add to the sums of segments."""
     if sums:
@@ -122,7 +131,7 @@ def append_sums(session: Session, sums: Mapping[int, PassSum]) -> None:
 
 def take_out(session: Session, drive_id: uuid.UUID) -> None:
     """Take a drive that is heard no longer off all sums: its passes are as if they had never been in one."""
-    gone = fetch_binary(session, _UNSUM, {"drive_id": drive_id})
+    gone = fetch_binary(session, _UNSUM, of_drive(session, drive_id))
     append_sums(session, {segment: -said for segment, said in sums_of_drive(session, drive_id, gone).items()})
 
 

@@ -102,16 +102,28 @@ class PassSum:
         )
 
     def __add__(self, other: PassSum) -> PassSum:
-        return PassSum(*(mine + its for mine, its in zip(self._parts(), other._parts(), strict=True)))
+        return PassSum(
+            self.information + other.information,
+            self.vector + other.vector,
+            self.rows + other.rows,
+            self.log_roughness + other.log_roughness,
+            self.covered + other.covered,
+            self.passes + other.passes,
+            self.drives + other.drives,
+            self.observations + other.observations,
+        )
 
     def __neg__(self) -> PassSum:
-        return PassSum(*(-mine for mine in self._parts()))
-
-    def _parts(self) -> tuple[Floats, Floats, float, float, Floats, int, int, int]:
-        return (
-            self.information, self.vector, self.rows, self.log_roughness, self.covered, self.passes, self.drives,
-            self.observations,
-        )  # fmt: skip
+        return PassSum(
+            -self.information,
+            -self.vector,
+            -self.rows,
+            -self.log_roughness,
+            -self.covered,
+            -self.passes,
+            -self.drives,
+            -self.observations,
+        )
 
     def factor(self, segment: int, length_m: float) -> PassFactor:
         """The sum in the place of one pass of a drive without errors of its own.
