@@ -5,9 +5,9 @@
 Made-up drives (``adjustment_drives``: Doppler, pitch, force, altitudes, some barometers) along a street of two
 kilometres and 25 segments, stored and solved in an embedded PostgreSQL as the service does it. At 10, 100, 300, 1,000
 and 10,000 passes a segment, up to ``--most``: what a solution of the whole street reads and takes, with sums and, up to
-``--without``, in a second database in which all passes are read; there also how far slopes and sigmas with sums are from
-those without. At last bytes: of a pass in the table and each index, and of the log (WAL) for a pass that is appended,
-one that is summed, and a verdict. ``--jury`` tries another number of passes in the jury.
+``--without``, in a second database in which all passes are read; there also how far slopes and sigmas with sums are
+from those without. At last bytes: of a pass in the table and each index, and of the log (WAL) for a pass that is
+appended, one that is summed, and a verdict. ``--jury`` tries another number of passes in the jury.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from sqlalchemy import Engine, text
@@ -44,7 +45,8 @@ SEGMENTS, LENGTH_M = 25, 80.0
 _SIZES = """
     SELECT kind, sum(bytes) FROM (
         SELECT CASE WHEN c.relkind = 'r' THEN 'table' ELSE p.relname END AS kind, pg_relation_size(c.oid) AS bytes
-        FROM pg_class AS c LEFT JOIN pg_inherits AS i ON i.inhrelid = c.oid LEFT JOIN pg_class AS p ON p.oid = i.inhparent
+        FROM pg_class AS c LEFT JOIN pg_inherits AS i ON i.inhrelid = c.oid
+        LEFT JOIN pg_class AS p ON p.oid = i.inhparent
         WHERE c.relname LIKE 'drive_passes_of_%' AND c.relkind IN ('r', 'i')
         UNION ALL
         SELECT 'table, out of line', pg_relation_size(reltoastrelid) FROM pg_class
@@ -136,7 +138,7 @@ class Written:
 
 def the_street() -> RoadTable:
     """Straight to the east, a way for each segment."""
-    lon, lat = PLANE.to_lonlat(LENGTH_M * np.arange(SEGMENTS + 1), np.zeros(SEGMENTS + 1))
+    lon, lat = PLANE.to_lonlat(np.linspace(0.0, LENGTH_M * SEGMENTS, SEGMENTS + 1), np.zeros(SEGMENTS + 1))
     return road_through(lon, lat, np.arange(1, SEGMENTS + 1), np.arange(SEGMENTS + 1))
 
 
@@ -181,14 +183,14 @@ def grown(
     """A row for each step; and what was written for passes that were appended and summed."""
     rows: list[dict[str, Any]] = []
     appended, summed = Written(), Written()
-    swap.sum_old_passes = summing(street, summed)
     source, stored = drives_along(made), 0
     for step in (s for s in STEPS if s <= most):
         while stored < step:
             batch = [next(source) for _ in range(min(sums.JURY, step - stored))]
             with appended.of(street, SEGMENTS * len(batch)):
                 store(street, batch)
-            swap.solve_all_marked(street.sessions)
+            with patch.object(swap, "sum_old_passes", summing(street, summed)):
+                swap.solve_all_marked(street.sessions)
             if stored < without:
                 store(every, batch)
             stored += len(batch)
