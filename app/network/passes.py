@@ -63,12 +63,13 @@ _INSERT_CONSTANTS = """
 """
 _CONSTANTS = "SELECT drive_id, passes, said FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
-# A drive that comes can turn the verdict over passes of others. One that is going just now takes its verdicts along.
+# A drive that comes can turn the verdict over passes of others. One that is going just now takes its verdicts along,
+# and over what has been summed meanwhile the verdict stands.
 _REJECT = text(
     """
     INSERT INTO rejected_passes (segment_id, pass_id, drive_id)
     SELECT segment_id, id, drive_id FROM drive_passes
-    WHERE id = ANY(CAST(:ids AS bigint[])) AND region = ANY(CAST(:regions AS smallint[]))
+    WHERE id = ANY(CAST(:ids AS bigint[])) AND region = ANY(CAST(:regions AS smallint[])) AND summed_weight IS NULL
     FOR KEY SHARE SKIP LOCKED
     ON CONFLICT DO NOTHING
     """

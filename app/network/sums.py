@@ -4,6 +4,10 @@ A pass is in the jury until it is summed, once in its life; what is in a sum is 
 turns out to be there twice. Sums are rows that are only added and, by whoever sums, put together; a row of a pass and
 its part in a sum change in one transaction. So nobody waits for anybody, whoever dies leaves the evidence as it was,
 and nothing is in both or in neither.
+
+What is taken off is computed as it was when it was added. Whoever changes how (``fusion.network.sums``, and what
+``fusion.network.elsewhere`` says of a pass) lets a migration empty ``pass_sums`` and ``drive_passes.summed_weight``:
+nothing is lost, and solvers sum anew.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ _ROADS = text("SELECT coalesce(max(id), 0) FROM road_versions")
 
 
 def _nobody() -> None:
-    """Asks no other solver."""
+    """Tells nobody."""
 
 
 class BusyError(Exception):
@@ -69,11 +69,18 @@ class Found:
     """Of all squares in which anything of it is shown."""
 
 
-def solve_marked(sessions: Sessions, *, only_due: bool = True, more: Callable[[], None] = _nobody) -> int:
+def solve_marked(
+    sessions: Sessions,
+    *,
+    only_due: bool = True,
+    more: Callable[[], None] = _nobody,
+    published: Callable[[], object] = _nobody,
+) -> int:
     """Take marked squares that no other solver has, solve and publish them; of how many.
 
     ``only_due``: nothing is begun where no mark is due; then all that is marked near by is taken along. ``more`` is
-    called before anything is solved if there is work for another solver.
+    called before anything is solved if there is work for another solver, ``published`` when the map is up to date and
+    only old passes are left to be summed.
     """
     with cell_claims(sessions) as claims:
         with sessions() as session:
@@ -84,16 +91,19 @@ def solve_marked(sessions: Sessions, *, only_due: bool = True, more: Callable[[]
                 more()
             with sessions.begin() as session:
                 note_try(session, cells)
-            publish_cells(sessions, cells)
+            publish_cells(sessions, cells, published)
     return len(cells)
 
 
-def publish_cells(sessions: Sessions, cells: Collection[int]) -> None:
+def publish_cells(
+    sessions: Sessions, cells: Collection[int], published: Callable[[], object] = _nobody
+) -> None:
     """Solve all that is marked in these squares, which the caller has taken, and swap it in."""
     for attempt in range(_TRIES):
         with snapshot(sessions) as session:
             found = _find(session, marked_in(session, cells))
         if swap(sessions, found):
+            published()
             sum_old_passes(sessions, found)
             return
         logger.debug("squares %s changed while they were solved; again", sorted(cells))

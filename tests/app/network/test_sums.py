@@ -13,13 +13,16 @@ from sqlalchemy import text
 from app.core.db import Sessions, fetch_binary
 from app.network import passes, sums, swap
 from app.roads import imports as roads
+from factor_support import street
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import (
+    append,
     count_of,
     delete,
     drive_over,
     new_drive,
+    pass_over,
     passes_of,
     publish,
     rows_of,
@@ -64,6 +67,42 @@ def plan_of(sessions: Sessions, query: str, values: dict[str, object]) -> str:
         return "\n".join(
             row[0] for row in fetch_binary(session, f"EXPLAIN (ANALYZE, TIMING OFF) {query}", values)
         )
+
+
+def old_pass(drive: int, day: float, number: int) -> sums.OldPass:
+    factor, _ = pass_over(street(80.0), 0, 2.0, 0.5, begin_s=86_400.0 * day)
+    return sums.OldPass(number, uuid.UUID(int=drive), factor, 1.0)
+
+
+@pytest.mark.usefixtures("tiny")
+def test_laps_of_a_drive_stay_together() -> None:
+    """The jury is of the newest drives as wholes; the newest stays even if it alone is more than a jury."""
+    laps = [old_pass(7, 1.0, k) for k in range(3)]
+    singles = [old_pass(k, 2.0 + k, 10 + k) for k in range(2)]
+    assert sums.beyond_jury([*laps, *singles, old_pass(9, 0.5, 20)]) == []
+    two_old = [old_pass(9, 0.5, 20), old_pass(8, 0.4, 21)]
+    assert sums.beyond_jury([*laps, *two_old, *singles]) == [*two_old[::-1], *laps]
+    many = [old_pass(7, 9.0, k) for k in range(8)]
+    assert sums.beyond_jury([*many, *singles]) == singles
+    assert sums.beyond_jury(many) == []
+
+
+def test_no_more_is_summed_at_once_than_is_stated_and_drives_as_wholes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sums, "MOST_SUMMED", 4)
+    over = [[old_pass(k // 3, 1.0, k) for k in range(9)], [old_pass(1, 1.0, 30)]]
+    assert [p.id for p in sums.first_of(over)] == [0, 1, 2, 3, 4, 5]
+
+
+def test_the_map_is_up_to_date_before_old_passes_are_summed(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order: list[object] = []
+    monkeypatch.setattr(swap, "sum_old_passes", lambda *_: order.append("sums"))
+    append(sessions, new_drive(sessions), segment_ids, passes_of(chain(), {0: (2.0, 0.5)}))
+    swap.solve_marked(sessions, published=lambda: order.append(count_of(sessions, "network_marks")))
+    assert order == [0, "sums"]
 
 
 @pytest.fixture
