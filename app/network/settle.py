@@ -23,11 +23,15 @@ from fusion.types import Progress, no_progress
 _WAIT_S = 0.1
 _TRIES = 100
 
-# Each stage is made anew wherever it is or ought to be: what lost its ground must go.
-_IN_NETWORK = """
-    SELECT segment_id FROM drive_passes {of_cell} {of_region}
-    UNION SELECT segment_id FROM network_slopes {of_cell}
+# Each stage is made anew wherever it is or ought to be: what lost its ground must go. Of the passes over a segment one
+# is looked at, however many there were.
+_DRIVEN = """
+    SELECT s.id AS segment_id FROM segments AS s, LATERAL (
+        SELECT FROM drive_passes WHERE segment_id = s.id AND region = versant_region(s.cell)
+        ORDER BY entered_s LIMIT 1) AS any_pass
+    {where}
 """
+_IN_NETWORK = "{driven} UNION SELECT segment_id FROM network_slopes {of_cell}"
 _PUBLISHED = """
     SELECT segment_id FROM network_slopes {of_cell} UNION SELECT segment_id FROM drive_segments {of_cell}
     UNION SELECT segment_id FROM segment_slopes {of_cell}
@@ -35,15 +39,17 @@ _PUBLISHED = """
 _OF_CELL = "WHERE segment_id IN (SELECT id FROM segments WHERE cell = :cell)"
 _SQUARES = text(
     f"""
+    WITH driven AS MATERIALIZED ({_DRIVEN.format(where="")})
     SELECT s.cell, count(*) FILTER (WHERE n.segment_id IS NOT NULL) AS in_network
-    FROM ({_PUBLISHED.format(of_cell="")} UNION SELECT segment_id FROM drive_passes) AS p
+    FROM ({_PUBLISHED.format(of_cell="")} UNION SELECT segment_id FROM driven) AS p
     JOIN segments AS s ON s.id = p.segment_id
-    LEFT JOIN ({_IN_NETWORK.format(of_cell="", of_region="")}) AS n ON n.segment_id = p.segment_id
+    LEFT JOIN ({_IN_NETWORK.format(driven="SELECT segment_id FROM driven", of_cell="")}) AS n
+        ON n.segment_id = p.segment_id
     GROUP BY s.cell ORDER BY s.cell
     """  # noqa: S608 - constants
 )
 _IN_NETWORK_OF_CELL = text(
-    _IN_NETWORK.format(of_cell=_OF_CELL, of_region="AND region = versant_region(CAST(:cell AS integer))")
+    _IN_NETWORK.format(driven=_DRIVEN.format(where="WHERE s.cell = :cell"), of_cell=_OF_CELL)
 )
 _PUBLISHED_OF_CELL = text(_PUBLISHED.format(of_cell=_OF_CELL))
 

@@ -36,7 +36,8 @@ SURROUNDINGS = text(
     FROM segments AS s
     LEFT JOIN LATERAL (
         SELECT true AS driven FROM (SELECT drive_id FROM drive_passes
-            WHERE segment_id = s.id AND region = versant_region(s.cell) OFFSET 0) AS over
+            WHERE segment_id = s.id AND region = versant_region(s.cell)
+            ORDER BY entered_s OFFSET 0) AS over
         WHERE (SELECT same_as IS NULL FROM drives WHERE id = over.drive_id) LIMIT 1) AS p ON true
     LEFT JOIN network_slopes AS n ON n.segment_id = s.id
     WHERE s.id IN (

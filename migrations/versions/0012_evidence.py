@@ -1,8 +1,9 @@
 """Evidence in bounded pieces: passes by region, sums of old ones, and verdicts beside them.
 
-``drive_passes`` is copied into a table of 16 parts. MEASURED. A program of before cannot write it, since it knows no
-region, nor read what is summed: none serves this schema but those of this revision. Sums are made by solvers, little by
-little; nothing is computed here.
+``drive_passes`` is copied into a table of 16 parts: 200,000 passes of 1.5 kB took four seconds, so ten million take
+three to five minutes, and as much room again as they have until the end. A program of before cannot write it, since it
+knows no region, nor read what is summed: none serves this schema but those of this revision. Sums are made by solvers,
+little by little; nothing is computed here.
 """
 
 import sqlalchemy as sa
@@ -87,7 +88,7 @@ def upgrade() -> None:
     op.alter_column("drive_constants", "regions", server_default=None)
     op.drop_table("drive_passes_before")
     op.create_primary_key("pk_drive_passes", "drive_passes", ["id", "region"])
-    _make_keys()
+    _make_keys(["drive_id", "region"])
     op.create_index(
         "ix_drive_passes_unsummed",
         "drive_passes",
@@ -120,7 +121,7 @@ def downgrade() -> None:
         op.drop_table(table)
     op.execute("DROP FUNCTION versant_region(integer)")
     op.create_primary_key("pk_drive_passes", "drive_passes", ["id"])
-    _make_keys()
+    _make_keys(["drive_id"])
     op.create_index(
         "ix_drive_passes_segment_id",
         "drive_passes",
@@ -168,7 +169,7 @@ def _owner(name: str, table: str, kind: sa.types.TypeEngine[object]) -> sa.Colum
     return sa.Column(name, kind, sa.ForeignKey(f"{table}.id", ondelete="CASCADE"), nullable=False)
 
 
-def _make_keys() -> None:
+def _make_keys(included: list[str]) -> None:
     for name, table in (("drive_id", "drives"), ("segment_id", "segments")):
         op.create_foreign_key(
             f"fk_drive_passes_{name}_{table}", "drive_passes", table, [name], ["id"], ondelete="CASCADE"
@@ -178,5 +179,5 @@ def _make_keys() -> None:
         "ix_drive_passes_segment_id_entered_s",
         "drive_passes",
         ["segment_id", "entered_s"],
-        postgresql_include=["drive_id"],
+        postgresql_include=included,
     )

@@ -35,9 +35,12 @@ class DrivePass(Base):
     factor: Mapped[bytes]
 
     __table_args__ = (
-        # Who else was here at that moment is one look, however many drives there are.
+        # Who else was here at that moment is one look, however many drives there are, and only into the index.
         Index(
-            "ix_drive_passes_segment_id_entered_s", "segment_id", "entered_s", postgresql_include=["drive_id"]
+            "ix_drive_passes_segment_id_entered_s",
+            "segment_id",
+            "entered_s",
+            postgresql_include=["drive_id", "region"],
         ),
         # What is still read over a segment, however many passes there were.
         Index("ix_drive_passes_unsummed", "segment_id", postgresql_where=text("summed_weight IS NULL")),

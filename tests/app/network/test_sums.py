@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions, fetch_binary
-from app.network import passes, sums, swap
+from app.network import passes, settle, sums, surroundings, swap
 from app.roads import imports as roads
 from factor_support import street
 from fusion.roads.table import RoadTable
@@ -138,6 +138,28 @@ def test_what_is_in_a_sum_is_not_even_looked_at(
     assert "_segment_id_idx " in plan, plan
     assert "actual rows=42 " in plan, plan
     assert "Rows Removed" not in plan, plan
+
+
+def test_whether_a_segment_is_driven_is_one_look(
+    sessions: Sessions, crowded: uuid.UUID, segment_ids: Ints
+) -> None:
+    """Of 3007 passes over each of them."""
+    assert crowded
+    of_segment = {"id": int(segment_ids[0])}
+    box = {"west": [8.0], "south": [48.0], "east": [9.0], "north": [50.0]}
+    with sessions() as session:
+        cell = session.execute(text("SELECT cell FROM segments WHERE id = :id"), of_segment).scalar_one()
+        for query, values in (
+            (settle._IN_NETWORK_OF_CELL, {"cell": cell}),
+            (settle._SQUARES, {}),
+            (surroundings.SURROUNDINGS, box),
+        ):
+            explain = text(f"EXPLAIN (ANALYZE, TIMING OFF) {query.text}")
+            plan = "\n".join(session.execute(explain, values).scalars())
+            scans = [line for line in plan.splitlines() if " on drive_passes_of_" in line]
+            looked = [line for line in scans if "never executed" not in line]
+            assert looked
+            assert all("actual rows=1 " in line or "actual rows=0 " in line for line in looked), plan
 
 
 def test_a_drive_is_looked_for_where_it_was_only(sessions: Sessions, crowded: uuid.UUID) -> None:
