@@ -16,15 +16,16 @@ from app.core.settings import sqlalchemy_url
 from app.core.tables import Base
 from app.core.tables import batches as _batches
 from app.core.tables import cells as _cells
+from app.core.tables import passes as _passes
 from app.core.tables import service as _service
 
-_OF_THE_SAME_BASE = (_batches, _cells, _service)
+_OF_THE_SAME_BASE = (_batches, _cells, _passes, _service)
 """They describe the other tables of it."""
 
 
 def include_object(thing: Any, name: str | None, kind: str, reflected: bool, compare_to: Any) -> bool:
-    """Hide the queue's tables and PostGIS's own from the comparison."""
-    if kind == "table" and name is not None and name.startswith("procrastinate_"):
+    """Hide the queue's tables, partitions and PostGIS's own from the comparison."""
+    if kind == "table" and name is not None and name.startswith(("procrastinate_", _passes.PARTITION)):
         return False
     return bool(alembic_helpers.include_object(thing, name, kind, reflected, compare_to))
 

@@ -56,7 +56,7 @@ def solve_some(sessions: Sessions, blobs: BlobStore) -> int:
             queue.enqueue_solve(session)
 
     try:
-        count = solve_marked(sessions, more=ask)
+        count = solve_marked(sessions, more=ask, published=lambda: finish(sessions, blobs))
     except BusyError:
         logger.info("squares that others write in are left for the next solver", exc_info=True)
         count = 0

@@ -1,13 +1,13 @@
 """The passes that drives contribute: written drive by drive, read by the segments that they are over.
 
 Passes are the truth; slopes are made of them (``solve``). Those of a drive that is there already, under another id, are
-stored but not read (``twins``).
+stored but not read (``twins``), and of many over one segment the old ones are read as a sum (``sums``).
 """
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,57 +15,85 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
+from app.network.sums import OF_DRIVE, append_sums, of_drive, sums_of_drive
 from fusion.network.elsewhere import ConstantsSaid
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
 
 # Statements with %(name)s are executed by psycopg itself, which takes and gives bytes as they are (``app.core.db``).
 
-_DELETE = text("DELETE FROM drive_passes WHERE drive_id = :drive_id RETURNING segment_id")
+_MINE, _ITS = OF_DRIVE.format("%(", ")s"), OF_DRIVE.format(":", "")
+
+_DELETE = f"""
+    DELETE FROM drive_passes WHERE {_MINE}
+    RETURNING segment_id, sequence, summed_weight, CASE WHEN summed_weight > 0 THEN factor END
+"""  # noqa: S608 - constants
+# Nobody sums passes of a drive that changes (``sums``).
+_KEEP = text("SELECT FROM drives WHERE id = :drive_id FOR NO KEY UPDATE")
+_DELETE_VERDICTS = text("DELETE FROM rejected_passes WHERE drive_id = :drive_id")
 
 _INSERT = """
-    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, accepted)
-    SELECT %(drive_id)s, t.segment_id, t.sequence, t.entered_s, t.factor, true
+    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, region)
+    SELECT %(drive_id)s, t.segment_id, t.sequence, t.entered_s, t.factor, versant_region(s.cell)
     FROM unnest(%(segment_id)s::bigint[], %(sequence)s::integer[], %(entered_s)s::float8[], %(factor)b::bytea[])
          AS t (segment_id, sequence, entered_s, factor)
+    JOIN segments AS s ON s.id = t.segment_id
 """
 
-_OVER = """
-    SELECT p.id, p.drive_id, p.accepted, p.factor, p.segment_id, p.sequence
+# However many passes there were, those that are not in a sum are few; an index knows them.
+OVER = """
+    SELECT p.id, p.drive_id, r.pass_id IS NULL AS accepted, p.factor, p.segment_id, p.sequence
     FROM drive_passes AS p
-    WHERE p.segment_id = ANY(%(ids)s::bigint[]) AND (SELECT same_as IS NULL FROM drives WHERE id = p.drive_id)
+    LEFT JOIN rejected_passes AS r
+        ON r.segment_id = p.segment_id AND r.pass_id = p.id AND r.segment_id = ANY(%(ids)s::bigint[])
+    WHERE p.segment_id = ANY(%(ids)s::bigint[]) AND p.region = ANY(%(regions)s::smallint[])
+        AND p.summed_weight IS NULL AND (SELECT same_as IS NULL FROM drives WHERE id = p.drive_id)
     ORDER BY p.drive_id, p.sequence
 """
+_REGIONS = text(
+    "SELECT DISTINCT versant_region(cell) FROM segments WHERE id = ANY(CAST(:ids AS bigint[])) ORDER BY 1"
+)
 
 # What all passes of a drive together say of its constants, so that a window need not read those outside of it; and what
 # tells the drive from others (``twins``).
 _DELETE_CONSTANTS = text("DELETE FROM drive_constants WHERE drive_id = :drive_id")
 _INSERT_CONSTANTS = """
-    INSERT INTO drive_constants (drive_id, passes, said, measurements, epoch_s)
-    VALUES (%(drive_id)s, %(passes)s, %(said)b, %(measurements)s, %(epoch_s)b)
+    INSERT INTO drive_constants (drive_id, passes, said, measurements, epoch_s, regions)
+    VALUES (%(drive_id)s, %(passes)s, %(said)b, %(measurements)s, %(epoch_s)b, %(regions)s::smallint[])
 """
 _CONSTANTS = "SELECT drive_id, passes, said FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
-# A drive that comes can turn the verdict over passes of others.
-_SET_VERDICTS = text(
+# A drive that comes can turn the verdict over passes of others. One that is going just now takes its verdicts along,
+# and over what has been summed meanwhile the verdict stands.
+_REJECT = text(
     """
-    UPDATE drive_passes AS p SET accepted = t.accepted
-    FROM unnest(CAST(:ids AS bigint[]), CAST(:accepted AS boolean[])) AS t (id, accepted) WHERE p.id = t.id
+    INSERT INTO rejected_passes (segment_id, pass_id, drive_id)
+    SELECT segment_id, id, drive_id FROM drive_passes
+    WHERE id = ANY(CAST(:ids AS bigint[])) AND region = ANY(CAST(:regions AS smallint[])) AND summed_weight IS NULL
+    FOR KEY SHARE SKIP LOCKED
+    ON CONFLICT DO NOTHING
+    """
+)
+_HEAR = text(
+    """
+    DELETE FROM rejected_passes
+    WHERE segment_id = ANY(CAST(:segments AS bigint[])) AND pass_id = ANY(CAST(:ids AS bigint[]))
     """
 )
 
 # A segment is heard where any of the drive's passes over it is; one that is there already contradicts nobody.
 _HEARD = text(
-    """
+    f"""
     SELECT count(*) AS segments, count(*) FILTER (WHERE NOT heard) AS rejected
-    FROM (SELECT bool_or(p.accepted OR d.same_as IS NOT NULL) AS heard
-          FROM drive_passes AS p JOIN drives AS d ON d.id = p.drive_id WHERE p.drive_id = :drive_id
+    FROM (SELECT bool_or(r.pass_id IS NULL OR d.same_as IS NOT NULL) AS heard
+          FROM (SELECT * FROM drive_passes WHERE {_ITS}) AS p JOIN drives AS d ON d.id = p.drive_id
+          LEFT JOIN rejected_passes AS r ON r.segment_id = p.segment_id AND r.pass_id = p.id
           GROUP BY p.segment_id) AS one
-    """
+    """  # noqa: S608 - constants
 )
 
 
-_MOMENTS = text("SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE drive_id = :drive_id")
+_MOMENTS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
 
 
 class StoredPass(NamedTuple):
@@ -91,8 +119,12 @@ def replace_passes(
 
     ``epoch_s`` are the times of the log's positions, shape (e,), Unix seconds.
     """
-    touched = set(session.execute(_DELETE, {"drive_id": drive_id}).scalars())
+    session.execute(_KEEP, {"drive_id": drive_id})
+    gone = fetch_binary(session, _DELETE, of_drive(session, drive_id))
+    append_sums(session, {segment: -said for segment, said in sums_of_drive(session, drive_id, gone).items()})
+    session.execute(_DELETE_VERDICTS, {"drive_id": drive_id})
     session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})
+    touched = {segment for segment, *_ in gone}
     if factors:
         columns = {
             "segment_id": [f.segment for f in factors],
@@ -106,19 +138,28 @@ def replace_passes(
             "said": ConstantsSaid.of_passes(factors).encode(),
             "measurements": sum(f.rows for f in factors),
             "epoch_s": np.asarray(epoch_s, "<f8").tobytes(),
+            "regions": regions_of(session, {f.segment for f in factors}),
         }
         send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **whole})
     return touched | {f.segment for f in factors}
 
 
+def regions_of(session: Session, segment_ids: Collection[int]) -> list[int]:
+    """The regions by which the passes over these segments are parted."""
+    return list(session.execute(_REGIONS, {"ids": list(segment_ids)}).scalars())
+
+
 def moments_of(session: Session, drive_id: uuid.UUID) -> set[float]:
     """When the drive came to its segments, Unix seconds."""
-    return set(session.execute(_MOMENTS, {"drive_id": drive_id}).scalars())
+    return set(session.execute(_MOMENTS, of_drive(session, drive_id)).scalars())
 
 
 def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPass]:
-    """All passes over these segments but those of drives that are there already; drive by drive as driven."""
-    rows = fetch_binary(session, _OVER, {"ids": list(segment_ids)})
+    """The passes over these segments that are in no sum, but for those of drives that are there already; drive by drive
+    as driven."""
+    rows = fetch_binary(
+        session, OVER, {"ids": list(segment_ids), "regions": regions_of(session, segment_ids)}
+    )
     factors = PassFactor.decode_all([row[3:] for row in rows])
     return [
         StoredPass(key, drive_id, accepted, factor)
@@ -127,7 +168,11 @@ def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPa
 
 
 def said_elsewhere(session: Session, drives: Sequence[Sequence[StoredPass]]) -> dict[int, ConstantsSaid]:
-    """What the drives' other passes say of their constants, by place in ``drives``: the whole less what is here."""
+    """What the drives' other passes say of their constants, by place in ``drives``: the whole less what is here.
+
+    A pass that is in a sum, here or elsewhere, is not here: it says as little of the constants as any pass does over a
+    road of which next to nothing is known, and less than it would say among the others.
+    """
     ids = [said[0].drive_id for said in drives]
     whole = {key: (count, said) for key, count, said in fetch_binary(session, _CONSTANTS, {"ids": ids})}
     found = {}
@@ -151,12 +196,16 @@ def by_drive(passes: Iterable[StoredPass]) -> list[list[StoredPass]]:
     )
 
 
-def set_verdicts(session: Session, verdicts: Mapping[int, bool]) -> None:
-    """Write whether passes, by id, are heard."""
-    if verdicts:
-        session.execute(_SET_VERDICTS, {"ids": list(verdicts), "accepted": list(verdicts.values())})
+def set_verdicts(session: Session, heard: Sequence[StoredPass], rejected: Sequence[StoredPass]) -> None:
+    """Write which passes are heard from now on, and which are not."""
+    for statement, passes in ((_HEAR, heard), (_REJECT, rejected)):
+        if passes:
+            segments = sorted({p.factor.segment for p in passes})
+            ids = sorted(p.id for p in passes if p.id is not None)
+            values = {"ids": ids, "segments": segments, "regions": regions_of(session, segments)}
+            session.execute(statement, values)
 
 
 def hearing(session: Session, drive_id: uuid.UUID) -> Hearing:
     """How far the drive agrees with the others over the same segments, by the verdicts that stand."""
-    return Hearing(*session.execute(_HEARD, {"drive_id": drive_id}).one())
+    return Hearing(*session.execute(_HEARD, of_drive(session, drive_id)).one())

@@ -18,16 +18,21 @@ from app.network.cells import beside, cells_over, take_unsettled, unsettle, unse
 from app.network.extracts import road_version
 from app.network.locks import cell_claims
 from app.network.solve import settle_square
-from app.network.swap import BusyError, Found, shown_cells, snapshot, swap
+from app.network.swap import BusyError, Found, shown_cells, snapshot, sum_old_passes, swap
 from fusion.types import Progress, no_progress
 
 _WAIT_S = 0.1
 _TRIES = 100
 
-# Each stage is made anew wherever it is or ought to be: what lost its ground must go.
-_IN_NETWORK = """
-    SELECT segment_id FROM drive_passes {of_cell} UNION SELECT segment_id FROM network_slopes {of_cell}
+# Each stage is made anew wherever it is or ought to be: what lost its ground must go. Of the passes over a segment one
+# is looked at, however many there were.
+_DRIVEN = """
+    SELECT s.id AS segment_id FROM segments AS s, LATERAL (
+        SELECT FROM drive_passes WHERE segment_id = s.id AND region = versant_region(s.cell)
+        ORDER BY entered_s LIMIT 1) AS any_pass
+    {where}
 """
+_IN_NETWORK = "{driven} UNION SELECT segment_id FROM network_slopes {of_cell}"
 _PUBLISHED = """
     SELECT segment_id FROM network_slopes {of_cell} UNION SELECT segment_id FROM drive_segments {of_cell}
     UNION SELECT segment_id FROM segment_slopes {of_cell}
@@ -35,14 +40,18 @@ _PUBLISHED = """
 _OF_CELL = "WHERE segment_id IN (SELECT id FROM segments WHERE cell = :cell)"
 _SQUARES = text(
     f"""
+    WITH driven AS MATERIALIZED ({_DRIVEN.format(where="")})
     SELECT s.cell, count(*) FILTER (WHERE n.segment_id IS NOT NULL) AS in_network
-    FROM ({_PUBLISHED.format(of_cell="")} UNION SELECT segment_id FROM drive_passes) AS p
+    FROM ({_PUBLISHED.format(of_cell="")} UNION SELECT segment_id FROM driven) AS p
     JOIN segments AS s ON s.id = p.segment_id
-    LEFT JOIN ({_IN_NETWORK.format(of_cell="")}) AS n ON n.segment_id = p.segment_id
+    LEFT JOIN ({_IN_NETWORK.format(driven="SELECT segment_id FROM driven", of_cell="")}) AS n
+        ON n.segment_id = p.segment_id
     GROUP BY s.cell ORDER BY s.cell
     """  # noqa: S608 - constants
 )
-_IN_NETWORK_OF_CELL = text(_IN_NETWORK.format(of_cell=_OF_CELL))
+_IN_NETWORK_OF_CELL = text(
+    _IN_NETWORK.format(driven=_DRIVEN.format(where="WHERE s.cell = :cell"), of_cell=_OF_CELL)
+)
 _PUBLISHED_OF_CELL = text(_PUBLISHED.format(of_cell=_OF_CELL))
 
 
@@ -86,7 +95,8 @@ def _settle(sessions: Sessions, cell: int) -> None:
     try:
         with cell_claims(sessions) as claims:
             for _ in range(_TRIES):
-                if claims.take(cell) and swap(sessions, _find(sessions, cell), 0.0, settled=True):
+                if claims.take(cell) and swap(sessions, found := _find(sessions, cell), 0.0, settled=True):
+                    sum_old_passes(sessions, found)
                     return
                 time.sleep(_WAIT_S)
         raise BusyError(f"{_TRIES} times others were at work in the same square")

@@ -7,22 +7,26 @@ what becomes of the solution is in ``swap``.
 from __future__ import annotations
 
 import uuid
+from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from sqlalchemy.orm import Session
 
 from app.network.control import control_on
 from app.network.passes import StoredPass, by_drive, passes_over, said_elsewhere
+from app.network.sums import OldPass, beyond_jury, first_of, sums_over
 from app.network.surroundings import Surroundings, stored_terrain, surroundings
 from fusion.network.adjust import adjust
+from fusion.network.curve import knot_length
 from fusion.network.pass_factor import PassFactor
 from fusion.network.published import Adjustment
+from fusion.network.sums import PassSum
 from fusion.network.window import Window, window_around
 from fusion.types import Bools
 
-SETTLED_SIGMAS = 0.05
+SETTLED_SIGMAS = 0.025
 """Slopes just outside of what is published may move by so much; if they move farther, the window was too small. What
 settling the whole changes is to stay below 0.1 sigma."""
 
@@ -46,6 +50,8 @@ class Solution:
     drives: list[list[StoredPass]]
     result: Adjustment | None
     """None where nothing was to be solved"""
+    sums: list[tuple[int, PassSum]] = field(default_factory=list)
+    """By segment, what the old passes over it say besides"""
 
     def settled(self) -> bool:
         """Whether slopes outside of what is published stay as they are."""
@@ -62,6 +68,29 @@ class Solution:
             return []
         verdicts = self.result.heard
         return [(p, verdicts[k, p.factor.sequence]) for k, said in enumerate(self.drives) for p in said]
+
+    def drives_heard(self) -> Counter[int]:
+        """How many drives are heard on each segment, those of its sum among them."""
+        count = Counter(
+            segment for segment, _ in {(p.factor.segment, p.drive_id) for p, good in self.heard() if good}
+        )
+        for k, (segment, one) in enumerate(self.sums, len(self.drives)):
+            count[segment] += one.drives * (self.result is not None and self.result.heard[k, 0])
+        return count
+
+    def old_passes(self, shown: Bools) -> list[OldPass]:
+        """The passes over rows that are ``shown`` that are beyond their jury, and how much each counted."""
+        if self.result is None:
+            return []
+        mine = set(self.around.ids[shown & self.window.solved].tolist())
+        weight, over = self.result.weight, dict[int, list[OldPass]]()
+        for k, said in enumerate(self.drives):
+            for p in said:
+                name = (k, p.factor.sequence)
+                if p.id is not None and p.factor.segment in mine:
+                    heard = weight[name] if self.result.heard[name] else 0.0
+                    over.setdefault(p.factor.segment, []).append(OldPass(p.id, p.drive_id, p.factor, heard))
+        return first_of(beyond_jury(over[segment]) for segment in sorted(over))
 
 
 def solve_around(session: Session, touched: Collection[int]) -> tuple[Solution, Bools]:
@@ -117,11 +146,16 @@ def _solve(
     elsewhere = {
         k: said for k, said in said_elsewhere(session, drives).items() if drives[k][0].drive_id not in own
     }
+    sums = sorted(sums_over(session, ids, next(iter(own), None)).items())
+    said = {k: [p.factor.over(row_of[p.factor.segment]) for p in said] for k, said in enumerate(drives)}
+    length = knot_length(around.table.length_m[window.solved])
+    for k, (segment, one) in enumerate(sums, len(drives)):
+        said[k] = [one.factor(row_of[segment], float(length[row_of[segment]]))]
     result = adjust(
         around.table.subset(window.solved),
-        {k: [p.factor.over(row_of[p.factor.segment]) for p in said] for k, said in enumerate(drives)},
+        said,
         stored_terrain(session, around.table.subset(window.solved), around.ids[window.solved]),
         control_on(session, around.table).among(window.solved),
         elsewhere=elsewhere,
     )
-    return Solution(around, window, drives, result)
+    return Solution(around, window, drives, result, sums)

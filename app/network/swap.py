@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import random
 import time
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -24,10 +23,11 @@ from app.network.cells import beside, cells_over, lock_cells, raise_versions, un
 from app.network.extracts import road_version
 from app.network.locks import CellClaims, cell_claims, try_share_network
 from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
-from app.network.passes import set_verdicts
+from app.network.passes import regions_of, set_verdicts
 from app.network.publish import refresh_aggregates
 from app.network.slopes import clear_slopes, write_slopes
 from app.network.solve import Solution, solve_around
+from app.network.sums import made_sums, sum_up
 from fusion.types import Bools, Progress, no_progress
 
 logger = logging.getLogger(__name__)
@@ -53,7 +53,7 @@ _OTHERS_WRITE = frozenset({"55P03", "40P01"})
 
 
 def _nobody() -> None:
-    """Asks no other solver."""
+    """Tells nobody."""
 
 
 class BusyError(Exception):
@@ -73,11 +73,18 @@ class Found:
     """Of all squares in which anything of it is shown."""
 
 
-def solve_marked(sessions: Sessions, *, only_due: bool = True, more: Callable[[], None] = _nobody) -> int:
+def solve_marked(
+    sessions: Sessions,
+    *,
+    only_due: bool = True,
+    more: Callable[[], None] = _nobody,
+    published: Callable[[], object] = _nobody,
+) -> int:
     """Take marked squares that no other solver has, solve and publish them; of how many.
 
     ``only_due``: nothing is begun where no mark is due; then all that is marked near by is taken along. ``more`` is
-    called before anything is solved if there is work for another solver.
+    called before anything is solved if there is work for another solver, ``published`` when the map is up to date and
+    only old passes are left to be summed.
     """
     with cell_claims(sessions) as claims:
         with sessions() as session:
@@ -88,16 +95,20 @@ def solve_marked(sessions: Sessions, *, only_due: bool = True, more: Callable[[]
                 more()
             with sessions.begin() as session:
                 note_try(session, cells)
-            publish_cells(sessions, cells)
+            publish_cells(sessions, cells, published)
     return len(cells)
 
 
-def publish_cells(sessions: Sessions, cells: Collection[int]) -> None:
+def publish_cells(
+    sessions: Sessions, cells: Collection[int], published: Callable[[], object] = _nobody
+) -> None:
     """Solve all that is marked in these squares, which the caller has taken, and swap it in."""
     for attempt in range(_TRIES):
         with snapshot(sessions) as session:
             found = _find(session, marked_in(session, cells))
         if swap(sessions, found):
+            published()
+            sum_old_passes(sessions, found)
             return
         logger.debug("squares %s changed while they were solved; again", sorted(cells))
         time.sleep(_PAUSE_S * random.uniform(0.5, 1.5) * min(attempt + 1, 5))  # noqa: S311 - no secret
@@ -180,6 +191,28 @@ def swap(
     return True
 
 
+def sum_old_passes(sessions: Sessions, found: Found) -> None:
+    """After a swap: what the solution had beyond the juries of its segments goes into their sums, as it counted there.
+
+    Where others are in the way it is left to the next solution, which reads that much more.
+    """
+    old = [] if found.solution is None else found.solution.old_passes(found.shown)
+    if not old:
+        return
+    try:
+        with sessions() as session:
+            made = made_sums(session, old)
+            regions = regions_of(session, {p.factor.segment for p in old})
+        with sessions.begin() as session:
+            session.execute(_LOCK_WAIT)
+            if try_share_network(session):
+                sum_up(session, old, made, regions)
+    except OperationalError as error:
+        if getattr(error.orig, "sqlstate", None) not in _OTHERS_WRITE:
+            raise
+        logger.debug("others were in the way of sums over %d passes", len(old))
+
+
 def _take(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int]:
     """The first square that can be had, and marked ones about it as long as they are few."""
     marked = {w.cell: w for w in waiting}
@@ -222,8 +255,9 @@ def _write(session: Session, solution: Solution, shown: Bools, tolerance_sigmas:
     gone[rows] = False
     mine = set(around.ids[shown].tolist())
     heard = [(p, good) for p, good in solution.heard() if p.factor.segment in mine]
-    set_verdicts(session, {p.id: good for p, good in heard if p.id is not None and p.accepted != good})
-    drives = Counter(segment for segment, _ in {(p.factor.segment, p.drive_id) for p, good in heard if good})
+    turned = [(p, good) for p, good in heard if p.accepted != good]
+    set_verdicts(session, [p for p, good in turned if good], [p for p, good in turned if not good])
+    drives = solution.drives_heard()
     ids = around.ids[rows].tolist()
     counts = [drives[segment] for segment in ids]
     changed = write_slopes(session, ids, counts, result, usable, tolerance_sigmas)

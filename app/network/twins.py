@@ -15,26 +15,30 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
+from app.network.sums import OF_DRIVE, drive_regions, of_drive, take_out
 from fusion.network.witnesses import LONGEST_ENTRY_S, SAME_SHARE, Witness, repeated, same_drive
+
+_ITS = OF_DRIVE.format(":", "")
 
 # Drives that the rule can take for this one, and a few more: through an index by segment and time, so that the cost is
 # that of the drive itself.
 _BESIDE = text(
-    """
+    f"""
     SELECT other.drive_id
-    FROM drive_passes AS mine JOIN drive_passes AS other
-        ON other.segment_id = mine.segment_id AND other.drive_id <> mine.drive_id
+    FROM (SELECT segment_id, region, entered_s FROM drive_passes WHERE {_ITS}) AS mine
+    JOIN drive_passes AS other
+        ON other.segment_id = mine.segment_id AND other.region = mine.region AND other.drive_id <> :drive_id
         AND other.entered_s BETWEEN mine.entered_s - :apart_s AND mine.entered_s + :apart_s
-    WHERE mine.drive_id = :drive_id
     GROUP BY other.drive_id
     HAVING count(DISTINCT mine.segment_id) > :share * least(
-        (SELECT count(DISTINCT segment_id) FROM drive_passes AS m WHERE m.drive_id = :drive_id),
+        (SELECT count(DISTINCT segment_id) FROM drive_passes WHERE {_ITS}),
         (SELECT count(DISTINCT segment_id) FROM drive_passes AS o WHERE o.drive_id = other.drive_id))
-    """
+    """  # noqa: S608 - constants
 )
 
 _ENTRIES = """
-    SELECT drive_id, segment_id, entered_s FROM drive_passes WHERE drive_id = ANY(%(ids)s::uuid[])
+    SELECT drive_id, segment_id, entered_s FROM drive_passes
+    WHERE drive_id = ANY(%(ids)s::uuid[]) AND region = ANY(%(regions)s::smallint[])
     ORDER BY drive_id, sequence
 """
 _EPOCHS = "SELECT drive_id, measurements, epoch_s FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
@@ -42,10 +46,12 @@ _EPOCHS = "SELECT drive_id, measurements, epoch_s FROM drive_constants WHERE dri
 _NAMED_BY = text("SELECT id FROM drives WHERE same_as = :drive_id")
 _SAME_AS = text("SELECT id, same_as FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256")
 _SET_SAME_AS = text("UPDATE drives SET same_as = :same_as WHERE id = :drive_id")
-_SET_HEARD = text(
-    "UPDATE drive_passes SET accepted = :heard WHERE drive_id = :drive_id AND accepted <> :heard"
+_SEGMENTS = text(
+    """
+    SELECT DISTINCT segment_id FROM drive_passes
+    WHERE drive_id = ANY(CAST(:ids AS uuid[])) AND region = ANY(CAST(:regions AS smallint[]))
+    """
 )
-_SEGMENTS = text("SELECT DISTINCT segment_id FROM drive_passes WHERE drive_id = ANY(CAST(:ids AS uuid[]))")
 
 
 def drives_that_name(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
@@ -65,11 +71,14 @@ def choose_witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> set[
         witness = drives[again[k]].id if k in again else None
         if witness != former:
             session.execute(_SET_SAME_AS, {"drive_id": drive_id, "same_as": witness})
-        if witness is not None or former is not None:  # also new passes of one that is not heard either way
-            session.execute(_SET_HEARD, {"drive_id": drive_id, "heard": witness is None})
+        if witness is not None and former is None:
+            take_out(session, drive_id)
         if (witness is None) != (former is None):
             changed.append(drive_id)
-    return set(session.execute(_SEGMENTS, {"ids": changed}).scalars()) if changed else set()
+    if not changed:
+        return set()
+    values = {"ids": changed, "regions": drive_regions(session, changed)}
+    return set(session.execute(_SEGMENTS, values).scalars())
 
 
 def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
@@ -87,7 +96,7 @@ def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.U
 
 
 def _beside(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
-    values = {"drive_id": drive_id, "apart_s": LONGEST_ENTRY_S, "share": SAME_SHARE}
+    values = {**of_drive(session, drive_id), "apart_s": LONGEST_ENTRY_S, "share": SAME_SHARE}
     return set(session.execute(_BESIDE, values).scalars())
 
 
@@ -95,7 +104,9 @@ def _witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.
     """What tells each of these drives from others; nothing does of one without passes."""
     ids = list(drive_ids)
     entries: dict[uuid.UUID, list[tuple[int, float]]] = {drive_id: [] for drive_id in ids}
-    for drive_id, segment, entered_s in fetch_binary(session, _ENTRIES, {"ids": ids}):
+    for drive_id, segment, entered_s in fetch_binary(
+        session, _ENTRIES, {"ids": ids, "regions": drive_regions(session, ids)}
+    ):
         entries[drive_id].append((segment, entered_s))
     epochs = {drive_id: said for drive_id, *said in fetch_binary(session, _EPOCHS, {"ids": ids})}
     found = {}

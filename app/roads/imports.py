@@ -130,6 +130,10 @@ _MOVE = text(
         DELETE FROM drive_segments USING moved WHERE segment_id = moved.id
     ), passes AS (
         DELETE FROM drive_passes USING moved WHERE segment_id = moved.id
+    ), verdicts AS (
+        DELETE FROM rejected_passes USING moved WHERE segment_id = moved.id
+    ), sums AS (
+        DELETE FROM pass_sums USING moved WHERE segment_id = moved.id
     ), network AS (
         DELETE FROM network_slopes USING moved WHERE segment_id = moved.id
     ), aggregates AS (

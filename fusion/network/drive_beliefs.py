@@ -60,6 +60,8 @@ class DriveBeliefs:
         self.walks = self._walks()
         self._number = {d: k for k, d in enumerate(self.names)}
         self.pass_scale = np.ones(len(self.names))
+        self.overruled: set[int] = set()
+        """Segments whose sums (``fusion.network.sums``) are heard no longer"""
         self.groups = self._groups(road)
 
     def _beliefs(self, lags: list[int]) -> list[Blocks]:
@@ -152,8 +154,11 @@ class DriveBeliefs:
             return
         misfits = self.misfits(solution)
         self._learn_scales(misfits)
+        self._learn_overruled(misfits)
         for (members, blocks, _, _), misfit in zip(self.groups, misfits, strict=True):
             blocks.weight = _pass_weight(misfit, self._scales_of(members))
+            if self.overruled:
+                blocks.weight[[self._is_overruled(d, k) for d, k in members]] = 0.0
 
     def _learn_scales(self, misfits: list[Floats]) -> None:
         """How much worse each drive's passes fit than it believes of itself: its place, and what it has no model of."""
@@ -163,6 +168,23 @@ class DriveBeliefs:
         first = np.searchsorted(number[order], np.arange(len(self.names) + 1))
         for k, (a, b) in enumerate(zip(first[:-1].tolist(), first[1:].tolist(), strict=True)):
             self.pass_scale[k] = _scale(misfit[order[a:b]])
+
+    def _learn_overruled(self, misfits: list[Floats]) -> None:
+        """Where most of the passes contradict a solution with a sum in it, the sum goes: the newest drives know what
+        the road is now. Else what is new would be rejected for ever, since it never becomes the most."""
+        summed = {p.segment for said in self.passes.values() for p in said if p.summed}
+        against = dict.fromkeys(summed, 0)
+        for (members, _, _, _), misfit in zip(self.groups if summed else (), misfits, strict=False):
+            contradicts = misfit > REJECT_SIGMAS**2 * self._scales_of(members)
+            for (d, k), wrong in zip(members, contradicts.tolist(), strict=True):
+                one = self.passes[d][k]
+                if one.segment in summed and not one.summed:
+                    against[one.segment] += 1 if wrong else -1
+        self.overruled |= {segment for segment, most in against.items() if most > 0}
+
+    def _is_overruled(self, d: int, k: int) -> bool:
+        one = self.passes[d][k]
+        return one.summed > 0 and one.segment in self.overruled
 
     def _scales_of(self, members: list[tuple[int, int]]) -> Floats:
         return np.array([self.pass_scale[self._number[d]] for d, _ in members])

@@ -59,6 +59,8 @@ class Adjustment:
     """Passes that are not"""
     heard: dict[tuple[int, int], bool]
     """Whether each pass, by drive and sequence, agrees with the solution"""
+    weight: dict[tuple[int, int], float]
+    """How much each pass counted in the solution, 1: as it states"""
     lag_s: dict[int, float]
     """By drive, how late its altimeter is; only of drives that have one"""
     lag_mean_s: float
@@ -134,7 +136,10 @@ def published(
         slope[mine], sigma[mine] = 100 * np.sum(rows * x, axis=1), 100 * np.sqrt(variance)
     passes = _passes(said, solution)
     share, observations = _driven(passes, u.length_m)
-    heard, rejected = (np.bincount(passes.segment[v], minlength=n) for v in (passes.heard, ~passes.heard))
+    heard, rejected = (
+        np.bincount(passes.segment[v], passes.count[v], minlength=n).astype(np.int64)
+        for v in (passes.heard, ~passes.heard)
+    )
     lags = {d: float(solution.x[q.lag]) for d, q in said.unknowns.items() if q.lag is not None}
     mean = np.nan if said.lag_mean is None else float(solution.x[said.lag_mean])
     unknown = ~np.isfinite(slope + sigma)
@@ -156,6 +161,7 @@ def published(
         passes=heard,
         rejected=rejected,
         heard=dict(zip(passes.names, passes.heard.tolist(), strict=True)),
+        weight=dict(zip(passes.names, passes.weight.tolist(), strict=True)),
         lag_s=lags,
         lag_mean_s=mean,
         solution=solution,
@@ -183,13 +189,16 @@ class _Passes:
     start_m: Floats
     end_m: Floats
     heard: Bools
+    weight: Floats
+    count: Ints
+    """How many passes each is: one, or those of a sum"""
 
 
 def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
     members = [(d, said.passes[d][k]) for group, _, _, _ in said.groups for d, k in group]
     verdicts = [
-        misfit <= REJECT_SIGMAS**2
-        for (group, _, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True)
+        (misfit <= REJECT_SIGMAS**2) & (blocks.weight > 0)
+        for (_, blocks, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True)
     ]
     return _Passes(
         [(d, p.sequence) for d, p in members],
@@ -198,6 +207,8 @@ def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
         np.array([p.start_m for _, p in members], float),
         np.array([p.end_m for _, p in members], float),
         np.concatenate([np.empty(0, np.bool_), *verdicts]),
+        np.concatenate([np.empty(0), *(blocks.weight for _, blocks, _, _ in said.groups)]),
+        np.array([max(p.summed, 1) for _, p in members], np.int64),
     )
 
 

@@ -118,9 +118,12 @@ class RoadBeliefs:
 def _as_drives_learned(cells: Cells, passes: Sequence[PassFactor]) -> Floats:
     """The mean (of logs) of what drives learned of themselves about each cell (c,); far from all, that of all."""
     row = np.array([p.segment for p in passes], np.int64)
-    learned = np.log([p.roughness for p in passes] or [DEFAULT_ROUGHNESS])
-    total = cells.sums(row, learned[: len(row)]) + FAR_SHARE * learned.mean()
-    return np.asarray(np.clip(np.exp(total / (cells.sums(row) + FAR_SHARE)), *ROUGHNESS_BOUNDS))
+    count = np.array([max(p.summed, 1) for p in passes] or [1], float)
+    learned = count * np.log([p.roughness for p in passes] or [DEFAULT_ROUGHNESS])
+    total = cells.sums(row, learned[: len(row)]) + FAR_SHARE * learned.sum() / count.sum()
+    return np.asarray(
+        np.clip(np.exp(total / (cells.sums(row, count[: len(row)]) + FAR_SHARE)), *ROUGHNESS_BOUNDS)
+    )
 
 
 def _level_information(u: RoadUnknowns) -> Floats:

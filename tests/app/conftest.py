@@ -3,6 +3,7 @@
 from bucket_fixtures import bucket, bucket_server
 from drive_fixtures import bench, files, send
 from store_fixtures import add_drive, chain, segment_ids, sessions, streets, streets_apart
+from sums_support import tiny
 from web_fixtures import drive_maker, filled, reading, server_maker, settings, web
 
 __all__ = [
@@ -22,5 +23,6 @@ __all__ = [
     "settings",
     "streets",
     "streets_apart",
+    "tiny",
     "web",
 ]

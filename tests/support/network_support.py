@@ -144,7 +144,15 @@ def rows_of(sessions: Sessions, relation: str = "segment_slopes") -> Rows:
 def verdicts_of(sessions: Sessions) -> dict[tuple[uuid.UUID, int], bool]:
     """Whether each pass is heard, by drive and segment (of drives that pass once)."""
     with sessions() as session:
-        rows = session.execute(text("SELECT drive_id, segment_id, accepted FROM drive_passes"))
+        rows = session.execute(
+            text(
+                """
+            SELECT p.drive_id, p.segment_id, d.same_as IS NULL AND r.pass_id IS NULL
+            FROM drive_passes AS p JOIN drives AS d ON d.id = p.drive_id
+            LEFT JOIN rejected_passes AS r ON r.pass_id = p.id
+            """
+            )
+        )
         return {(row[0], row[1]): row[2] for row in rows}
 
 

@@ -232,47 +232,6 @@ class DriveSegment(Base):
     )
 
 
-class DrivePass(Base):
-    """What one pass of a drive over a segment contributes to the network: a factor, in the library's encoding."""
-
-    __tablename__ = "drive_passes"
-
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
-    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"))
-    sequence: Mapped[int]
-    """Its place among the drive's passes, in the order of driving."""
-    entered_s: Mapped[float]
-    """When the drive came to the segment, Unix seconds."""
-    factor: Mapped[bytes]
-    accepted: Mapped[bool]
-    """Whether the pass is heard: it agrees with the network, and its drive is not one that is there already."""
-
-    __table_args__ = (
-        Index("ix_drive_passes_segment_id", "segment_id", "drive_id", postgresql_include=["accepted"]),
-        # Who else was here at that moment is one look, however many drives there are.
-        Index(
-            "ix_drive_passes_segment_id_entered_s", "segment_id", "entered_s", postgresql_include=["drive_id"]
-        ),
-    )
-
-
-class DriveConstants(Base):
-    """What a drive's passes together say of its constants, in the library's encoding, and of how many passes it is.
-
-    Beside it what tells the drive from others, with the entries of its passes: how many measurements it has, and the
-    times of its positions, Unix seconds as little-endian doubles.
-    """
-
-    __tablename__ = "drive_constants"
-
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
-    passes: Mapped[int]
-    said: Mapped[bytes]
-    measurements: Mapped[int]
-    epoch_s: Mapped[bytes]
-
-
 class _OfNetwork:
     """What the network knows of a segment besides its slope; NULL where it is not in the network."""
 

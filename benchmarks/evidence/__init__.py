@@ -1,0 +1,1 @@
+"""How evidence grows: one street with more and more passes (``python -m evidence``)."""
