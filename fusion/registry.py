@@ -9,7 +9,19 @@ T = TypeVar("T")
 
 # What is taken where nobody chooses. Here, so that whoever only shows these names loads no method for it.
 DEFAULT_METHOD = "profile"
-"""The estimator; one of ``fusion.methods.METHODS``."""
+"""The estimator; one of ``METHOD_NAMES``."""
+METHOD_NAMES = (
+    "profile",
+    "particle",
+    "odometer-map",
+    "gps-ins-kf",
+    "gps-ins-ekf",
+    "gps-ins-ukf",
+    "ukf-dem",
+    "raw",
+    "dem",
+)
+"""What ``fusion.methods.METHODS`` holds (a test holds them equal)."""
 DEFAULT_POSITIONING = "receiver"
 """How positions are computed from a log; one of ``fusion.gnss.POSITIONINGS``."""
 

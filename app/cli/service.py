@@ -125,8 +125,10 @@ def worker(
     with database(settings, embedded=True if data_dir else None) as ready:
         _require_database(ready, migrated=True)
         if with_parent:
+            from app.core.standing_back import stand_back
             from app.drives.worker import run_worker
 
+            stand_back()
             run_worker(ready, with_chores=not without_chores)
             return
         with stop_signals(), Children(ready, ctx.obj, lanes(ready)) as workers:

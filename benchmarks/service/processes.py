@@ -48,10 +48,14 @@ class Service:
             sys.exit(f"{arguments[0]}: {done.stderr.strip()}")
 
     def begin(self, *arguments: str) -> subprocess.Popen[bytes]:
-        """A command as a process beside this one."""
+        """A command as a process beside this one, in a session of its own as under ``versant up``."""
         command = [sys.executable, "-m", "app.cli", *arguments]
         return subprocess.Popen(
-            command, cwd=self.checkout, env=dict(self.environment), stdout=subprocess.DEVNULL
+            command,
+            cwd=self.checkout,
+            env=dict(self.environment),
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
         )
 
     @contextmanager

@@ -7,14 +7,13 @@ started again when it ended. What is drawn is handed over whole; the process kno
 from __future__ import annotations
 
 import multiprocessing
-import signal
-import traceback
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from threading import Lock
 
 from app.core.errors import NotReadyError
 from app.core.lanes import Lane
+from app.drives.outputs.draughtsman import draw
 from app.drives.outputs.profile import Profile
 from fusion.types import DrawnMeasurements
 
@@ -65,7 +64,7 @@ class Drawing:
         # Not a copy of this process: its threads hold locks, and it holds connections.
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
-        self._process = context.Process(target=_draw, args=(theirs,), name="versant drawing", daemon=True)
+        self._process = context.Process(target=draw, args=(theirs,), name="versant drawing", daemon=True)
         self._process.start()
         theirs.close()
         self._pipe = ours
@@ -79,20 +78,3 @@ class Drawing:
             self._process.join()
             self._process.close()
         self._pipe = self._process = None
-
-
-def _draw(pipe: Connection) -> None:
-    """Draw what comes until the other end closes, as it does however that process ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C in the terminal is for the parent
-    from app.drives.outputs.profile_picture import profile_png  # noqa: PLC0415 - here alone matplotlib is loaded
-
-    while True:
-        try:
-            profile, title, measurements = pipe.recv()
-        except EOFError:
-            return
-        try:
-            answer = (profile_png(profile, title, measurements), "")
-        except Exception:  # whatever it is: the next picture may be drawn
-            answer = (b"", traceback.format_exc())
-        pipe.send(answer)
