@@ -177,7 +177,7 @@ def run(
             routes = ["/healthz", "/readyz", "/v1/drives", f"/tiles/{z14}.mvt"]
             with probing(service.port, routes, Path(scratch) / "probes") as probes:
                 time.sleep(WARM_UP_S + IDLE_S)
-                began = time.time()
+                began, at_rest_mb = time.time(), memory.now_mb
                 figures = make_load(service, folder / "changed.osm.pbf", drives, streams, z8)
                 ended = time.time()
             idle = probes.between(began - IDLE_S, began)
@@ -185,7 +185,7 @@ def run(
         load = Load(
             load_before=load_before,
             lasted_s=ended - began,
-            memory_at_rest_mb=memory.at_rest_mb,
+            memory_at_rest_mb=at_rest_mb,
             memory_mb=memory.sum_mb,
             memory_at_once_mb=memory.at_once_mb,
             processes_mb=sorted(memory.own_mb.values(), reverse=True),

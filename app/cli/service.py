@@ -81,7 +81,7 @@ def api(
 
     from app.cli.database import database, settings_for
     from app.cli.supervisor import free_port, reach
-    from app.main import create_app
+    from app.main import create_app, stay_loaded
 
     console: Console = ctx.obj
     settings = settings_for(data_dir, port=port, host=host)
@@ -91,8 +91,10 @@ def api(
         number = free_port(ready)
         if not with_parent:
             console.note(f"Versant's API listens on {ready.host}:{number}. {reach(ready)}")
+        application = create_app(ready)
+        stay_loaded()
         uvicorn.run(
-            create_app(ready),
+            application,
             host=ready.host,
             port=number,
             log_config=None,

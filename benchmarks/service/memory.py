@@ -18,8 +18,8 @@ class Peak:
         """The most that each process has had at any moment (VmHWM), by its number."""
         self.at_once_mb = 0.0
         """The most that all of them had resident at one moment."""
-        self.at_rest_mb = 0.0
-        """What they had at the first look."""
+        self.now_mb = 0.0
+        """What they had resident at the last look."""
 
     @property
     def sum_mb(self) -> float:
@@ -34,7 +34,7 @@ class Peak:
                 own = _status_mb(member)
                 self.own_mb[member] = max(own["VmHWM"], self.own_mb.get(member, 0.0))
                 now += own["VmRSS"]
-        self.at_rest_mb = self.at_rest_mb or now
+        self.now_mb = now
         self.at_once_mb = max(self.at_once_mb, now)
 
 
