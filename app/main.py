@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import uuid
 from collections.abc import AsyncIterator, Collection, Mapping
 from contextlib import asynccontextmanager, suppress
@@ -16,6 +15,7 @@ from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 
 from app.core.blobs import BlobStore
+from app.core.collecting import CollectAfterRequests
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.departures import EndWithClient
 from app.core.http import Service
@@ -71,8 +71,6 @@ way is drawn; sigma is one standard deviation; unknown is null, never 0. Times a
 documents (RFC 9457): what takes too long, or is asked for by too many at once, is answered by 503 with
 `Retry-After`; a request under a host name that is not the service's by 421. {BIND_NOTE}"""
 
-COLLECT_AFTER = (2000, 20, 50)
-"""Objects more after which the youngest are looked through; times after which the older are, and all."""
 GZIP_FROM_BYTES = 1000
 GZIP_LEVEL = 1  # higher levels cost half the throughput for a few percent of size (spec 8)
 
@@ -105,20 +103,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     return app
 
 
-def stay_loaded() -> None:
-    """Call it when everything is imported and made: the collector of cycles is to leave alone what stays for good.
-
-    It would else look through half a million objects every few seconds, and for a quarter of a second nothing would be
-    answered. What comes is collected as ever, only not all of it so often: ended streams and requests leave few cycles.
-    """
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(*COLLECT_AFTER)
-
-
 def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane]) -> list[Middleware]:
     """The outermost first."""
     return [
+        Middleware(CollectAfterRequests),
         Middleware(Turnstile),
         Middleware(HeadMiddleware),
         Middleware(MetricsMiddleware, metrics=metrics),

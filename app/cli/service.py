@@ -81,7 +81,8 @@ def api(
 
     from app.cli.database import database, settings_for
     from app.cli.supervisor import free_port, reach
-    from app.main import create_app, stay_loaded
+    from app.core.collecting import stay_loaded
+    from app.main import create_app
 
     console: Console = ctx.obj
     settings = settings_for(data_dir, port=port, host=host)

@@ -1,18 +1,17 @@
-"""What runs in the process that draws (``drawing``). It loads no more than that takes: neither web nor database."""
+"""The process that draws (``drawing``). It loads no more than that takes: neither web nor database."""
 
 from __future__ import annotations
 
-import signal
+import gc
+import sys
 import traceback
 from multiprocessing.connection import Connection
 
-from app.core.standing_back import stand_back
+from app.core.standing_back import HALFWAY, stand_back
 
 
 def draw(pipe: Connection) -> None:
     """Draw what comes until the other end closes, as it does however that process ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C in the terminal is for the parent
-    stand_back()
     from app.drives.outputs.profile_picture import profile_png  # noqa: PLC0415 - here alone matplotlib is loaded
 
     while True:
@@ -25,3 +24,10 @@ def draw(pipe: Connection) -> None:
         except Exception:  # whatever it is: the next picture may be drawn
             answer = (b"", traceback.format_exc())
         pipe.send(answer)
+        del profile, measurements, answer
+        gc.collect()  # a figure is one large cycle, and several would wait to be found
+
+
+if __name__ == "__main__":
+    stand_back(HALFWAY)
+    draw(Connection(int(sys.argv[1])))
