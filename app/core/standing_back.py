@@ -17,19 +17,17 @@ from typing import Any
 
 NICENESS = 10
 """Each step is a fifth less: ten are a tenth of the weight."""
-HALFWAY = 5
-"""For what somebody waits for, but not as for an answer of the API: a third of the weight."""
 
 _PEER_CREDENTIALS = "3i"  # process, user, group
 
 
-def stand_back(niceness: int = NICENESS) -> None:
+def stand_back() -> None:
     """Let the other processes of this machine go before this one and what it starts from here on."""
-    os.nice(max(0, niceness - os.nice(0)))
+    os.nice(max(0, NICENESS - os.nice(0)))
     # Linux may weigh sessions first, then the processes within each. Only a session of our own is ours to weigh.
     if os.getsid(0) == os.getpid():
         with suppress(OSError):  # another system, or one that does not weigh them
-            Path("/proc/self/autogroup").write_text(str(niceness))
+            Path("/proc/self/autogroup").write_text(str(NICENESS))
 
 
 def let_stand_back(connection: Any) -> None:

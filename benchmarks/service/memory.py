@@ -32,7 +32,7 @@ class Peak:
         for member in family(pid):
             with suppress(OSError, KeyError):  # it has just ended
                 own = _status_mb(member)
-                self.own_mb[member] = max(own["VmHWM"], self.own_mb.get(member, 0.0))
+                self.own_mb[member] = own["VmHWM"]
                 now += own["VmRSS"]
         self.now_mb = now
         self.at_once_mb = max(self.at_once_mb, now)
@@ -58,13 +58,21 @@ def watched(pid: int) -> Iterator[Peak]:
 
 
 def family(pid: int) -> list[int]:
-    """The process and all that descend from it."""
+    """The process and all that descend from it.
+
+    But for one that is just being started: until it runs a program of its own it is a second name of its parent.
+    """
     found = [pid]
     for member in found:
         for children in Path(f"/proc/{member}/task").glob("*/children"):
             with suppress(OSError):
-                found += map(int, children.read_text().split())
+                parent = _command(member)
+                found += [k for k in map(int, children.read_text().split()) if _command(k) != parent]
     return found
+
+
+def _command(pid: int) -> bytes:
+    return Path(f"/proc/{pid}/cmdline").read_bytes()
 
 
 def _status_mb(pid: int) -> dict[str, float]:

@@ -7,8 +7,6 @@ import sys
 import traceback
 from multiprocessing.connection import Connection
 
-from app.core.standing_back import HALFWAY, stand_back
-
 
 def draw(pipe: Connection) -> None:
     """Draw what comes until the other end closes, as it does however that process ends."""
@@ -29,5 +27,4 @@ def draw(pipe: Connection) -> None:
 
 
 if __name__ == "__main__":
-    stand_back(HALFWAY)
     draw(Connection(int(sys.argv[1])))
