@@ -1,6 +1,6 @@
 """One kind of registry for everything that can be chosen by name: formats, methods, windows, outputs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Generic, TypeVar
 
 from fusion.errors import UnknownNameError
@@ -26,6 +26,11 @@ DEFAULT_POSITIONING = "receiver"
 """How positions are computed from a log; one of ``fusion.gnss.POSITIONINGS``."""
 
 
+def unknown_name(role: str, name: str, known: Iterable[str]) -> UnknownNameError:
+    """What is raised for a name that is not ``known``; ``role`` is the singular noun for what has such names."""
+    return UnknownNameError(f"There is no {role} called {name!r}. Choose one of: {', '.join(known)}.")
+
+
 class Registry(Generic[T]):
     """Name -> thing, in order of registration; a duplicate is refused, an unknown name answered with the known ones."""
 
@@ -46,10 +51,7 @@ class Registry(Generic[T]):
         try:
             return self._things[name]
         except KeyError:
-            known = ", ".join(self._things)
-            raise UnknownNameError(
-                f"There is no {self.role} called {name!r}. Choose one of: {known}."
-            ) from None
+            raise unknown_name(self.role, name, self) from None
 
     def __contains__(self, name: object) -> bool:
         return name in self._things

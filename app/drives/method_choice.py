@@ -10,7 +10,7 @@ from fastapi import Query
 
 from app.core.errors import BadRequestError
 from app.core.settings import Settings
-from fusion.registry import DEFAULT_METHOD, METHOD_NAMES
+from fusion.registry import DEFAULT_METHOD, METHOD_NAMES, unknown_name
 
 MethodQuery = Annotated[
     str | None,
@@ -59,10 +59,12 @@ def checked_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
 def check_options(method: str, options: Mapping[str, Any]) -> None:
     """Raise ``UnknownNameError`` or ``BadOptionsError`` for what cannot be used.
 
-    Every method can be used as it is. So only who names options of it, or none that there is, loads the methods: with
-    their compilers they take half of the memory that a process of the API would then have.
+    Every method can be used as it is. So only who names options of it loads the methods: with their compilers they take
+    nearly half of the memory that a process of the API then has.
     """
-    if options or method not in METHOD_NAMES:
+    if method not in METHOD_NAMES:
+        raise unknown_name("method", method, METHOD_NAMES)
+    if options:
         from fusion.pipeline import parse_options  # noqa: PLC0415
 
         parse_options(method, options)

@@ -1,6 +1,7 @@
 """What waits to be solved: marks, made by whoever changes what the map rests on, taken away by whoever has solved it.
 
-A mark names segments of one square. A drive is published once no mark of it is left.
+A mark names segments of one square. A drive is published once no mark of it is left, but for squares that are given up:
+those keep their marks, and are tried ever more rarely.
 """
 
 from __future__ import annotations
