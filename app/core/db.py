@@ -14,8 +14,11 @@ from psycopg import Connection
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.orm import Session, sessionmaker
 
+from app.core import arrays
 from app.core.settings import sqlalchemy_url
 from app.core.standing_back import let_stand_back
+
+arrays.register()
 
 Sessions = sessionmaker[Session]
 

@@ -29,10 +29,10 @@ from app.drives.lags import with_settled_lag
 from app.drives.outputs.track import track_length_m
 from app.drives.progress import Discarded, RunProgress, never
 from app.jobs.task import Interrupted, is_connection_loss
-from app.network import extracts
 from app.network import results as slopes
 from app.network.extracts import StoredRoads
 from app.network.marks import MarkedBy
+from app.network.road_squares import roads_in
 from app.roads import store as road_store
 from app.terrain import store as dem
 from app.terrain.imports import fill_heights_along
@@ -180,8 +180,10 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
                 "No roads have been imported yet. Import them (`versant import-roads FILE`), then ask for "
                 "this drive again."
             )
-        table, ids = extracts.roads_along(session, road_boxes(log))
-        return _Surroundings(StoredRoads(version.id, table, ids), dem.current_dem(session, bench.dem_dir))
+        roads = roads_in(session, road_boxes(log))
+        return _Surroundings(
+            StoredRoads(version.id, roads.table, roads.ids), dem.current_dem(session, bench.dem_dir)
+        )
 
 
 def _estimate(

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
 from app.core.tables import WITHOUT_HEIGHTS
-from fusion.roads.table import RoadTable, rows_of
+from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
 
 
@@ -35,24 +35,12 @@ ROAD_COLUMNS = """s.id, s.osm_way_id, s.from_node, s.to_node, ST_AsBinary(s.geom
            s.oneway, s.bridge, s.tunnel, s.layer, s.highway, s.name"""
 ROAD_ORDER = "s.osm_way_id, s.from_node, s.to_node"
 
+_VERSION = text("SELECT coalesce(max(id), 0) FROM road_versions")
 _ALL = text(f"SELECT {ROAD_COLUMNS} FROM segments AS s ORDER BY {ROAD_ORDER}")  # noqa: S608 - constants
 _IN_BOX = text(
     f"""
     SELECT {ROAD_COLUMNS} FROM segments AS s
     WHERE s.geom && ST_MakeEnvelope(:west, :south, :east, :north, 4326)
-    ORDER BY {ROAD_ORDER}
-    """  # noqa: S608 - constants
-)
-
-# Through the index, box by box: the cost is that of the roads along a log, not of the land that it spans.
-ROADS_ALONG = text(
-    f"""
-    SELECT {ROAD_COLUMNS} FROM segments AS s
-    WHERE s.id IN (
-        SELECT i.id
-        FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
-                    CAST(:north AS float8[])) AS box (west, south, east, north)
-        JOIN segments AS i ON i.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326))
     ORDER BY {ROAD_ORDER}
     """  # noqa: S608 - constants
 )
@@ -79,17 +67,9 @@ _WITHOUT_HEIGHTS_IN = text(
 )
 
 
-def roads_along(session: Session, boxes_deg: Floats) -> tuple[RoadTable, Ints]:
-    """The segments that ``RoadTable.along`` would select from the whole network, and their ids, shape (n,).
-
-    ``boxes_deg`` (m, 4): west, south, east, north. Coordinates are bit for bit those that were imported, rows sorted as
-    in every ``RoadTable``, so that the same log on the same roads gives the same numbers with and without a database.
-    """
-    west, south, east, north = boxes_deg.T.tolist()
-    box = {"west": west, "south": south, "east": east, "north": north}
-    wider, ids = road_table(list(session.execute(ROADS_ALONG, box)))
-    along = wider.along(boxes_deg)
-    return along, ids[rows_of(wider, along)]
+def road_version(session: Session) -> int:
+    """The number of the last import of roads: what is stored of them changes with it alone."""
+    return int(session.execute(_VERSION).scalar_one())
 
 
 def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]:

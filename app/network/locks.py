@@ -21,6 +21,7 @@ _CELLS = 0x5653_434C  # "VSCL"
 
 _OWN = text("SELECT pg_advisory_xact_lock(:key)")
 _SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
+_TRY_SHARE = text("SELECT pg_try_advisory_xact_lock_shared(:key)")
 _HOUR = text(
     "SELECT pg_advisory_xact_lock(:key, h) FROM (SELECT unnest(CAST(:hours AS integer[])) AS h ORDER BY 1) AS o"
 )
@@ -38,6 +39,11 @@ def own_network(session: Session) -> None:
 def share_network(session: Session) -> None:
     """Keep the roads and what lies under them as they are until this transaction ends."""
     session.execute(_SHARE, {"key": _NETWORK})
+
+
+def try_share_network(session: Session) -> bool:
+    """The same without waiting: False where someone owns the network, or waits for it."""
+    return bool(session.execute(_TRY_SHARE, {"key": _NETWORK}).scalar_one())
 
 
 def own_hours(session: Session, moments_s: Iterable[float], apart_s: float) -> None:

@@ -10,11 +10,13 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Any
 
+import numpy as np
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from fusion.methods.base import OF_TERRAIN
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
+from fusion.types import Ints
 
 _SLOPE = ("slope_percent", "slope_sigma_percent", "drives", "observations")
 _NAMES = ("segment_id", *_SLOPE, *NETWORK_ONLY)
@@ -39,20 +41,38 @@ _PARTS = text(
     """  # noqa: S608 - constants
 )
 
-_CLEAR_AGGREGATES = text(
-    "DELETE FROM segment_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[])) RETURNING segment_id"
-)
-
 # Only rows that differ are written.
-_WRITE_AGGREGATES = text(
-    f"""
-    INSERT INTO segment_slopes AS a ({", ".join(_NAMES)}) SELECT * FROM unnest({_COLUMNS})
+_UNLESS_EQUAL = f"""
     ON CONFLICT (segment_id) DO UPDATE SET
         {", ".join(f"{name} = excluded.{name}" for name in _NAMES[1:])}, updated_at = now()
     WHERE ({", ".join(f"a.{name}" for name in _NAMES[1:])}) IS DISTINCT FROM
         ({", ".join(f"excluded.{name}" for name in _NAMES[1:])})
     RETURNING segment_id
+"""
+_WRITE_AGGREGATES = text(
+    f"""
+    INSERT INTO segment_slopes AS a ({", ".join(_NAMES)}) SELECT * FROM unnest({_COLUMNS})
+    {_UNLESS_EQUAL}
     """  # noqa: S608 - constants
+)
+
+# A slope of the network alone stays as it is (``published_slope``), so nearly all need not be looked at one by one.
+_MIXED = text(
+    "SELECT DISTINCT segment_id FROM drive_segments WHERE segment_id = ANY(:ids) AND NOT in_network ORDER BY 1"
+)
+_COPY_NETWORK = text(
+    f"""
+    INSERT INTO segment_slopes AS a ({", ".join(_NAMES)})
+    SELECT {", ".join(_NAMES)} FROM network_slopes WHERE segment_id = ANY(:ids) ORDER BY segment_id
+    {_UNLESS_EQUAL}
+    """  # noqa: S608 - constants
+)
+_CLEAR_WITHOUT = text(
+    """
+    DELETE FROM segment_slopes AS a
+    WHERE segment_id = ANY(:ids) AND NOT EXISTS (SELECT FROM network_slopes AS n WHERE n.segment_id = a.segment_id)
+    RETURNING segment_id
+    """
 )
 
 # What is published without anything that it rests on, of a former model. A drive that is about to be computed again may
@@ -75,8 +95,21 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int
 
     Returns the segments of which that changed. The caller holds their squares (``app.network.cells``).
     """
-    ids = sorted({int(i) for i in segment_ids})
-    if not ids:
+    ids = np.unique(np.array(list(segment_ids), np.int64))
+    if not len(ids):
+        return []
+    mixed = np.array(session.execute(_MIXED, {"ids": ids}).scalars().all(), np.int64)
+    alone = {"ids": np.setdiff1d(ids, mixed)}
+    return [
+        *session.execute(_CLEAR_WITHOUT, alone).scalars(),
+        *session.execute(_COPY_NETWORK, alone).scalars(),
+        *_combine(session, mixed),
+    ]
+
+
+def _combine(session: Session, ids: Ints) -> list[int]:
+    """The same of segments of which others than the network say something: there is always something published."""
+    if not len(ids):
         return []
     columns: dict[str, list[Any]] = {name: [] for name in _NAMES}
     for segment_id, group in groupby(
@@ -86,11 +119,7 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int
         columns["segment_id"].append(segment_id)
         for name in _NAMES[1:]:
             columns[name].append(getattr(whole, name))
-    emptied = sorted(set(ids) - set(columns["segment_id"]))
-    changed = list(session.execute(_CLEAR_AGGREGATES, {"ids": emptied}).scalars()) if emptied else []
-    if columns["segment_id"]:
-        changed += session.execute(_WRITE_AGGREGATES, columns).scalars()
-    return changed
+    return list(session.execute(_WRITE_AGGREGATES, columns).scalars())
 
 
 def left_over(session: Session) -> list[int]:

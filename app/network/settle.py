@@ -15,9 +15,10 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.network.cells import beside, cells_over, take_unsettled, unsettle, unsettled, versions_of
+from app.network.extracts import road_version
 from app.network.locks import cell_claims
 from app.network.solve import settle_square
-from app.network.swap import BusyError, Found, road_version, shown_cells, snapshot, swap
+from app.network.swap import BusyError, Found, shown_cells, snapshot, swap
 from fusion.types import Progress, no_progress
 
 _WAIT_S = 0.1

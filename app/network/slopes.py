@@ -70,11 +70,11 @@ def write_slopes(
     values |= {
         "height_from_m": _nullable(start),
         "height_to_m": _nullable(end),
-        "segment_id": segment_ids,
-        "drives": drives,
-        "slope_percent": result.slope_percent[rows].tolist(),
-        "slope_sigma_percent": result.slope_sigma_percent[rows].tolist(),
-        "observations": result.observations[rows].tolist(),
+        "segment_id": np.array(segment_ids, np.int64),
+        "drives": np.array(drives, np.int64),
+        "slope_percent": result.slope_percent[rows],
+        "slope_sigma_percent": result.slope_sigma_percent[rows],
+        "observations": result.observations[rows],
         "tolerance": tolerance_sigmas,
     }
     return list(session.execute(_WRITE, values).scalars())
@@ -91,7 +91,10 @@ def _node_heights(
     u = result.unknowns
     new = np.concatenate([result.height_from_m[rows], result.height_to_m[rows]])
     sigma = np.tile(result.height_sigma_m[rows], 2)
-    stored = {segment: ends for segment, *ends in fetch_binary(session, _HEIGHTS, {"ids": list(segment_ids)})}
+    stored = {
+        segment: ends
+        for segment, *ends in fetch_binary(session, _HEIGHTS, {"ids": np.array(segment_ids, np.int64)})
+    }
     unknown = (np.nan, np.nan)
     old = np.array([stored.get(segment, unknown) for segment in segment_ids], float).reshape(-1, 2).T.ravel()
     node = np.concatenate([u.start_node[rows], u.end_node[rows]])
@@ -109,5 +112,5 @@ def clear_slopes(session: Session, segment_ids: Sequence[int]) -> list[int]:
     return list(session.execute(_CLEAR, {"ids": segment_ids}).scalars())
 
 
-def _nullable(values: Floats) -> list[float | None]:
-    return [None if np.isnan(value) else value for value in values.tolist()]
+def _nullable(values: Floats) -> Floats:
+    return np.ma.masked_invalid(values)

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
-from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
+from app.network.road_squares import roads_in
 from fusion.network.curve import interval_count, knot_length
 from fusion.network.terrain import Terrain, heights_at
 from fusion.network.window import WINDOW_RADIUS_M, boxes_around
@@ -27,25 +29,17 @@ _LINES = text(
     """
 )
 
-# Through the index on the geometry: the cost is that of the roads around the touched ones, however large the map. A
-# segment is driven where a drive that is heard has a pass; the first that is found will do. Passes are looked at before
-# drives, whatever the planner thinks of tables that have grown since it last looked (OFFSET 0 keeps it from that).
-SURROUNDINGS = text(
-    f"""
-    SELECT {ROAD_COLUMNS}, s.cell, coalesce(p.driven, false) AS driven, n.drives, n.slope_percent, n.slope_sigma_percent
-    FROM segments AS s
+# A segment is driven where a drive that is heard has a pass; the first that is found will do. Passes are looked at
+# before drives, whatever the planner thinks of tables that have grown since (OFFSET 0 keeps it from that).
+KNOWN = """
+    SELECT s.id, coalesce(p.driven, false) AS driven, coalesce(n.drives, -1), n.slope_percent, n.slope_sigma_percent
+    FROM unnest(%(ids)s) AS s (id)
     LEFT JOIN LATERAL (
         SELECT true AS driven FROM (SELECT drive_id FROM drive_passes WHERE segment_id = s.id OFFSET 0) AS over
         WHERE (SELECT same_as IS NULL FROM drives WHERE id = over.drive_id) LIMIT 1) AS p ON true
     LEFT JOIN network_slopes AS n ON n.segment_id = s.id
-    WHERE s.id IN (
-        SELECT i.id
-        FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
-                    CAST(:north AS float8[])) AS box (west, south, east, north)
-        JOIN segments AS i ON i.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326))
-    ORDER BY {ROAD_ORDER}
-    """  # noqa: S608 - constants
-)
+    WHERE p.driven OR n.segment_id IS NOT NULL
+"""
 
 _HEIGHTS = """
     SELECT id, dem_heights_m FROM segments WHERE id = ANY(%(ids)s::bigint[]) AND dem_heights_m IS NOT NULL
@@ -72,24 +66,29 @@ def surroundings(session: Session, touched: Collection[int], scale: float) -> Su
     """The roads within the library's radius, times ``scale``, around ``touched`` segments."""
     lines = np.array([tuple(row) for row in session.execute(_LINES, {"ids": list(touched)})], float)
     lon0, lat0, lon1, lat1 = lines.reshape(-1, 4).T
-    west, south, east, north = boxes_around(lon0, lat0, lon1, lat1, scale * WINDOW_RADIUS_M).T.tolist()
-    box = {"west": west, "south": south, "east": east, "north": north}
-    rows = session.execute(SURROUNDINGS, box).all()
-    table, ids = road_table(rows)
-    slopes = [
-        (np.nan, np.nan) if row.drives is None else (row.slope_percent, row.slope_sigma_percent)
-        for row in rows
-    ]
-    slope, sigma = np.array(slopes, float).reshape(-1, 2).T
+    boxes = boxes_around(lon0, lat0, lon1, lat1, scale * WINDOW_RADIUS_M)
+    roads = roads_in(session, boxes)
+    row = np.argsort(roads.ids)
+    known = fetch_binary(session, KNOWN, {"ids": roads.ids})
+    ids, driven, drives, slope, sigma = zip(*known, strict=True) if known else ((),) * 5
+    at = row[np.searchsorted(roads.ids, np.array(ids, np.int64), sorter=row)]
+    n = len(roads.ids)
     return Surroundings(
-        table,
-        ids,
-        np.array([row.cell for row in rows], np.int64),
-        np.array([row.driven for row in rows], bool),
-        np.array([-1 if row.drives is None else row.drives for row in rows], np.int64),
-        slope,
-        sigma,
+        roads.table,
+        roads.ids,
+        roads.cell,
+        _spread(n, at, np.array(driven, bool), False),
+        _spread(n, at, np.array(drives, np.int64), -1),
+        _spread(n, at, np.array(slope, float), np.nan),
+        _spread(n, at, np.array(sigma, float), np.nan),
     )
+
+
+def _spread(n: int, at: Ints, values: NDArray[Any], otherwise: float) -> NDArray[Any]:
+    """A vector (n,) with ``values`` where they are known."""
+    out = np.full(n, otherwise, values.dtype)
+    out[at] = values
+    return out
 
 
 def stored_terrain(session: Session, table: RoadTable, ids: Ints) -> Terrain | None:

@@ -21,7 +21,8 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
-from app.network.locks import CellClaims, cell_claims, share_network
+from app.network.extracts import road_version
+from app.network.locks import CellClaims, cell_claims, try_share_network
 from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
 from app.network.passes import set_verdicts
 from app.network.publish import refresh_aggregates
@@ -42,10 +43,13 @@ MOST_TOUCHED = 4000
 _TRIES = 20
 _PAUSE_S = 0.02
 """Before another try, a few times as long each: swaps take some tens of milliseconds."""
+_IMPORT_PAUSE_S = 0.2
+"""Imports own the network for some seconds."""
 _LOCK_WAIT = text("SET LOCAL lock_timeout = '50ms'")
+"""Squares are had at once or not at all; rows of their segments are theirs. What is left is whoever writes beside the
+service, and two that make the row of the same square."""
 _OTHERS_WRITE = frozenset({"55P03", "40P01"})
 """PostgreSQL's codes for a lock that was not had in time, and for two that waited for each other."""
-_ROADS = text("SELECT coalesce(max(id), 0) FROM road_versions")
 
 
 def _nobody() -> None:
@@ -97,7 +101,17 @@ def publish_cells(sessions: Sessions, cells: Collection[int]) -> None:
             return
         logger.debug("squares %s changed while they were solved; again", sorted(cells))
         time.sleep(_PAUSE_S * random.uniform(0.5, 1.5) * min(attempt + 1, 5))  # noqa: S311 - no secret
+        _await_network(sessions)
     raise BusyError(f"{_TRIES} times others wrote in the same squares first")
+
+
+def _await_network(sessions: Sessions) -> None:
+    """Until no import owns the network: what is solved meanwhile is out of date when it ends."""
+    while True:
+        with sessions.begin() as session:
+            if try_share_network(session):
+                return
+        time.sleep(_IMPORT_PAUSE_S)
 
 
 @contextmanager
@@ -118,13 +132,13 @@ def solve_all_marked(sessions: Sessions, progress: Progress = no_progress) -> No
         progress("slopes", 1 - waiting / most)
         if not waiting:
             return
-        if not solve_marked(sessions, only_due=False):
+        try:
+            solved = solve_marked(sessions, only_due=False)
+        except BusyError:
+            logger.info("squares that others write in are tried again", exc_info=True)
+            continue
+        if not solved:
             time.sleep(_PAUSE_S)
-
-
-def road_version(session: Session) -> int:
-    """The number of the last import of roads."""
-    return int(session.execute(_ROADS).scalar_one())
 
 
 def shown_cells(
@@ -144,8 +158,9 @@ def swap(
     try:
         with sessions.begin() as session:
             session.execute(_LOCK_WAIT)
-            share_network(session)
-            if road_version(session) != found.roads or lock_cells(session, found.versions) != found.versions:
+            if not try_share_network(session) or road_version(session) != found.roads:
+                return False
+            if lock_cells(session, found.versions) != found.versions:
                 return False
             solved = (
                 ()

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from operator import attrgetter
 from typing import Self
 
 import numpy as np
 
-from fusion.types import Bools, Floats
+from fusion.types import Bools, Floats, Ints
 
 CONSTANTS = ("mount pitch", "force bias", "squat", "altimeter lag", "place east", "place north")
 """Unknowns of a drive: grade, grade, grade per m/s^2, seconds; and of a part of it, the error of its positions in units
@@ -87,7 +88,7 @@ class PassFactor:
             self.observations, self.first_time_s, self.last_time_s, self.place, self.lag_s,
         ]  # fmt: skip
         mask = float(self.used @ _BITS)
-        upper = information[np.triu_indices(len(information))]
+        upper = information[_upper(len(information))]
         return np.concatenate([numbers, [mask], self.vector[kept], upper]).astype("<f8").tobytes()
 
     @classmethod
@@ -113,6 +114,12 @@ class PassFactor:
                     (walk_a, walk_b), start, end, roughness, int(observations), first, last, int(place), lag,
                 )  # fmt: skip
         return [out[k] for k in range(len(stored))]
+
+
+@lru_cache(maxsize=256)
+def _upper(size: int) -> tuple[Ints, Ints]:
+    """Rows and columns of the upper triangle; passes have a few sizes."""
+    return np.triu_indices(size)
 
 
 _BITS = 1 << np.arange(NUISANCES)

@@ -135,12 +135,16 @@ class RoadTable:
 
     def along(self, boxes_deg: Floats) -> RoadTable:
         """The segments whose bounding box meets one of the boxes (m, 4: west, south, east, north)."""
+        return self.subset(self.meets(boxes_deg))
+
+    def meets(self, boxes_deg: Floats) -> NDArray[np.bool_]:
+        """Whether the bounding box of each segment meets one of the boxes (m, 4), shape (n,)."""
         meets = np.zeros(len(self), np.bool_)
         west, east = np.minimum(self.lon0_deg, self.lon1_deg), np.maximum(self.lon0_deg, self.lon1_deg)
         south, north = np.minimum(self.lat0_deg, self.lat1_deg), np.maximum(self.lat0_deg, self.lat1_deg)
         for left, low, right, high in boxes_deg.tolist():
             meets |= (west <= right) & (east >= left) & (south <= high) & (north >= low)
-        return self.subset(meets)
+        return meets
 
     def bounds_deg(self) -> tuple[float, float, float, float]:
         """(west, south, east, north) of all segments, degrees; raises ``ValueError`` for an empty table."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 import uuid
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as FutureTimeout
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.network import cells, marks, surroundings, swap
+from app.embedded.cluster import EmbeddedPostgres
+from app.network import cells, marks, swap
 from app.network.settle import settle_network
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
@@ -191,21 +193,6 @@ def test_segments_that_meet_have_one_height_there(sessions: Sessions, streets: D
     assert sum(len(heights) > 1 for heights in at.values()) <= 0.02 * len(at)
 
 
-def test_the_window_is_found_by_the_index(sessions: Sessions, chain: Callable[..., RoadTable]) -> None:
-    """A map of 40,000 segments: the roads around a drive cost no look at all the others."""
-    n = 40_000
-    k = np.arange(n)
-    table = chain(n, lon0_deg=8 + 0.001 * (k % 200), lat0_deg=48 + 0.001 * (k // 200),
-                  lon1_deg=8.001 + 0.001 * (k % 200), lat1_deg=48 + 0.001 * (k // 200))  # fmt: skip
-    with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
-        values = {"west": [8.05], "south": [48.05], "east": [8.06], "north": [48.06]}
-        explain = text("EXPLAIN (FORMAT TEXT) " + surroundings.SURROUNDINGS.text)
-        plan = "\n".join(session.execute(explain, values).scalars())
-    assert "ix_segments_geom" in plan
-    assert "Seq Scan on segments" not in plan
-
-
 def test_a_version_rises_where_something_changed_and_only_there(
     sessions: Sessions, streets_apart: Driven
 ) -> None:
@@ -238,3 +225,26 @@ def test_a_version_rises_where_something_changed_and_only_there(
         )
         roads.replace_roads(session, other, "x", "1" * 64)
     assert changed(seen) == {"here", "here from afar", "both"}
+
+
+@pytest.mark.parametrize("held", ["SELECT FROM cells FOR UPDATE", "SELECT pg_advisory_xact_lock(1448300116)"])
+def test_what_others_hold_is_left_for_later_and_no_error_to_the_server(
+    sessions: Sessions, cluster: EmbeddedPostgres, streets: Driven, town: Town, held: str
+) -> None:
+    """Squares that another solver writes, a network that an import owns: found again, without a wait cut off."""
+    one, two = walks(town, 2)
+    drive_over(sessions, *streets, one)
+    append(sessions, new_drive(sessions), streets[1], passes_of(streets[0], two))
+    begun = cluster.log_path.stat().st_size
+    with ThreadPoolExecutor(1) as pool:
+        with sessions.begin() as other:
+            other.execute(text(held))
+            solved = pool.submit(swap.solve_all_marked, sessions)
+            with pytest.raises(FutureTimeout):
+                solved.result(0.5)
+            assert count_of(sessions, "network_marks") > 0
+        solved.result(60)
+    assert count_of(sessions, "network_marks") == 0
+    with cluster.log_path.open("rb") as log:
+        log.seek(begun)
+        assert b"lock timeout" not in log.read()

@@ -21,8 +21,7 @@ from app.network import cells, extracts, locks
 from app.roads import imports as roads
 from app.roads import store as road_store
 from app.roads.imports import ImportCounts
-from fusion.roads.along import boxes_along
-from fusion.roads.table import RoadTable, rows_of
+from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
 
@@ -79,21 +78,6 @@ def test_any_coordinates_come_back_bit_for_bit(
     imported(sessions, table)
     with sessions() as session:
         assert_equal(extracts.all_roads(session)[0], table)
-
-
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data())
-def test_roads_along_are_those_of_the_whole(sessions: Sessions, town: Town, data: st.DataObject) -> None:
-    imported(sessions, town.roads)
-    west, south, east, north = town.roads.bounds_deg()
-    lon = data.draw(st.lists(st.floats(west - 0.01, east + 0.01), min_size=1, max_size=8))
-    lat = data.draw(st.lists(st.floats(south - 0.01, north + 0.01), min_size=len(lon), max_size=len(lon)))
-    boxes = boxes_along(np.array(lon), np.array(lat), data.draw(st.floats(0, 500)))
-    with sessions() as session:
-        near, ids = extracts.roads_along(session, boxes)
-        whole, all_ids = extracts.all_roads(session)
-    assert_equal(near, town.roads.along(boxes))
-    assert np.array_equal(ids, all_ids[rows_of(whole, near)])
 
 
 def test_a_reimport_keeps_what_is_unchanged(
