@@ -15,12 +15,12 @@ from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 
 from app.core.blobs import BlobStore
-from app.core.collecting import CollectAfterRequests
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.departures import EndWithClient
 from app.core.http import Service
 from app.core.lanes import Lane, Lanes, Turnstile, make_lanes
 from app.core.middleware import (
+    CollectAfterRequests,
     EarlyAnswers,
     HeadMiddleware,
     KnownHosts,

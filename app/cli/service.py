@@ -81,7 +81,7 @@ def api(
 
     from app.cli.database import database, settings_for
     from app.cli.supervisor import free_port, reach
-    from app.core.collecting import stay_loaded
+    from app.core.middleware import stay_loaded
     from app.main import create_app
 
     console: Console = ctx.obj

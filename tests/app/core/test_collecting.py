@@ -11,13 +11,13 @@ import sys
 import pytest
 from starlette.types import Receive, Scope, Send
 
-from app.core import collecting
-from app.core.collecting import CollectAfterRequests
+from app.core import middleware
+from app.core.middleware import CollectAfterRequests
 
 AFTER_LOADING = """
 import gc
 import app.main
-from app.core.collecting import stay_loaded
+from app.core.middleware import stay_loaded
 stay_loaded()
 print(gc.get_freeze_count(), len(gc.get_objects()), gc.get_threshold()[2])
 """
@@ -40,8 +40,8 @@ def test_after_so_many_requests_all_is_looked_through(
 ) -> None:
     collected: list[int] = []
     monkeypatch.setattr(gc, "collect", lambda: collected.append(1))
-    monkeypatch.setattr(collecting, "COLLECT_AFTER", 100)
-    monkeypatch.setattr(collecting, "LASTING_S", lasting_s)
+    monkeypatch.setattr(middleware, "COLLECT_AFTER", 100)
+    monkeypatch.setattr(middleware, "LASTING_S", lasting_s)
 
     async def route(scope: Scope, receive: Receive, send: Send) -> None:
         await asyncio.sleep(0)
