@@ -20,6 +20,7 @@ from app.core.departures import EndWithClient
 from app.core.http import Service
 from app.core.lanes import Lane, Lanes, Turnstile, make_lanes
 from app.core.middleware import (
+    CollectAfterRequests,
     EarlyAnswers,
     HeadMiddleware,
     KnownHosts,
@@ -105,6 +106,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane]) -> list[Middleware]:
     """The outermost first."""
     return [
+        Middleware(CollectAfterRequests),
         Middleware(Turnstile),
         Middleware(HeadMiddleware),
         Middleware(MetricsMiddleware, metrics=metrics),

@@ -14,7 +14,7 @@ the peak of what Python and numpy hold beyond roads and factors (tracemalloc, in
     agreement the update against all drives and the further one from scratch: differences of slopes within the published
               radius, in sigmas; and how far beyond it the further drive changed slopes at all
     blocks    all drives in blocks of ``--most`` segments, against all at once
-    service   publishing a further drive in an embedded PostgreSQL, and taking it back (``adjustment_service``)
+    service   publishing a further drive in an embedded PostgreSQL, and taking it back (``service.adjustment``)
 
 Aims: an update at most 0.5 s; scratch at most 10 s; 99 % of agreement within 0.1 sigma, and beyond at most 0.1 sigma.
 """
@@ -288,7 +288,7 @@ def main() -> None:
     else:
         print(f"{args.roads} is not there: the region is left out; name a road map by --roads.")
     if not args.skip_service:
-        from adjustment_service import service_part  # noqa: PLC0415 - a machine without PostgreSQL can do the rest
+        from service.adjustment import service_part  # noqa: PLC0415 - a machine without PostgreSQL can do the rest
 
         figures["service"] = service_part(args.repeat)
     if args.json:

@@ -1,6 +1,6 @@
 """One kind of registry for everything that can be chosen by name: formats, methods, windows, outputs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Generic, TypeVar
 
 from fusion.errors import UnknownNameError
@@ -9,9 +9,26 @@ T = TypeVar("T")
 
 # What is taken where nobody chooses. Here, so that whoever only shows these names loads no method for it.
 DEFAULT_METHOD = "profile"
-"""The estimator; one of ``fusion.methods.METHODS``."""
+"""The estimator; one of ``METHOD_NAMES``."""
+METHOD_NAMES = (
+    "profile",
+    "particle",
+    "odometer-map",
+    "gps-ins-kf",
+    "gps-ins-ekf",
+    "gps-ins-ukf",
+    "ukf-dem",
+    "raw",
+    "dem",
+)
+"""What ``fusion.methods.METHODS`` holds (a test holds them equal)."""
 DEFAULT_POSITIONING = "receiver"
 """How positions are computed from a log; one of ``fusion.gnss.POSITIONINGS``."""
+
+
+def unknown_name(role: str, name: str, known: Iterable[str]) -> UnknownNameError:
+    """What is raised for a name that is not ``known``; ``role`` is the singular noun for what has such names."""
+    return UnknownNameError(f"There is no {role} called {name!r}. Choose one of: {', '.join(known)}.")
 
 
 class Registry(Generic[T]):
@@ -34,10 +51,7 @@ class Registry(Generic[T]):
         try:
             return self._things[name]
         except KeyError:
-            known = ", ".join(self._things)
-            raise UnknownNameError(
-                f"There is no {self.role} called {name!r}. Choose one of: {known}."
-            ) from None
+            raise unknown_name(self.role, name, self) from None
 
     def __contains__(self, name: object) -> bool:
         return name in self._things

@@ -52,6 +52,7 @@ SERVICE = {
 """Room -> the rooms of the service that it may import from."""
 
 FRAGMENTS: Mapping[str, str] = {
+    "app/drives/outputs/draughtsman.py": "a program of its own",
     "app/map/outputs/csv_table.py": "one output, one file",
     "fusion/formats/nmea.py": "one log format, one file",
     "fusion/gnss/receiver.py": "one positioning, one file",

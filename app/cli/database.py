@@ -10,6 +10,7 @@ from typing import Any
 from app.core import migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings, load_settings
+from app.core.standing_back import stand_back
 from app.embedded.cluster import EmbeddedPostgres
 
 
@@ -21,10 +22,14 @@ def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
 
 @contextmanager
 def sessions(data_dir: Path | None) -> Iterator[tuple[Settings, Sessions]]:
-    """Settings and sessions of the database that ``--data-dir`` or the environment names."""
+    """Settings and sessions of the database that ``--data-dir`` or the environment names.
+
+    Whoever is answered by the service goes before the command that works with them.
+    """
     with database(settings_for(data_dir), embedded=True if data_dir else None) as settings:
         assert settings.database_url is not None  # noqa: S101 - what the block above is for
-        engine = make_engine(settings.database_url, pool_size=1)
+        stand_back()
+        engine = make_engine(settings.database_url, pool_size=1, behind=True)
         try:
             yield settings, session_factory(engine)
         finally:

@@ -81,6 +81,7 @@ def api(
 
     from app.cli.database import database, settings_for
     from app.cli.supervisor import free_port, reach
+    from app.core.middleware import stay_loaded
     from app.main import create_app
 
     console: Console = ctx.obj
@@ -91,8 +92,10 @@ def api(
         number = free_port(ready)
         if not with_parent:
             console.note(f"Versant's API listens on {ready.host}:{number}. {reach(ready)}")
+        application = create_app(ready)
+        stay_loaded()
         uvicorn.run(
-            create_app(ready),
+            application,
             host=ready.host,
             port=number,
             log_config=None,
@@ -125,8 +128,10 @@ def worker(
     with database(settings, embedded=True if data_dir else None) as ready:
         _require_database(ready, migrated=True)
         if with_parent:
+            from app.core.standing_back import stand_back
             from app.drives.worker import run_worker
 
+            stand_back()
             run_worker(ready, with_chores=not without_chores)
             return
         with stop_signals(), Children(ready, ctx.obj, lanes(ready)) as workers:

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from psycopg import Connection
-from sqlalchemy import Engine, create_engine
+from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.orm import Session, sessionmaker
 
 from app.core import arrays
 from app.core.settings import sqlalchemy_url
+from app.core.standing_back import let_stand_back
 
 arrays.register()
 
@@ -48,18 +49,24 @@ class Patience:
 
 
 def make_engine(
-    url: str, *, pool_size: int = 5, max_overflow: int = 10, patience: Patience | None = None
+    url: str,
+    *,
+    pool_size: int = 5,
+    max_overflow: int = 10,
+    patience: Patience | None = None,
+    behind: bool = False,
 ) -> Engine:
     """An engine whose connections are checked before use, so that a restarted database costs no request.
 
     Without ``patience`` statements and locks take as long as they take: workers and imports have nobody who waits.
+    ``behind``: a server on this machine serves those first who have (``standing_back``).
     """
     options, limits = _SERVER_OPTIONS, {}
     if patience is not None:
         options += patience.server_options
         # libpq takes whole seconds, at least two.
         limits["connect_timeout"] = max(2, math.ceil(patience.connection_s))
-    return create_engine(
+    engine = create_engine(
         sqlalchemy_url(url),
         pool_pre_ping=True,
         pool_size=pool_size,
@@ -67,6 +74,9 @@ def make_engine(
         pool_timeout=30.0 if patience is None else patience.connection_s,
         connect_args={"options": options, "application_name": "versant", **limits},
     )
+    if behind:
+        event.listen(engine, "connect", lambda connection, _record: let_stand_back(connection))
+    return engine
 
 
 def session_factory(engine: Engine) -> Sessions:

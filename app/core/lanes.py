@@ -34,6 +34,7 @@ _KINDS = (
     ("figures", re.compile(r"/v1/admin/.*|/metrics")),
 )
 """The first pattern that the whole path of a request that reads fits says of which kind it is."""
+_STREAM = re.compile(r"/v1/drives/[^/]+/events")
 
 
 class Lane:
@@ -82,18 +83,27 @@ class Turnstile:
     """Begins one request after the other, and lets probes pass between them.
 
     Six hundred requests that come at once would else be begun at once: half a second in which nothing is answered.
+    Event streams come so many at once when a service has been away, and nobody waits for one as for an answer: of all
+    that wait, one has a turn among the others.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
-        self._turn = asyncio.Lock()
+        self._turn, self._turn_of_streams = asyncio.Lock(), asyncio.Lock()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Wait for a turn of the event loop's."""
         if scope["type"] == "http" and scope["path"] not in FOR_PROBES:
-            async with self._turn:
-                await asyncio.sleep(0)
+            if _STREAM.fullmatch(scope["path"]):
+                async with self._turn_of_streams:
+                    await self._wait()
+            else:
+                await self._wait()
         await self.app(scope, receive, send)
+
+    async def _wait(self) -> None:
+        async with self._turn:
+            await asyncio.sleep(0)
 
 
 class Lanes:

@@ -7,7 +7,7 @@ served, because they need the address that the request came to. Knows no SQL and
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from enum import StrEnum
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from app.core.db import Bounds
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
+from app.network.cells import square_name
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
 
@@ -38,6 +39,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "finished_at": "2026-11-20T09:13:02.004Z",
     "drive_time": "2026-11-20T07:55:10.000Z",
     "same_as": None,
+    "unsolved": [],
     "epochs": 549,
     "distance_m": 6240.3,
     "bbox": [8.4611, 48.9512, 8.4987, 48.9838],
@@ -49,6 +51,8 @@ DRIVE_EXAMPLE: dict[str, Any] = {
 DriveStatus = StrEnum("DriveStatus", {name.upper(): name for name in DRIVE_STATUSES})  # type: ignore[misc]
 ENDED = frozenset({"done", "failed"})
 """Statuses that stay until somebody asks for more; a cancelled drive will soon be gone."""
+MOST_NAMED = 5
+"""Squares that one warning names."""
 
 
 class Failure(BaseModel):
@@ -91,6 +95,11 @@ class Drive(BaseModel):
         description="The drive that is heard in this one's place, for it was at the same places at the same times and "
         "holds more measurements; null as a rule."
     )
+    unsolved: list[str] = Field(
+        default_factory=list,
+        description="Squares of the map, z/x/y, that solvers have begun with again and again in vain: the drive's "
+        "slopes there are not published yet. A drive waits for them for some minutes, and is done without them.",
+    )
     epochs: int | None
     distance_m: float | None
     bbox: Bounds | None = Field(description="West, south, east, north; degrees.")
@@ -115,8 +124,9 @@ class Drive(BaseModel):
                 stage=columns["stage"],
                 where=columns["failure_where"],
             )
-        report = _with_twin(columns["report"], columns["same_as"])
-        return cls.model_validate({**columns, "failure": failure, "report": report})
+        unsolved = [square_name(cell) for cell in columns["unsolved_cells"]]
+        report = _with_unsolved(_with_twin(columns["report"], columns["same_as"]), unsolved)
+        return cls.model_validate({**columns, "failure": failure, "unsolved": unsolved, "report": report})
 
 
 def _with_twin(report: dict[str, Any] | None, same_as: uuid.UUID | None) -> dict[str, Any] | None:
@@ -126,6 +136,19 @@ def _with_twin(report: dict[str, Any] | None, same_as: uuid.UUID | None) -> dict
     warning = (
         f"This is the same drive as {same_as}: over the same segments at the same times. That one holds more "
         "measurements and is heard; this one adds nothing to the map, unless that one is deleted."
+    )
+    return {**report, "warnings": [*report.get("warnings", ()), warning]}
+
+
+def _with_unsolved(report: dict[str, Any] | None, unsolved: Sequence[str]) -> dict[str, Any] | None:
+    """The report with a warning that something of the drive is not on the map: said here, until it is."""
+    if report is None or not unsolved:
+        return report
+    more = f" and {len(unsolved) - MOST_NAMED} more" if len(unsolved) > MOST_NAMED else ""
+    warning = (
+        f"Its slopes in some squares of the map ({', '.join(unsolved[:MOST_NAMED])}{more}) are not published yet: "
+        "solvers have begun there in vain. They try again by themselves, at least once an hour; the log of the workers "
+        "says why they fail. Deleting a drive that lies there, or processing it again, lets them try at once."
     )
     return {**report, "warnings": [*report.get("warnings", ()), warning]}
 

@@ -1,6 +1,9 @@
 """How drives end in the database: done once they are published, gone once nothing of them is left on the map.
 
-Both wait for marks (``app.network.marks``). Callers own the transaction (``app.drives.publishing``).
+Both wait for marks (``app.network.marks``). A square that no solver can solve keeps no drive from being done: the rest
+of it is published, and its document names the square for as long as that is so (``app.drives.store``). It does keep a
+removed drive, whose row is what tells that something of it is still shown. Callers own the transaction
+(``app.drives.publishing``).
 """
 
 from __future__ import annotations
@@ -14,13 +17,16 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import plain_json
+from app.network.marks import GIVEN_UP
 
-# What no mark waits for any more; another worker may be about to say so, too.
+# What no mark waits for any more, but in squares that solvers began with too often in vain; another worker may be about
+# to say so, too.
 _PUBLISHED = text(
     """
     SELECT d.id, d.report FROM drives AS d
     WHERE d.status = 'running' AND d.stage = 'publishing' AND NOT EXISTS (
-        SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
+        SELECT FROM network_marks AS m
+        WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries < :given_up)
     ORDER BY d.created_at, d.id FOR NO KEY UPDATE OF d SKIP LOCKED
     """
 )
@@ -52,8 +58,8 @@ _REMOVED = text(
 
 
 def published_drives(session: Session) -> list[tuple[uuid.UUID, dict[str, Any]]]:
-    """Drives whose squares are all solved, with their reports. Their rows are held."""
-    return [tuple(row) for row in session.execute(_PUBLISHED)]
+    """Drives whose squares are all solved, or given up for now, with their reports. Their rows are held."""
+    return [tuple(row) for row in session.execute(_PUBLISHED, {"given_up": GIVEN_UP})]
 
 
 def mark_done(session: Session, drive_id: uuid.UUID, report: Mapping[str, Any]) -> None:

@@ -13,8 +13,8 @@ from starlette.types import Receive, Scope, Send
 
 from app.core.http import EXAMPLE_ID, BaseUrl, found, problems
 from app.core.text import dumps
-from app.drives.documents import ENDED, Drive, linked
-from app.drives.feed import Feed, Follower
+from app.drives.documents import ENDED
+from app.drives.feed import Feed, Follower, News
 
 HEARTBEAT_S = 15.0
 """Pauses are filled with comments, because proxies end connections on which nothing moves."""
@@ -66,7 +66,7 @@ async def drive_events(drive_id: uuid.UUID, feed: FeedDep, base: BaseUrl) -> Str
 class _EventStream(StreamingResponse):
     """The events of one follower, who leaves with the client."""
 
-    def __init__(self, feed: Feed, follower: Follower, base: str, first: Drive) -> None:
+    def __init__(self, feed: Feed, follower: Follower, base: str, first: News) -> None:
         headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
         super().__init__(_events(follower, base, first), media_type="text/event-stream", headers=headers)
         self._feed, self._follower = feed, follower
@@ -78,17 +78,17 @@ class _EventStream(StreamingResponse):
             self._feed.leave(self._follower)
 
 
-async def _events(follower: Follower, base: str, first: Drive) -> AsyncIterator[str]:
+async def _events(follower: Follower, base: str, first: News) -> AsyncIterator[str]:
     # When the client leaves, the server cancels this generator at its next await.
     yield f"retry: {RECONNECT_MS}\n\n"
-    state: Drive | None = first
+    state: News | None = first
     number, sent, until = 0, "", time.monotonic() + LONGEST_S
     while state is not None:
-        text = linked(base, state).model_dump_json()
+        text = state.text(base)
         if text != sent:
             number, sent = number + 1, text
             yield f"id: {number}\nevent: drive\ndata: {text}\n\n"
-        if state.status in ENDED or time.monotonic() > until:
+        if state.drive.status in ENDED or time.monotonic() > until:
             return
         if not await follower.changed(within_s=HEARTBEAT_S):
             yield ": still here\n\n"

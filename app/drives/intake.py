@@ -21,7 +21,7 @@ from app.core.db import Sessions
 from app.drives import queue
 from app.drives import store as drives
 from app.drives.documents import Drive
-from fusion.pipeline import parse_options
+from app.drives.method_choice import check_options
 
 SHOWN_ORPHANS = 20
 """So many of the blobs that a sweep would remove are named in the log."""
@@ -49,7 +49,7 @@ def register_upload(
     """
     wanted = {"filename": filename, "method": method, "options": options or {}}
     try:
-        parse_options(method, options or {})
+        check_options(method, options or {})
         try:
             drive, created = _add(sessions, blobs, blob, wanted)
         except _CommitLostError as lost:
@@ -151,7 +151,7 @@ def reprocess(
             return None
         chosen = known.method if method is None else method
         wanted = known.options if method is None and options is None else options or {}
-        parse_options(chosen, wanted)
+        check_options(chosen, wanted)
         drive = drives.request_reprocess(session, drive_id, chosen, wanted)
         if drive is not None:
             queue.enqueue(session, drive.id, drive.generation)

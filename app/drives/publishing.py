@@ -18,7 +18,7 @@ from app.core.db import Sessions
 from app.drives import endings, queue
 from app.network import passes
 from app.network import results as slopes
-from app.network.marks import MarkedBy, any_due, count_cells, make_due
+from app.network.marks import MarkedBy, any_due, any_hope, count_cells, make_due
 from app.network.settle import settle_due
 from app.network.swap import BusyError, solve_marked
 
@@ -78,15 +78,21 @@ def look_after(sessions: Sessions, blobs: BlobStore) -> None:
 
 
 def settle_quietly(sessions: Sessions) -> bool:
-    """Settle a square that has changed a while ago, when no drive waits; whether there was one."""
+    """Settle a square that has changed a while ago, when no drive waits; whether there was one.
+
+    What no solver can solve keeps the rest from being settled no longer than it takes to find that out.
+    """
     with sessions() as session:
-        if queue.drives_wait(session, behind=True) or count_cells(session):
+        if queue.drives_wait(session, behind=True) or any_hope(session):
             return False
     return settle_due(sessions, SETTLE_AFTER_S)
 
 
 def finish(sessions: Sessions, blobs: BlobStore) -> int:
-    """End the drives of which no mark is left: those that were published are done, those that were removed go."""
+    """End the drives of which no mark is left: those that were published are done, those that were removed go.
+
+    Done are also those of which only marks in squares are left that no solver can solve.
+    """
     with sessions.begin() as session:
         published = endings.published_drives(session)
         for drive_id, report in published:

@@ -17,12 +17,15 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_json, plain_text
 from app.drives.documents import Drive, DrivePlace
+from app.network.marks import PATIENCE
 
-# What a Drive is made of; the table is called d.
-_SHOWN = """
-    d.*, CASE WHEN d.bounds IS NOT NULL
+# What a Drive is made of; the table is called d. Few drives have marks, and these an index.
+_SHOWN = f"""
+    d.*, ARRAY(SELECT DISTINCT m.cell FROM network_marks AS m
+               WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries > {PATIENCE}
+               ORDER BY m.cell) AS unsolved_cells, CASE WHEN d.bounds IS NOT NULL
          THEN ARRAY[ST_XMin(d.bounds), ST_YMin(d.bounds), ST_XMax(d.bounds), ST_YMax(d.bounds)] END AS bbox
-"""
+"""  # noqa: S608 - constants
 _DRIVES = "SELECT" + _SHOWN + "FROM drives AS d "
 
 _GET = text(_DRIVES + "WHERE d.id = :id")

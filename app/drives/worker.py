@@ -52,7 +52,7 @@ def run_worker(
     """
     if settings.database_url is None:
         raise ValueError("the worker needs settings.database_url")
-    engine = make_engine(settings.database_url, pool_size=2, max_overflow=6)
+    engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, behind=True)
     try:
         bench = Workbench.of(settings, session_factory(engine))
         worker = Worker(settings, engine, bench.sessions, tasks_of(bench))

@@ -7,11 +7,14 @@ the squares under it. ``cells`` is written in short transactions at the end of w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable
 from typing import Any
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
+
+from app.core.db import Bounds
 
 ZOOM = 14
 _SIDE = 1 << ZOOM
@@ -159,6 +162,19 @@ def beside(cell: int) -> Iterable[int]:
     """The squares around one."""
     x, y = cell >> ZOOM, cell & (_SIDE - 1)
     return ((x + dx) << ZOOM | (y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy)
+
+
+def square_name(cell: int) -> str:
+    """The square as a path of tiles has it: z/x/y."""
+    return f"{ZOOM}/{cell >> ZOOM}/{cell & (_SIDE - 1)}"
+
+
+def square_bounds(cell: int) -> Bounds:
+    """West, south, east, north, degrees."""
+    x, y = cell >> ZOOM, cell & (_SIDE - 1)
+    west, east = (360 * column / _SIDE - 180 for column in (x, x + 1))
+    north, south = (math.degrees(math.atan(math.sinh(math.pi * (1 - 2 * row / _SIDE)))) for row in (y, y + 1))
+    return west, south, east, north
 
 
 def _span(z: int, column: int) -> tuple[int, int]:

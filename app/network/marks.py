@@ -1,6 +1,7 @@
 """What waits to be solved: marks, made by whoever changes what the map rests on, taken away by whoever has solved it.
 
-A mark names segments of one square. A drive is published once no mark of it is left.
+A mark names segments of one square. A drive is published once no mark of it is left, but for squares that are given up:
+those keep their marks, and are tried ever more rarely.
 """
 
 from __future__ import annotations
@@ -35,18 +36,23 @@ _WAITING = text(
     FROM network_marks GROUP BY cell ORDER BY min(due_at), cell
     """
 )
-# A solver that dies leaves what it began with. What kills one after the other is left alone longer and longer.
+# A solver that dies leaves what it began with. What kills one after the other is left alone longer and longer: the
+# whole square, whenever its marks came. (Beyond 2 ^ 20 the pause has long been the longest.)
 _TRY = text(
     """
-    UPDATE network_marks
-    SET tries = tries + 1, due_at = CASE WHEN tries >= :patience
-        THEN clock_timestamp() + make_interval(secs => least(:longest_s, :pause_s * 2 ^ (tries - :patience)))
-        ELSE due_at END
-    WHERE cell = ANY(CAST(:cells AS integer[]))
+    UPDATE network_marks AS m
+    SET tries = known.tries + 1, due_at = CASE WHEN known.tries >= :patience
+        THEN clock_timestamp()
+            + make_interval(secs => least(:longest_s, :pause_s * 2 ^ least(known.tries - :patience, 20)))
+        ELSE m.due_at END
+    FROM (SELECT cell, max(tries) AS tries FROM network_marks WHERE cell = ANY(CAST(:cells AS integer[]))
+          GROUP BY cell) AS known
+    WHERE m.cell = known.cell
     """
 )
 _ANY_DUE = text("SELECT EXISTS (SELECT FROM network_marks WHERE due_at <= clock_timestamp())")
 _COUNT_CELLS = text("SELECT count(DISTINCT cell) FROM network_marks")
+_ANY_HOPE = text("SELECT EXISTS (SELECT FROM network_marks WHERE tries <= :patience)")
 _IN_CELLS = text(
     "SELECT id, touched, combined FROM network_marks WHERE cell = ANY(CAST(:cells AS integer[])) ORDER BY id"
 )
@@ -60,6 +66,9 @@ _MAKE_DUE = text(
 PATIENCE = 2
 """Marks that so many solvers have begun with and none has ended are solved by themselves, and ever more rarely."""
 PAUSE_S, LONGEST_PAUSE_S = 30.0, 3600.0
+GIVEN_UP = 7
+"""A drive waits no longer for a square with which so many solvers have begun: six have done so in vain, in seven and a
+half minutes. Workers and databases that are started again are back by then, and who waits for a drive still does."""
 
 
 class MarkedBy(NamedTuple):
@@ -128,6 +137,11 @@ def any_due(session: Session) -> bool:
 def count_cells(session: Session) -> int:
     """How many squares have marks."""
     return int(session.execute(_COUNT_CELLS).scalar_one())
+
+
+def any_hope(session: Session) -> bool:
+    """Whether anything is marked but squares with which solvers have begun in vain again and again."""
+    return bool(session.execute(_ANY_HOPE, {"patience": PATIENCE}).scalar_one())
 
 
 def make_due(session: Session) -> None:

@@ -113,6 +113,7 @@ class Gauges:
     oldest_wait_s: float
     """0 while none waits."""
     data_version: int
+    squares: store.Squares
 
 
 def read_gauges(session: Session) -> Gauges:
@@ -123,6 +124,7 @@ def read_gauges(session: Session) -> Gauges:
         queue_depth=queue.depth,
         oldest_wait_s=queue.oldest_wait_s or 0.0,
         data_version=data_version(session),
+        squares=store.squares(session),
     )
 
 
@@ -154,4 +156,14 @@ class _DatabaseCollector(Collector):
         )
         yield GaugeMetricFamily(
             "versant_data_version", "Number of the published data.", value=gauges.data_version
+        )
+        yield GaugeMetricFamily(
+            "versant_squares_waiting",
+            "Squares of the map that wait to be solved.",
+            value=gauges.squares.waiting,
+        )
+        yield GaugeMetricFamily(
+            "versant_squares_unsolved",
+            "Squares of the map that solvers have begun with again and again in vain; /v1/admin/stats names them.",
+            value=gauges.squares.unsolved,
         )

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import uuid
 from datetime import date
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import Row
 from sqlalchemy.orm import Session
 
+from app.core.db import Bounds
 from app.core.http import ServiceDep, problems
 from app.core.text import Moment
 from app.drives.documents import DriveStatus
-from app.network.cells import data_version
+from app.network.cells import data_version, square_bounds, square_name
 from app.ops import store
 from app.roads.store import current_road_version
 
@@ -24,6 +27,19 @@ STATS_EXAMPLE: dict[str, Any] = {
     "queue_oldest_wait_s": None,
     "running": 0,
     "failures_by_kind": {"no-match": 1},
+    "squares_waiting": 1,
+    "squares_unsolved": 1,
+    "unsolved": [
+        {
+            "square": "14/8579/5634",
+            "bbox": [8.503417, 48.951366, 8.52539, 48.965794],
+            "solvers": 4,
+            "since": "2026-11-20T09:12:44.120Z",
+            "next_at": "2026-11-20T09:14:44.120Z",
+            "drives": ["3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"],
+            "advice": "3 solvers have begun here in vain ...",
+        }
+    ],
     "driven_km_by_highway": {"residential": 21.4},
     "driven_distance_km": 74.9,
     "network_km": 1204.2,
@@ -36,12 +52,29 @@ STATS_EXAMPLE: dict[str, Any] = {
 }
 
 
+MOST_UNSOLVED = 20
+
+
 class DayCount(BaseModel):
     """Drives uploaded on one UTC day, by their present status."""
 
     day: date
     status: DriveStatus
     drives: int
+
+
+class UnsolvedSquare(BaseModel):
+    """A square of the map whose slopes no solver has been able to compute."""
+
+    square: str = Field(description="z/x/y.")
+    bbox: Bounds = Field(description="West, south, east, north; degrees.")
+    solvers: int = Field(description="How many have begun with it.")
+    since: Moment = Field(description="When the oldest of what waits there came.")
+    next_at: Moment = Field(description="When it is tried again, unless something new comes.")
+    drives: list[uuid.UUID] = Field(
+        description="Drives whose slopes there are not published, or whose removal waits for it."
+    )
+    advice: str = Field(description="What to do about it.")
 
 
 class RoadVersion(BaseModel):
@@ -70,6 +103,13 @@ class Stats(BaseModel):
     queue_oldest_wait_s: float | None = Field(description="Null while nothing waits.")
     running: int
     failures_by_kind: dict[str, int]
+    squares_waiting: int = Field(description="Squares of the map (tiles of zoom 14) that wait to be solved.")
+    squares_unsolved: int = Field(
+        description="Of these, how many solvers have begun with again and again in vain."
+    )
+    unsolved: list[UnsolvedSquare] = Field(
+        description=f"The {MOST_UNSOLVED} of them that have waited longest."
+    )
     driven_km_by_highway: dict[str, float] = Field(description="Length of roads with an estimate, by class.")
     driven_distance_km: float = Field(description="Sum over the drives.")
     network_km: float
@@ -101,6 +141,7 @@ def read_stats(session: Session, *, days: int = 30) -> Stats:
     by_status = store.drives_by_status(session)
     queue = store.queue(session)
     roads = current_road_version(session)
+    squares = store.squares(session)
     return Stats(
         drives_by_status=by_status,
         drives_by_day=[DayCount(**row) for row in store.drives_by_day(session, days)],
@@ -108,9 +149,29 @@ def read_stats(session: Session, *, days: int = 30) -> Stats:
         queue_oldest_wait_s=queue.oldest_wait_s,
         running=by_status.get("running", 0),
         failures_by_kind=store.failures_by_kind(session),
+        squares_waiting=squares.waiting,
+        squares_unsolved=squares.unsolved,
+        unsolved=[_unsolved(row) for row in store.unsolved_squares(session, MOST_UNSOLVED)],
         driven_km_by_highway=store.driven_km_by_highway(session),
         segments_driven=store.segments_driven(session),
         data_version=data_version(session),
         road_version=roads and RoadVersion(**vars(roads)),
         **store.totals(session)._mapping,
+    )
+
+
+def _unsolved(row: Row[Any]) -> UnsolvedSquare:
+    advice = (
+        f"{row.solvers - 1} solvers have begun here in vain; the log of the workers says why. Where they were killed, "
+        "it is as a rule for lack of memory. They try again by themselves, at least once an hour. Deleting a drive "
+        "that lies here (versant drives delete ID), or processing it again, lets them try at once."
+    )
+    return UnsolvedSquare(
+        square=square_name(row.cell),
+        bbox=square_bounds(row.cell),
+        solvers=row.solvers,
+        since=row.since,
+        next_at=row.next_at,
+        drives=sorted(row.drives),
+        advice=advice,
     )

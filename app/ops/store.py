@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
+from app.network.marks import PATIENCE
+
 # Drives are counted as they change (``drive_counts``): the sum over its rows is what there is, however many drives.
 _BY_STATUS = text(
     "SELECT status, sum(drives) FROM drive_counts GROUP BY status HAVING sum(drives) > 0 ORDER BY status"
@@ -66,11 +68,35 @@ _TOTALS = text(
 )
 
 
+# The squares that no solver has solved, the longest waiting first. A mark may have outlived its drive.
+_UNSOLVED = text(
+    """
+    SELECT m.cell, max(m.tries) AS solvers, min(m.made_at) AS since, max(m.due_at) AS next_at,
+           coalesce(array_agg(DISTINCT d.id) FILTER (WHERE d.id IS NOT NULL), '{}') AS drives
+    FROM network_marks AS m LEFT JOIN drives AS d ON d.id = m.drive_id AND d.generation = m.generation
+    WHERE m.tries > :patience
+    GROUP BY m.cell ORDER BY since, m.cell LIMIT :limit
+    """
+)
+_SQUARES = text(
+    """
+    SELECT count(DISTINCT cell), count(DISTINCT cell) FILTER (WHERE tries > :patience) FROM network_marks
+    """
+)
+
+
 class Queue(NamedTuple):
     """The drives that wait: their number, and how long the first has waited, s; None while none does."""
 
     depth: int
     oldest_wait_s: float | None
+
+
+class Squares(NamedTuple):
+    """How many squares of the map wait to be solved, and how many of them solvers have begun with in vain."""
+
+    waiting: int
+    unsolved: int
 
 
 def drives_by_status(session: Session) -> dict[str, int]:
@@ -92,6 +118,16 @@ def queue(session: Session) -> Queue:
     """The drives that wait."""
     depth, oldest = session.execute(_QUEUE).one()
     return Queue(depth, None if oldest is None else max(0.0, float(oldest)))
+
+
+def squares(session: Session) -> Squares:
+    """What waits to be published."""
+    return Squares(*session.execute(_SQUARES, {"patience": PATIENCE}).one())
+
+
+def unsolved_squares(session: Session, limit: int) -> list[Row[Any]]:
+    """At most so many squares with which more solvers than ``PATIENCE`` have begun, by the names in ``_UNSOLVED``."""
+    return list(session.execute(_UNSOLVED, {"patience": PATIENCE, "limit": limit}))
 
 
 def segments_driven(session: Session) -> int:

@@ -1,1 +1,1 @@
-"""A real service for benchmarks: its processes, and what is uploaded to it."""
+"""A real service for benchmarks: its processes, what is uploaded to it, who asks it, how fast it answers."""

@@ -47,14 +47,23 @@ class Service:
         if done.returncode:
             sys.exit(f"{arguments[0]}: {done.stderr.strip()}")
 
-    @contextmanager
-    def started(self, *arguments: str) -> Iterator[None]:
-        """A process that goes on until the block ends."""
-        process = subprocess.Popen(
-            [sys.executable, "-m", "app.cli", *arguments], cwd=self.checkout, env=dict(self.environment)
+    def begin(self, *arguments: str) -> subprocess.Popen[bytes]:
+        """A command as a process beside this one, in a session of its own as under ``versant up``."""
+        command = [sys.executable, "-m", "app.cli", *arguments]
+        return subprocess.Popen(
+            command,
+            cwd=self.checkout,
+            env=dict(self.environment),
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
         )
+
+    @contextmanager
+    def started(self, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+        """A process that goes on until the block ends."""
+        process = self.begin(*arguments)
         try:
-            yield
+            yield process
         finally:
             process.send_signal(signal.SIGTERM)
             process.wait(60)

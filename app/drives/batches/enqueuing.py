@@ -16,7 +16,7 @@ from app.core.db import Sessions
 from app.core.errors import BadRequestError
 from app.drives.batches import store
 from app.drives.batches.documents import Selection, Which
-from fusion.pipeline import parse_options
+from app.drives.method_choice import check_options
 
 ENQUEUE_FOR_S = 10.0
 """How long a request enqueues (or takes out) by itself; the rest is a worker's."""
@@ -54,7 +54,7 @@ def check(selection: Selection, method: str | None) -> None:
         raise ValueError("other drives than of which method?")
     for name in (method, selection.from_method):
         if name is not None:
-            parse_options(name, {})
+            check_options(name, {})
 
 
 def cancel(sessions: Sessions, batch: int, for_s: float = ENQUEUE_FOR_S) -> None:

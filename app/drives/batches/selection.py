@@ -8,8 +8,7 @@ from typing import Any
 from app.core.db import plain_json
 from app.core.version import code_version
 from app.drives.batches.documents import Selection, Which
-from fusion.methods import METHODS
-from fusion.pipeline import parse_options
+from fusion.registry import METHOD_NAMES
 
 # Options that the drive names itself are its own affair: however they were written, they are the same now.
 _STALE = """
@@ -67,4 +66,6 @@ def _boxes(west: float, east: float) -> str:
 
 def _defaults() -> dict[str, Any]:
     """The options of every method as they are when none is given, as runs note them."""
-    return {name: plain_json(parse_options(name, {}).model_dump(mode="json")) for name in METHODS}
+    from fusion.pipeline import parse_options  # noqa: PLC0415 - see app.drives.method_choice
+
+    return {name: plain_json(parse_options(name, {}).model_dump(mode="json")) for name in METHOD_NAMES}

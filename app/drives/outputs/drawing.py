@@ -6,15 +6,15 @@ started again when it ended. What is drawn is handed over whole; the process kno
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-import traceback
+import subprocess
+import sys
+from multiprocessing import Pipe
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
 from threading import Lock
 
 from app.core.errors import NotReadyError
 from app.core.lanes import Lane
+from app.drives.outputs import draughtsman
 from app.drives.outputs.profile import Profile
 from fusion.types import DrawnMeasurements
 
@@ -30,7 +30,7 @@ class Drawing:
         self.lane = Lane(1, most_waiting, LONGEST_WAIT_S)
         """Hold its place from before what is drawn is read: only one at a time is in memory."""
         self._lock = Lock()
-        self._process: SpawnProcess | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._pipe: Connection | None = None
 
     def profile(self, profile: Profile, title: str, measurements: DrawnMeasurements | None) -> bytes:
@@ -62,12 +62,14 @@ class Drawing:
         return bytes(png)
 
     def _start(self) -> Connection:
-        # Not a copy of this process: its threads hold locks, and it holds connections.
-        context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
-        self._process = context.Process(target=_draw, args=(theirs,), name="versant drawing", daemon=True)
-        self._process.start()
-        theirs.close()
+        # Not a copy of this process, whose threads hold locks, and not by multiprocessing, which would load this
+        # program's commands there and start a third process to watch over them. It ends when the pipe closes.
+        ours, theirs = Pipe()
+        with theirs:
+            end = theirs.fileno()
+            self._process = subprocess.Popen(  # noqa: S603 - our own program
+                [sys.executable, "-m", draughtsman.__name__, str(end)], pass_fds=[end], start_new_session=True
+            )
         self._pipe = ours
         return ours
 
@@ -76,23 +78,5 @@ class Drawing:
             self._pipe.close()
         if self._process is not None:
             self._process.kill()
-            self._process.join()
-            self._process.close()
+            self._process.wait()
         self._pipe = self._process = None
-
-
-def _draw(pipe: Connection) -> None:
-    """Draw what comes until the other end closes, as it does however that process ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C in the terminal is for the parent
-    from app.drives.outputs.profile_picture import profile_png  # noqa: PLC0415 - here alone matplotlib is loaded
-
-    while True:
-        try:
-            profile, title, measurements = pipe.recv()
-        except EOFError:
-            return
-        try:
-            answer = (profile_png(profile, title, measurements), "")
-        except Exception:  # whatever it is: the next picture may be drawn
-            answer = (b"", traceback.format_exc())
-        pipe.send(answer)

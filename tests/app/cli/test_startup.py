@@ -66,3 +66,48 @@ def test_what_can_be_chosen_is_listed_without_the_service() -> None:
     loaded = loaded_by(["methods"])
     assert "fusion.methods" in loaded
     assert loaded.isdisjoint({"fastapi", "httpx", "matplotlib", "procrastinate", "psycopg", "sqlalchemy"})
+
+
+IMPORTED = """
+import importlib, json, sys
+importlib.import_module(sys.argv[1])
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+@pytest.mark.parametrize("program", ["app.main", "app.drives.batches.enqueuing"])
+def test_who_serves_and_who_enqueues_load_no_estimator(program: str) -> None:
+    """Compilers and solvers took half of the memory of the API, which computes nothing."""
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED, program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    loaded = set(json.loads(done.stdout))
+    assert program in loaded
+    assert loaded.isdisjoint(
+        {
+            "fusion.pipeline",
+            "fusion.methods",
+            "geopandas",
+            "matplotlib",
+            "numba",
+            "osmium",
+            "pandas",
+            "rasterio",
+            "scipy",
+        }
+    )
+
+
+def test_who_draws_loads_neither_web_nor_database() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED, "app.drives.outputs.profile_picture"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert set(json.loads(done.stdout)).isdisjoint({"fastapi", "psycopg", "scipy", "sqlalchemy", "typer"})

@@ -174,3 +174,20 @@ def test_a_client_that_reads_slowly_holds_no_place() -> None:
 
     asyncio.run(scenario())
     assert sent.is_set()
+
+
+def test_streams_that_come_by_the_hundred_let_others_pass() -> None:
+    begun: list[str] = []
+
+    async def route(scope: Scope, receive: Receive, send: Send) -> None:
+        begun.append(scope["path"])
+
+    async def scenario() -> None:
+        app = Turnstile(route)
+        asked = [f"/v1/drives/{k}/events" for k in range(100)] + ["/v1/drives"]
+        scopes = [{"type": "http", "path": path} for path in asked]
+        await asyncio.gather(*(app(scope, None, None) for scope in scopes))  # type: ignore[arg-type]
+
+    asyncio.run(scenario())
+    assert len(begun) == 101
+    assert begun.index("/v1/drives") <= 2

@@ -15,7 +15,8 @@ import pytest
 from sqlalchemy import text
 
 from app.core.settings import Settings, libpq_url
-from app.drives import store
+from app.drives import feed, store
+from app.drives.documents import Drive
 from problem_support import check
 from processing_support import carry_out_removals
 from server_support import wait_until
@@ -240,3 +241,26 @@ def test_only_what_is_shown_is_announced(web: Any) -> None:
 
 def test_events_of_no_drive(web: Any) -> None:
     assert web.client.get(f"/v1/drives/{uuid.uuid4()}/events").status_code == 404
+
+
+def test_all_who_follow_a_drive_are_told_one_text(web: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Six hundred that are made anew each time would keep everybody else waiting."""
+    made: list[str] = []
+    genuine = feed.linked
+
+    def counted(base: str, drive: Drive) -> Drive:
+        made.append(base)
+        return genuine(base, drive)
+
+    monkeypatch.setattr(feed, "linked", counted)
+    drive = upload(web)
+    with ExitStack() as readers:
+        streams = [readers.enter_context(following(web, drive)) for _ in range(20)]
+        for events in streams:
+            next(events)
+        made.clear()
+        with web.sessions.begin() as session:
+            store.mark_running(session, uuid.UUID(drive), 1)
+        told = [next(events) for events in streams]
+    assert all(one == told[0] for one in told)
+    assert made == [web.base]

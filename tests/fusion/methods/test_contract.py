@@ -14,7 +14,7 @@ from fusion.errors import BadOptionsError, EmptyLogError, MissingSensorError, No
 from fusion.methods import METHODS
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, run_drive
-from fusion.registry import DEFAULT_METHOD
+from fusion.registry import DEFAULT_METHOD, METHOD_NAMES
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog
@@ -137,3 +137,7 @@ def test_an_unknown_option_is_refused_with_the_known_ones(method: str) -> None:
     assert refusal.value.where == "nonsense"
     for name in METHODS[method].options_model.model_fields:
         assert name in str(refusal.value)
+
+
+def test_names_are_known_without_loading_what_they_name() -> None:
+    assert tuple(METHODS) == METHOD_NAMES
