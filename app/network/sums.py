@@ -31,7 +31,7 @@ JURY = 48
 many are left. Slopes with 24 and with 96 are as near to those of all passes, and solutions take half and twice as long
 (``benchmarks/evidence``); so many are a fair verdict over roads that change."""
 AT_ONCE = 200
-"""Passes that are summed in one transaction: for some tens of milliseconds, which whoever changes their drives waits."""
+"""Passes that are summed in one transaction, some tens of milliseconds: whoever changes their drives waits for it."""
 MOST_SUMMED = 2000
 """Passes that are summed after one solution, a millisecond each: nobody waits for long, and the rest comes later."""
 
