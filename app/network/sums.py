@@ -32,7 +32,7 @@ many are left. Slopes with 24 and with 96 are as near to those of all passes, an
 (``benchmarks/evidence``); so many are a fair verdict over roads that change."""
 AT_ONCE = 200
 """Passes that are summed in one transaction, some tens of milliseconds: whoever changes their drives waits for it."""
-MOST_SUMMED = 2000
+MOST_SUMMED = 5000
 """Passes that are summed after one solution, a millisecond each: nobody waits for long, and the rest comes later."""
 
 # Wherever drives are named their regions are, too, as a value that is known when it is planned: only those parts of the
