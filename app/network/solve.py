@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 
 from app.network.control import control_on
 from app.network.passes import StoredPass, by_drive, passes_over, said_elsewhere
-from app.network.sums import OldPass, beyond_jury, first_of, sums_over
+from app.network.sums import MOST_SUMMED, OldPass, beyond_jury, portions, sums_over
 from app.network.surroundings import Surroundings, stored_terrain, surroundings
 from fusion.network.adjust import adjust
 from fusion.network.curve import knot_length
@@ -90,7 +90,8 @@ class Solution:
                 if p.id is not None and p.factor.segment in mine:
                     heard = weight[name] if self.result.heard[name] else 0.0
                     over.setdefault(p.factor.segment, []).append(OldPass(p.id, p.drive_id, p.factor, heard))
-        return first_of(beyond_jury(over[segment]) for segment in sorted(over))
+        old = (p for segment in sorted(over) for p in beyond_jury(over[segment]))
+        return next(portions(old, MOST_SUMMED), [])
 
 
 def solve_around(session: Session, touched: Collection[int]) -> tuple[Solution, Bools]:

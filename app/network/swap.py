@@ -27,7 +27,7 @@ from app.network.passes import regions_of, set_verdicts
 from app.network.publish import refresh_aggregates
 from app.network.slopes import clear_slopes, write_slopes
 from app.network.solve import Solution, solve_around
-from app.network.sums import made_sums, sum_up
+from app.network.sums import AT_ONCE, made_sums, portions, sum_up
 from fusion.types import Bools, Progress, no_progress
 
 logger = logging.getLogger(__name__)
@@ -203,10 +203,11 @@ def sum_old_passes(sessions: Sessions, found: Found) -> None:
         with sessions() as session:
             made = made_sums(session, old)
             regions = regions_of(session, {p.factor.segment for p in old})
-        with sessions.begin() as session:
-            session.execute(_LOCK_WAIT)
-            if try_share_network(session):
-                sum_up(session, old, made, regions)
+        for portion in portions(old, AT_ONCE):
+            with sessions.begin() as session:
+                session.execute(_LOCK_WAIT)
+                if try_share_network(session):
+                    sum_up(session, portion, made, regions)
     except OperationalError as error:
         if getattr(error.orig, "sqlstate", None) not in _OTHERS_WRITE:
             raise

@@ -29,7 +29,6 @@ from sqlalchemy import Engine, text
 from accuracy.road_draws import PLANE, road_through
 from accuracy.scoring import show_progress, text_table, write_json
 from adjustment_drives import Synthetic
-from adjustment_service import append
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
@@ -38,6 +37,7 @@ from app.roads import imports as roads
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
+from service.adjustment import append
 
 STEPS = (10, 100, 300, 1_000, 10_000)
 SEGMENTS, LENGTH_M = 25, 80.0

@@ -87,12 +87,10 @@ def test_laps_of_a_drive_stay_together() -> None:
     assert sums.beyond_jury(many) == []
 
 
-def test_no_more_is_summed_at_once_than_is_stated_and_drives_as_wholes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(sums, "MOST_SUMMED", 4)
-    over = [[old_pass(k // 3, 1.0, k) for k in range(9)], [old_pass(1, 1.0, 30)]]
-    assert [p.id for p in sums.first_of(over)] == [0, 1, 2, 3, 4, 5]
+def test_drives_are_summed_as_wholes_and_in_portions() -> None:
+    old = [old_pass(k // 3, 1.0, k) for k in range(9)]
+    assert [[p.id for p in some] for some in sums.portions(old, 4)] == [[0, 1, 2, 3, 4, 5], [6, 7, 8]]
+    assert list(sums.portions([], 4)) == []
 
 
 def test_the_map_is_up_to_date_before_old_passes_are_summed(
