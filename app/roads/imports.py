@@ -7,6 +7,7 @@ The file's roads are copied beside the stored ones (``app.roads.copy``), what th
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,6 +32,8 @@ from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Progress, no_progress
 
+logger = logging.getLogger(__name__)
+
 
 @dataclass(frozen=True)
 class ImportCounts:
@@ -52,8 +55,9 @@ class ImportCounts:
 def import_roads(
     sessions: Sessions, path: Path, dem_dir: FilePlace, progress: Progress = no_progress
 ) -> ImportCounts:
-    """Make the drivable roads of an OpenStreetMap file the whole network (``merge_roads``), and solve.
+    """Make the drivable roads of an OpenStreetMap file the whole network (``merge_roads``), and solve what it changes.
 
+    The roads stay where a solution fails: what is marked waits for the workers then.
     Raises ``RoadsError`` for a file that cannot be used, also for one without a single drivable road: it is
     taken for a mistake, since it would drop every segment.
     """
@@ -68,7 +72,14 @@ def import_roads(
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     while (counts := _import(sessions, table, path.name, sha256, dem_dir, progress)) is None:
         pass  # elevation rasters came in meanwhile
-    solve_all_marked(sessions, progress)
+    try:
+        solve_all_marked(sessions, progress)
+    except Exception:
+        logger.warning(
+            "the roads are in, but not all slopes that they change could be found anew; workers go on with those, and "
+            "/v1/admin/stats tells which they cannot find",
+            exc_info=True,
+        )
     return counts
 
 

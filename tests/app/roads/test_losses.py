@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
+import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.map import store as segments
 from app.network import extracts as road_store
+from app.network import swap
 from app.network.settle import settle_network
 from app.network.swap import solve_all_marked
 from app.roads import imports as roads
@@ -104,3 +107,29 @@ def test_the_passes_before_and_after_a_lost_one_stay(
     found = rows_of(sessions)
     settle_network(sessions)
     assert_same(found, rows_of(sessions))
+
+
+def test_roads_stay_though_what_they_change_cannot_be_solved(
+    sessions: Sessions,
+    chain: Chain,
+    segment_ids: Ints,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """They were stored before; whoever imports is told, and what is marked waits for another solver."""
+    drive_over(sessions, chain(), segment_ids, {k: (1.0 + k, 0.5) for k in range(4)})
+    file = tmp_path / "moved.osm"
+    file.write_text("beside the point")
+    monkeypatch.setattr(roads, "read_roads", lambda *_: moved(chain, 1))
+
+    def fails(*_: object) -> None:
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(swap, "solve_around", fails)
+        assert roads.import_roads(sessions, file, tmp_path).moved == 1
+    assert "the roads are in" in caplog.text
+    solve_all_marked(sessions)
+    drives = {segment: row[2] for segment, row in rows_of(sessions).items()}
+    assert drives == dict(zip(segment_ids[:4].tolist(), (1, 0, 1, 1), strict=True))  # a gap now
