@@ -54,4 +54,5 @@ def displaced(above_m: Floats, length_m: Floats) -> Displaced | None:
     far = float(np.sum(length_m[where]))
     if far < SHORTEST_M:
         return None
-    return Displaced(where, float(np.median(off[where])), far)
+    # Against the others: the middle of all leans to those that stand out.
+    return Displaced(where, float(np.median(off[where]) - np.median(off[~where])), far)
