@@ -11,10 +11,12 @@ import math
 from collections.abc import Collection, Iterable
 from typing import Any
 
+import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
+from fusion.types import Ints
 
 ZOOM = 14
 _SIDE = 1 << ZOOM
@@ -156,6 +158,11 @@ def data_version(session: Session) -> int:
     """How often anything that is shown of any square has changed."""
     values = {"x0": 0, "x1": _SIDE - 1, "y0": 0, "y1": _SIDE - 1}
     return int(session.execute(_TAG, values).one().version)
+
+
+def regions_around(cells: Ints) -> list[int]:
+    """The tiles of zoom 6 in which squares lie, as ``versant_region`` numbers them: passes are parted by them."""
+    return [int(region) for region in np.unique(cells >> 22 << 6 | (cells & (_SIDE - 1)) >> 8)]
 
 
 def beside(cell: int) -> Iterable[int]:

@@ -15,6 +15,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
+from app.network.cells import regions_around
 from app.network.road_squares import roads_in
 from fusion.network.curve import interval_count, knot_length
 from fusion.network.terrain import Terrain, heights_at
@@ -33,10 +34,10 @@ _LINES = text(
 # before drives, whatever the planner thinks of tables that have grown since (OFFSET 0 keeps it from that).
 KNOWN = """
     SELECT s.id, coalesce(p.driven, false) AS driven, coalesce(n.drives, -1), n.slope_percent, n.slope_sigma_percent
-    FROM unnest(%(ids)s, %(cells)s) AS s (id, cell)
+    FROM unnest(%(ids)s) AS s (id)
     LEFT JOIN LATERAL (
-        SELECT true AS driven FROM (SELECT drive_id FROM drive_passes
-            WHERE segment_id = s.id AND region = versant_region(CAST(s.cell AS integer))
+        SELECT true AS driven FROM (
+            SELECT drive_id FROM drive_passes WHERE segment_id = s.id AND region = ANY(%(regions)s::smallint[])
             ORDER BY entered_s OFFSET 0) AS over
         WHERE (SELECT same_as IS NULL FROM drives WHERE id = over.drive_id) LIMIT 1) AS p ON true
     LEFT JOIN network_slopes AS n ON n.segment_id = s.id
@@ -71,7 +72,7 @@ def surroundings(session: Session, touched: Collection[int], scale: float) -> Su
     boxes = boxes_around(lon0, lat0, lon1, lat1, scale * WINDOW_RADIUS_M)
     roads = roads_in(session, boxes)
     row = np.argsort(roads.ids)
-    known = fetch_binary(session, KNOWN, {"ids": roads.ids, "cells": roads.cell})
+    known = fetch_binary(session, KNOWN, {"ids": roads.ids, "regions": regions_around(roads.cell)})
     ids, driven, drives, slope, sigma = zip(*known, strict=True) if known else ((),) * 5
     at = row[np.searchsorted(roads.ids, np.array(ids, np.int64), sorter=row)]
     n = len(roads.ids)

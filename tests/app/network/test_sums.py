@@ -12,6 +12,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions, fetch_binary
 from app.network import passes, settle, sums, surroundings, swap
+from app.network.cells import regions_around
 from app.roads import imports as roads
 from factor_support import street
 from fusion.roads.table import RoadTable
@@ -144,16 +145,16 @@ def test_whether_a_segment_is_driven_is_one_look(
     """Of 3007 passes over each of them."""
     assert crowded
     of_segment = {"id": int(segment_ids[0])}
-    box = {"west": [8.0], "south": [48.0], "east": [9.0], "north": [50.0]}
     with sessions() as session:
         cell = session.execute(text("SELECT cell FROM segments WHERE id = :id"), of_segment).scalar_one()
-        for query, values in (
-            (settle._IN_NETWORK_OF_CELL, {"cell": cell}),
-            (settle._SQUARES, {}),
-            (surroundings.SURROUNDINGS, box),
-        ):
-            explain = text(f"EXPLAIN (ANALYZE, TIMING OFF) {query.text}")
-            plan = "\n".join(session.execute(explain, values).scalars())
+        plans = [
+            session.execute(text(f"EXPLAIN (ANALYZE, TIMING OFF) {query.text}"), values).scalars().all()
+            for query, values in ((settle._IN_NETWORK_OF_CELL, {"cell": cell}), (settle._SQUARES, {}))
+        ]
+        known = {"ids": segment_ids, "regions": regions_around(np.array([cell]))}
+        rows = fetch_binary(session, f"EXPLAIN (ANALYZE, TIMING OFF) {surroundings.KNOWN}", known)
+        plans.append([line for (line,) in rows])
+        for plan in map("\n".join, plans):
             scans = [line for line in plan.splitlines() if " on drive_passes_of_" in line]
             looked = [line for line in scans if "never executed" not in line]
             assert looked
