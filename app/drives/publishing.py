@@ -27,9 +27,9 @@ logger = logging.getLogger(__name__)
 REJECTED_SHARE = 1 / 3
 """A drive that contradicts the others on more of its segments than this gets a warning."""
 
-SOLVING_S = 1.0
+SOLVING_S = 0.5
 """While drives wait, a square that is marked waits for so long times the number of marked ones: solving one takes about
-a quarter of that (``benchmarks/publishing.py``), so that most of the time is the drives'."""
+a fifth of that (``benchmarks/publishing.py``), so that most of the time is the drives'."""
 
 SETTLE_AFTER_S = 600.0
 """What changed is settled in a wide window so long after, when nothing else waits."""
