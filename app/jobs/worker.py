@@ -23,6 +23,7 @@ from app.core.db import Sessions
 from app.core.settings import Settings
 from app.jobs.computations import Witness, charge, forget_gone
 from app.jobs.runs import Runs, make_queue
+from app.jobs.silence import Silence
 from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
 from app.jobs.task import QUEUE, Task
 
@@ -46,6 +47,7 @@ class Worker:
         url = str(settings.database_url)
         self._runs = Runs(Witness(url), settings.run_limit_s)
         self._queue = make_queue(url, tasks, self._runs)
+        self._silence = Silence(self._queue, self._runs.current)
         self._stopping = Stopping(
             self._queue,
             self._runs,
@@ -113,9 +115,14 @@ class Worker:
             )
         )
         stopping = asyncio.create_task(stop.wait())
+        silent = asyncio.create_task(self._silence.lasts())
         try:
-            await asyncio.wait({worker, stopping}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({worker, stopping, silent}, return_when=asyncio.FIRST_COMPLETED)
             worker.cancel()  # a worker that is cancelled ends its jobs first
+            if silent.done() and not worker.done():
+                logger.error("the worker asks for no work any more; it begins anew")
+                worker.add_done_callback(_look_away)
+                return
             await worker
         except asyncio.CancelledError:
             if not worker.done():
@@ -126,6 +133,7 @@ class Worker:
             logger.warning("the worker lost the database and will try again", exc_info=True)
         finally:
             stopping.cancel()
+            silent.cancel()
 
     async def _retry_stalled(self) -> None:
         """Put jobs of silent workers back. Two workers may do so at once: a job may safely run twice.
@@ -176,7 +184,17 @@ def in_thread(work: Callable[[], bool | None], failed: str) -> Chore:
 async def _again_and_again(chore: Chore, every_s: float, more: bool | None) -> None:
     while True:
         await asyncio.sleep(_NEXT_PIECE_S if more else every_s)
-        more = await chore()
+        try:
+            more = await chore()
+        except Exception:  # else it would never be done again, and nobody would know
+            logger.exception("what is done beside the jobs failed; trying again later")
+            more = None
+
+
+def _look_away(task: asyncio.Task[None]) -> None:
+    """Whatever one ends by that is waited for no more."""
+    if not task.cancelled():
+        task.exception()
 
 
 async def _watch(stop_event: threading.Event | None, stop: asyncio.Event) -> None:
