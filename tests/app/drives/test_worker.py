@@ -49,7 +49,7 @@ def settings(database_url: str, tmp_path: Path) -> Settings:
         data_dir=tmp_path,
         heartbeat_interval_s=0.5,
         stalled_after_s=2.0,
-        grace_s=4.0,
+        grace_s=10.0,
     )
 
 
