@@ -7,8 +7,9 @@
 Drives of 10 km wander over the map (default: Heidelberg, beside the repository) and log at 1 Hz what an ordinary
 receiver with Doppler, pitch and specific force does (``profile_speed.record``), each at a time of its own. For each
 number of workers a database is made in an embedded cluster with the settings of ``versant up``, the roads are imported,
-an API and so many ``versant worker`` of one lane each are started as processes, and one drive goes through them to warm
-up. Then all drives are uploaded while no worker runs, and the workers started.
+an API and so many ``versant worker`` of one lane each are started as processes, which share the cores as the lanes of
+one worker do, and one drive goes through them to warm up. Then all drives are uploaded while no worker runs, and the
+workers started.
 
     drives/s    drives over the time from the first that was begun to the last that was done
     longest s   from the beginning of a drive to its end, at most: solvers let squares wait while drives do
@@ -26,6 +27,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import statistics
 import sys
@@ -146,7 +148,7 @@ def run(
         with psycopg.connect(url, autocommit=True) as connection:
             connection.execute("ALTER DATABASE publishing SET log_lock_waits = on")
             connection.execute("ALTER DATABASE publishing SET deadlock_timeout = '100ms'")
-        service = Service(checkout, url, Path(folder))
+        service = Service(checkout, url, Path(folder), threads=max(1, (os.cpu_count() or 1) // workers))
         show_progress(f"{code}, {workers} workers: roads")
         service.command("migrate")
         service.command("import-roads", str(args.roads))

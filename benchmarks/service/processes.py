@@ -16,12 +16,14 @@ import numpy as np
 import psycopg
 
 PATIENCE_S = 3600.0
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class Service:
-    """The command line of a checkout on a database, as processes."""
+    """The command line of a checkout on a database, as processes that compute with so many ``threads`` each (None: as
+    many as they like)."""
 
-    def __init__(self, checkout: Path, url: str, folder: Path) -> None:
+    def __init__(self, checkout: Path, url: str, folder: Path, threads: int | None = None) -> None:
         self.checkout, self.url = checkout, url
         self.port = 18_700 + os.getpid() % 1000
         self.address = f"http://127.0.0.1:{self.port}"
@@ -32,6 +34,7 @@ class Service:
             "VERSANT_LOG_LEVEL": "WARNING",
             "PYTHONPATH": str(checkout),
             "OMP_WAIT_POLICY": "PASSIVE",
+            **({} if threads is None else dict.fromkeys(THREADS, str(threads))),
         }
         self.environment: Mapping[str, str] = {
             **{name: value for name, value in os.environ.items() if not name.startswith("VERSANT_")},
