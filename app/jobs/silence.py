@@ -1,4 +1,4 @@
-"""Whether a worker still asks for work: the queue's own loop can wait for ever for a helper that has missed its end.
+"""Whether a worker still asks for work: the queue's own loop can wait for ever for a side task that has missed its end.
 
 It did, once in some fifty restarts of the database in quick succession: the loop ends what it runs beside, one of these
 gets its connection in the very moment in which it is cancelled, and goes on. The process lives, and does nothing more.
