@@ -1,7 +1,7 @@
 """Whether a worker still asks for work: the queue's own loop can wait for ever for a side task that has missed its end.
 
-It did, once in some fifty restarts of the database in quick succession: the loop ends what it runs beside, one of these
-gets its connection in the very moment in which it is cancelled, and goes on. The process lives, and does nothing more.
+Seen once, after two restarts of the database in quick succession: the processes lived and did nothing more. Most likely
+the loop was ending what it runs beside, and one of these got its connection in the moment in which it was cancelled.
 """
 
 from __future__ import annotations
