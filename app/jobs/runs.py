@@ -62,6 +62,8 @@ class Run:
     task: Task
     arguments: Mapping[str, Any]
     limit_s: float
+    worker: int
+    """Whom the queue believes to be at it."""
     once: bool = False
     """One such job that waits is enough: this one cannot go back where another waits."""
     began_s: float = field(default_factory=time.monotonic)
@@ -99,7 +101,7 @@ class Runs:
     def perform(self, task: Task, context: procrastinate.JobContext, arguments: Mapping[str, Any]) -> str:
         """Run the job to its end, or say to the queue what is to become of it."""
         once = context.job.queueing_lock is not None
-        run = Run(context.job.id or 0, task, arguments, self.limit_s, once)
+        run = Run(context.job.id or 0, task, arguments, self.limit_s, context.job.worker_id or 0, once)
         deaths = self.witness.deaths(run.job)
         if deaths >= MAX_DEATHS:
             task.give_up("interrupted", _died(task, deaths), **arguments)

@@ -85,6 +85,8 @@ class Worker:
                 ):
                     await meanwhile.enter_async_context(_background(beside))
                 await meanwhile.enter_async_context(self._queue.open_async())
+                still_at_it = _again_and_again(self._sign_of_life, self._settings.heartbeat_interval_s, None)
+                await meanwhile.enter_async_context(_background(still_at_it))
                 for chore, every_s in chores:
                     more = await chore()
                     await meanwhile.enter_async_context(_background(_again_and_again(chore, every_s, more)))
@@ -135,6 +137,12 @@ class Worker:
             stopping.cancel()
             silent.cancel()
 
+    async def _sign_of_life(self) -> None:
+        """The queue's own signs end when the worker is asked to stop, and its runs go on for a part of the grace."""
+        with contextlib.suppress(exceptions.ConnectorException):  # the next one says so as well
+            for worker in {run.worker for run in tuple(self._runs.current.values())}:
+                await self._queue.job_manager.update_heartbeat(worker)
+
     async def _retry_stalled(self) -> None:
         """Put jobs of silent workers back. Two workers may do so at once: a job may safely run twice.
 
@@ -146,6 +154,8 @@ class Worker:
                 queue=QUEUE, seconds_since_heartbeat=self._settings.stalled_after_s
             ):
                 number = job.id or 0
+                if number in self._runs.current:
+                    continue
                 logger.warning("job %s of a silent worker goes back into the queue", number)
                 if number not in self._runs.begun:
                     await in_thread(functools.partial(self._charge, number), "a death was not counted")()

@@ -56,6 +56,7 @@ def tasks_of(sessions: Sessions) -> list[Task]:
 
     return [
         task("quick", lambda _: None),
+        task("long", lambda _: time.sleep(6.0)),  # and ends then
         task("loop", look_in_vain),
         task("deaf", lambda _: threading.Event().wait()),  # as machine code that nothing reaches
         task("lock", lambda _: wait_for_lock(), computes=False),

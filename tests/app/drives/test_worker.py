@@ -37,6 +37,8 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
 # Enough particles that nobody waits for the end by accident, few enough that the test ends.
 SLOW = {"particles": 200_000}
+ENDLESS = {"particles": 2_000_000}
+"""It does not end within the share of the grace for which a stopped worker's runs go on."""
 
 Send = Callable[..., Drive]
 Workers = Callable[[], AbstractContextManager["subprocess.Popen[bytes]"]]
@@ -139,6 +141,10 @@ def half_way(drive: Drive) -> bool:
     return drive.status == "running" and drive.progress > 0.2
 
 
+def begun(drive: Drive) -> bool:
+    return drive.status == "running" and drive.stage == "filter"
+
+
 def counts(sessions: Sessions) -> tuple[int, ...]:
     query = text(
         """
@@ -230,9 +236,9 @@ def test_a_killed_workers_drive_is_taken_up_again(
 def test_a_stopped_worker_puts_a_long_drive_back(
     sessions: Sessions, send: Send, worker_process: Workers, settings: Settings, number: signal.Signals
 ) -> None:
-    drive = send(2, "particle", SLOW)
+    drive = send(2, "particle", ENDLESS)
     with worker_process() as worker:
-        wait_for(sessions, drive, half_way)
+        wait_for(sessions, drive, begun)
         worker.send_signal(number)
         assert worker.wait(PATIENCE_S) == 0
     assert now(sessions, drive.id).status == "queued"

@@ -129,6 +129,22 @@ def test_a_job_is_innocent_when_its_worker_is_killed_after_it_was_asked_to_stop(
         assert charge(session, job) == 0
 
 
+def test_nobody_takes_a_job_from_a_worker_that_is_still_at_it_though_asked_to_stop(
+    sessions: Sessions, start_worker: StartWorker
+) -> None:
+    queue(sessions, "long")
+    signs = {"heartbeat_interval_s": 0.25, "stalled_after_s": 2.0}
+    with start_worker(grace_s=60.0, **signs) as process:
+        await_it(sessions, "long runs")
+        with start_worker(**signs) as other:
+            process.terminate()
+            assert process.wait(PATIENCE_S) == 0
+            other.terminate()
+            assert other.wait(PATIENCE_S) == 0
+    assert happened(sessions) == ["long runs"]
+    assert job_states(sessions) == []
+
+
 def test_a_job_that_takes_too_long_is_given_up_and_its_process_with_it(
     sessions: Sessions, start_worker: StartWorker
 ) -> None:
