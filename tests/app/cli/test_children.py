@@ -70,6 +70,7 @@ def sleeper(*, deaf: bool) -> Child:
     return Child("sleeper", [sys.executable, "-c", program], {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("deaf", [False, True])
 def test_children_end_with_their_block(deaf: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(children, "STOP_MARGIN_S", 0.5)

@@ -83,6 +83,7 @@ def test_fuse_says_where_a_log_was_rejected(tmp_path: Path) -> None:
     assert [log.get("rejected_segments") for log in logs] == [None, 0]
 
 
+@pytest.mark.slow
 def test_fuse_writes_gaps_on_demand(tmp_path: Path) -> None:
     bundle = write_all(tmp_path, 2, seed=1, duration_s=150.0)
 
@@ -97,6 +98,7 @@ def test_fuse_writes_gaps_on_demand(tmp_path: Path) -> None:
     assert asked.count(0) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["profile", "raw"])
 def test_order_of_logs_changes_nothing(tmp_path: Path, method: str) -> None:
     bundle = write_all(tmp_path, 3, seed=1, duration_s=60.0)

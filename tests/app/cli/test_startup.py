@@ -62,6 +62,7 @@ def test_a_client_of_the_service_loads_no_library_of_estimation() -> None:
     )
 
 
+@pytest.mark.slow
 def test_what_can_be_chosen_is_listed_without_the_service() -> None:
     loaded = loaded_by(["methods"])
     assert "fusion.methods" in loaded
@@ -75,6 +76,7 @@ print(json.dumps(sorted(sys.modules)))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", ["app.main", "app.drives.batches.enqueuing"])
 def test_who_serves_and_who_enqueues_load_no_estimator(program: str) -> None:
     """Compilers and solvers took half of the memory of the API, which computes nothing."""
@@ -102,6 +104,7 @@ def test_who_serves_and_who_enqueues_load_no_estimator(program: str) -> None:
     )
 
 
+@pytest.mark.slow
 def test_who_draws_loads_neither_web_nor_database() -> None:
     done = subprocess.run(
         [sys.executable, "-c", IMPORTED, "app.drives.outputs.profile_picture"],

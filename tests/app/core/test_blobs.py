@@ -110,6 +110,7 @@ print(blob.size_bytes, tracemalloc.get_traced_memory()[1])
 """
 
 
+@pytest.mark.slow
 def test_a_large_blob_takes_little_memory(tmp_path: Path) -> None:
     """In a process of its own: whatever else runs in this one would count."""
     done = subprocess.run(
@@ -179,6 +180,7 @@ def test_a_large_upload_to_a_bucket_that_breaks_off_is_not_completed(bucket: str
     assert "Uploads" not in found.call_s3("list_multipart_uploads", Bucket=bucket.removeprefix("s3://"))
 
 
+@pytest.mark.slow
 def test_a_large_blob_of_a_bucket_goes_in_parts(bucket: str) -> None:
     store = BlobStore(bucket)
     chunk = os.urandom(1 << 20)

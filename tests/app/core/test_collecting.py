@@ -23,6 +23,7 @@ print(gc.get_freeze_count(), len(gc.get_objects()), gc.get_threshold()[2])
 """
 
 
+@pytest.mark.slow
 def test_what_is_loaded_is_looked_through_no_more() -> None:
     done = subprocess.run(
         [sys.executable, "-c", AFTER_LOADING],

@@ -26,6 +26,7 @@ print("fusion.methods" in sys.modules)
 """
 
 
+@pytest.mark.slow
 def test_who_names_no_options_loads_no_method() -> None:
     done = subprocess.run(
         [sys.executable, "-c", CHECKED],

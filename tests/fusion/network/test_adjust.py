@@ -135,6 +135,7 @@ def test_parts_that_are_not_joined() -> None:
     assert_as_dense(table, {1: waves(table, 1)})
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**31))
 def test_any_small_network(seed: int) -> None:

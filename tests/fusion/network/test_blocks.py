@@ -69,6 +69,7 @@ def test_a_town_in_blocks_is_the_town(count: int) -> None:
     assert found.heard == whole.heard
 
 
+@pytest.mark.slow
 def test_many_hands_do_the_same_work() -> None:
     table, drives = driven_town()
     alone = adjust(table, drives, blocks=bisected(table, 20))

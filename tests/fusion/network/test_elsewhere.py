@@ -161,6 +161,7 @@ def test_of_what_passes_inside_alone_speak_of_nothing_is_left_outside() -> None:
     assert {int(place) for kind, place in left.keys.tolist() if kind == EAST} == {1, 2}
 
 
+@pytest.mark.slow
 def test_windows_are_nearer_to_the_whole_with_what_is_said_elsewhere() -> None:
     """Few drives over a few streets: what a mount is, the rest of the drive knows. In most towns, not in all: what is
     said of roads' own roughness, and where a drive was, only the roads outside know."""

@@ -51,6 +51,7 @@ def test_samples_once_a_second_show_it_too(seed: int, lag_s: float) -> None:
     assert found.value == pytest.approx(lag_s, abs=0.06)
 
 
+@pytest.mark.slow
 @given(SEEDS, st.floats(-20, 20))
 @settings(max_examples=15)
 def test_a_yaw_is_found_to_half_a_degree(seed: int, yaw_deg: float) -> None:
@@ -60,6 +61,7 @@ def test_a_yaw_is_found_to_half_a_degree(seed: int, yaw_deg: float) -> None:
     assert found.sigma < 0.35
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("estimate", "lag_s", "yaw_deg", "true"), [(lag_of, 0.1, 3.0, 0.1), (yaw_of, 0.0, 3.0, 3.0)]
 )
@@ -72,6 +74,7 @@ def test_sigmas_are_those_of_the_errors(
     assert 0.6 < np.sqrt(np.mean(z**2)) < 1.4
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_nothing_is_wrong() -> None:
     """Of sixty rides at most one has a lag or a yaw that would be set right."""
     rides = [ride(seed, duration_s=240.0) for seed in range(60)]
@@ -101,6 +104,7 @@ def with_faults(one: Ride, rng: np.random.Generator) -> Ride:
     return replace(one, north_mps=north, **samples)
 
 
+@pytest.mark.slow
 @given(SEEDS, st.floats(-0.4, 0.4), st.floats(-10, 10))
 @settings(max_examples=15)
 def test_holes_and_wild_values_do_no_harm(seed: int, lag_s: float, yaw_deg: float) -> None:

@@ -98,6 +98,7 @@ def test_a_log_without_noise_gives_the_road_itself() -> None:
     assert np.median(sigma[1:-2]) < 0.4
 
 
+@pytest.mark.slow
 def test_standing_for_minutes_changes_nothing(once: tuple[Floats, Floats, list[DriveResult]]) -> None:
     """Five minutes at a barrier, while the receiver's height wanders by metres."""
     error, sigma, results = pooled(way((10.0, 53), (0.0, 300), (10.0, 55)))
@@ -109,6 +110,7 @@ def test_standing_for_minutes_changes_nothing(once: tuple[Floats, Floats, list[D
         assert not result.report["breaks"]
 
 
+@pytest.mark.slow
 def test_reversing_a_few_metres_does_no_harm(once: tuple[Floats, Floats, list[DriveResult]]) -> None:
     """A car that backs up by some 10 m, nose forward all the time."""
     error, sigma, _ = pooled(way((10.0, 50), (0.0, 15), (-2.0, 12), (0.0, 10), (10.0, 58)))
@@ -125,6 +127,7 @@ def alone(passes: list[PassFactor]) -> Floats:
 THERE_AND_BACK = way((10.0, 100), (0.0, 12), (-10.0, 100))
 
 
+@pytest.mark.slow
 def test_there_and_back_agree_in_sign(once: tuple[Floats, Floats, list[DriveResult]]) -> None:
     """Slopes count from from_node to to_node, whichever way the vehicle goes."""
     time, along = THERE_AND_BACK
@@ -141,6 +144,7 @@ def test_there_and_back_agree_in_sign(once: tuple[Floats, Floats, list[DriveResu
         assert np.corrcoef(back[1:12], there[1:12])[0, 1] > 0.95
 
 
+@pytest.mark.slow
 def test_back_in_reverse_gear(once: tuple[Floats, Floats, list[DriveResult]]) -> None:
     """The nose looks up the street all the time: attitude and accelerometer must not be taken for the way driven."""
     time, along = way((10.0, 100), (0.0, 12), (-4.0, 220))

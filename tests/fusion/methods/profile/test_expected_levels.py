@@ -75,6 +75,7 @@ def test_without_data_they_are_as_uncertain_as_beforehand() -> None:
         assert 0.4 < sigma[name] <= MOST_UNCERTAIN, name
 
 
+@pytest.mark.slow
 @given(st.sampled_from([EVERYTHING, (ALTITUDE,), (DOPPLER, BARO), (PITCH, FORCE)]), st.integers(2, 200))
 @settings(max_examples=20)
 def test_nothing_is_less_sure_than_beforehand(sensors: tuple[int, ...], seconds: int) -> None:

@@ -216,6 +216,7 @@ def test_passes_before_and_after_a_mount_moved_do_not_share_it() -> None:
     assert {f.mount for f in factors_of(one)} == {0}
 
 
+@pytest.mark.slow
 def test_what_passes_say_alone_is_honest() -> None:
     """Each solved by itself lies within its own sigma of the truth."""
     inside, worth = [], []
@@ -263,6 +264,7 @@ def test_heights_that_err_as_slowly_as_the_air_s_pressure_are_an_altimeter_s() -
     assert [f.segment for f in later] == [f.segment for f in result.factors]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [0.001, 0.01])
 def test_heights_of_the_best_receivers_are_no_altimeter_s(drift: float) -> None:
     """Of those that fix no carrier phase: 0.8 m for two minutes. Air drifts by 0.8 m in ten."""

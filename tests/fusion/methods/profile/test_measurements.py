@@ -116,6 +116,7 @@ def test_dense_samples_are_averaged_and_sparse_ones_left_alone() -> None:
     np.testing.assert_array_equal(same[1], np.sin(sparse))
 
 
+@pytest.mark.slow
 def test_only_heights_that_an_altimeter_can_know_are_late() -> None:
     """Steady ones that state no accuracy; above the ellipsoid they are a receiver's, however steady."""
     time_s = 1.7e9 + np.arange(1200.0)
