@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import re
+import sys
 import time
 from ipaddress import ip_address
 from urllib.parse import urlsplit
@@ -51,8 +52,17 @@ PUBLISHED = ("/collections", "/conformance", "/tiles", "/openapi.json", "/proble
 """What pages of any site may read: the map. Drives are somebody's movements and stay out of their reach."""
 
 
+TURN_S = 0.0005
+"""A thread that computes hands Python's lock to the event loop after so long (by default 5 ms), and it does so each
+time that the loop comes back from the network: several times in one request."""
+
+
 def stay_loaded() -> None:
-    """Call it when everything is imported and made: that is looked through for dead cycles no more."""
+    """Call it when everything is imported and made: that is looked through for dead cycles no more.
+
+    And the event loop waits for no thread's turn any more that is longer than ``TURN_S``.
+    """
+    sys.setswitchinterval(TURN_S)
     gc.collect()
     gc.freeze()
     gc.set_threshold(*COLLECTING_THRESHOLDS)
