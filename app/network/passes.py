@@ -127,10 +127,10 @@ def replace_passes(
     touched = {segment for segment, *_ in gone}
     if factors:
         columns = {
-            "segment_id": [f.segment for f in factors],
-            "sequence": [f.sequence for f in factors],
-            "entered_s": [f.first_time_s for f in factors],
-            "factor": [f.encode() for f in factors],
+            "segment_id": np.array([f.segment for f in factors]),
+            "sequence": np.array([f.sequence for f in factors]),
+            "entered_s": np.array([f.first_time_s for f in factors], float),
+            "factor": PassFactor.encode_all(factors),
         }
         send_binary(session, _INSERT, {"drive_id": drive_id, **columns})
         whole = {

@@ -13,7 +13,6 @@ import json
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -61,11 +60,11 @@ _INSERT_ESTIMATES = text(
     """
     INSERT INTO drive_segments (drive_id, segment_id, slope_percent, slope_sigma_percent, observations,
                                 passes, first_at, last_at, provenance_id, in_network)
-    SELECT :drive_id, t.segment_id, t.slope, t.sigma, t.observations, t.passes, t.first_at, t.last_at,
-           :provenance_id, :in_network
+    SELECT :drive_id, t.segment_id, t.slope, t.sigma, t.observations, t.passes, to_timestamp(t.first_at),
+           to_timestamp(t.last_at), :provenance_id, :in_network
     FROM unnest(CAST(:segment_id AS bigint[]), CAST(:slope AS float8[]), CAST(:sigma AS float8[]),
                 CAST(:observations AS integer[]), CAST(:passes AS integer[]),
-                CAST(:first_at AS timestamptz[]), CAST(:last_at AS timestamptz[]))
+                CAST(:first_at AS float8[]), CAST(:last_at AS float8[]))
          AS t (segment_id, slope, sigma, observations, passes, first_at, last_at)
     """
 )
@@ -167,12 +166,12 @@ def _insert_estimates(
             "drive_id": drive_id,
             "provenance_id": provenance_id,
             "in_network": in_network,
-            "segment_id": ids,
-            "slope": [float(e.slope_percent) for e in known],
-            "sigma": [float(e.slope_sigma_percent) for e in known],
-            "observations": [int(e.observations) for e in known],
-            "passes": [int(e.passes) for e in known],
-            "first_at": [datetime.fromtimestamp(e.first_time_s, UTC) for e in known],
-            "last_at": [datetime.fromtimestamp(e.last_time_s, UTC) for e in known],
+            "segment_id": np.array(ids),
+            "slope": np.array([e.slope_percent for e in known], float),
+            "sigma": np.array([e.slope_sigma_percent for e in known], float),
+            "observations": np.array([e.observations for e in known]),
+            "passes": np.array([e.passes for e in known]),
+            "first_at": np.array([e.first_time_s for e in known], float),
+            "last_at": np.array([e.last_time_s for e in known], float),
         },
     )

@@ -30,10 +30,11 @@ SETTLED_SIGMAS = 0.025
 """Slopes just outside of what is published may move by so much; if they move farther, the window was too small. What
 settling the whole changes is to stay below 0.1 sigma."""
 
-SCALES = (1.0, 2.0, 4.0, 8.0)
-"""The library's radii are multiplied by these in turn until the slopes are settled."""
+SCALES = (1.0, 8.0)
+"""The library's radii are multiplied by these in turn until the slopes are settled: where one is not enough, two and
+four seldom are, and cost as much again."""
 
-LARGEST_GROWING = 3_000
+LARGEST_GROWING = 1_000
 """Windows of more segments do not grow: what they leave is the next settling's. Changes reach far where little is
 known, and there roads are few; a window twice as wide has four times as many."""
 

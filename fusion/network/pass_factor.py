@@ -83,15 +83,18 @@ class PassFactor:
 
     def encode(self) -> bytes:
         """Everything but ``segment`` and ``sequence``, as little-endian doubles; unknowns without a word left out."""
-        kept = np.concatenate([np.ones(len(self.vector) - NUISANCES, bool), self.used])
-        information = self.information[np.ix_(kept, kept)]
-        numbers = [
-            self.mount, self.square, self.rows, *self.walk_m2_per_s, self.start_m, self.end_m, self.roughness,
-            self.observations, self.first_time_s, self.last_time_s, self.place, self.lag_s,
-        ]  # fmt: skip
-        mask = float(self.used @ _BITS)
-        upper = information[_upper(len(information))]
-        return np.concatenate([numbers, [mask], self.vector[kept], upper]).astype("<f8").tobytes()
+        return self.encode_all([self])[0]
+
+    @staticmethod
+    def encode_all(factors: Sequence[PassFactor]) -> list[bytes]:
+        """``encode`` of many: those of one shape at once, for a drive has hundreds."""
+        alike: dict[int, list[int]] = {}
+        for k, factor in enumerate(factors):
+            alike.setdefault(len(factor.vector), []).append(k)
+        out: dict[int, bytes] = {}
+        for members in alike.values():
+            out.update(zip(members, _packed([factors[k] for k in members]), strict=True))
+        return [out[k] for k in range(len(factors))]
 
     @classmethod
     def decode(cls, data: bytes, segment: int, sequence: int) -> Self:
@@ -126,6 +129,35 @@ def _upper(size: int) -> tuple[Ints, Ints]:
 
 _BITS = 1 << np.arange(NUISANCES)
 _BUT_SEGMENT = attrgetter(*(f.name for f in fields(PassFactor)[1:]))
+
+
+def _packed(factors: Sequence[PassFactor]) -> list[bytes]:
+    """The inverse of ``_unpacked``, for factors whose vectors have one length."""
+    head = [
+        (
+            f.mount, f.square, f.rows, *f.walk_m2_per_s, f.start_m, f.end_m, f.roughness,
+            f.observations, f.first_time_s, f.last_time_s, f.place, f.lag_s,
+        )
+        for f in factors
+    ]  # fmt: skip
+    numbers, vector = np.array(head, float), np.array([f.vector for f in factors])
+    information = np.array([f.information for f in factors])
+    used = np.diagonal(information, axis1=1, axis2=2)[:, -NUISANCES:] > 0
+    masks = used @ _BITS
+    out = [b""] * len(factors)
+    for mask in np.unique(masks):
+        same = np.flatnonzero(masks == mask)
+        kept = np.flatnonzero(np.append(np.ones(vector.shape[1] - NUISANCES, bool), used[same[0]]))
+        row, column = _upper(len(kept))
+        parts = (
+            numbers[same],
+            np.full((len(same), 1), mask, float),
+            vector[np.ix_(same, kept)],
+            information[same[:, None], kept[row], kept[column]],
+        )
+        for k, one in zip(same, np.concatenate(parts, axis=1).astype("<f8"), strict=True):
+            out[k] = one.tobytes()
+    return out
 
 
 def _unpacked(data: Sequence[bytes]) -> tuple[list[list[float]], Floats, Floats]:

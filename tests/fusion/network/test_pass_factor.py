@@ -84,6 +84,12 @@ def test_what_is_encoded_comes_back_bit_by_bit(
     assert again.encode() == data
 
 
+@given(st.lists(st.tuples(st.integers(0, 2**31), st.integers(1, 3), masks), max_size=8))
+def test_many_are_encoded_as_each_is(shapes: list[tuple[int, int, list[bool]]]) -> None:
+    factors = [factor_of(seed, 2 * (intervals + 1), used) for seed, intervals, used in shapes]
+    assert PassFactor.encode_all(factors) == [factor.encode() for factor in factors]
+
+
 def test_the_place_of_a_pass_is_not_in_its_bytes() -> None:
     """Segment and sequence are columns of whoever stores it."""
     data = factor_of(1).encode()
