@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +30,7 @@ STEADY_S = 60.0  # a child that ran this long is no longer in a series of crashe
 MOST_LANES = 8
 MEMORY_PER_LANE_BYTES = 2**30
 _LOOK_EVERY_S = 0.2
+_STOPPING = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 _MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
@@ -50,11 +51,13 @@ class Child:
         """Start it in its own session: a Ctrl-C in the terminal is for the parent, which stops everything.
 
         The pipe at its standard input is never written to. It closes when the parent dies, however it dies.
+        No signal interrupts this: a child that nobody knows of would be stopped by nobody.
         """
         self.started_s = time.monotonic()
-        self.process = subprocess.Popen(  # noqa: S603 - our own program with our own arguments
-            self.command, env=self.environment, stdin=subprocess.PIPE, start_new_session=True
-        )
+        with _signals_held():
+            self.process = subprocess.Popen(  # noqa: S603 - our own program with our own arguments
+                self.command, env=self.environment, stdin=subprocess.PIPE, start_new_session=True
+            )
 
     def look_after(self, console: Console) -> None:
         """Start it again if it has ended, after a pause that doubles from crash to crash."""
@@ -118,7 +121,7 @@ class Children:
 
     def stop(self) -> None:
         """End every child: asked first, killed after ``stop_timeout_s``; no signal interrupts this."""
-        with _signals_ignored():
+        with _signals_handled(signal.SIG_IGN):
             running = [c.process for c in self.children if c.process is not None and c.running]
             for process in running:
                 process.terminate()
@@ -195,8 +198,7 @@ def stop_signals() -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
-    wanted = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
-    former = {number: signal.signal(number, interrupt) for number in wanted}
+    former = {number: signal.signal(number, interrupt) for number in _STOPPING}
     try:
         yield
     except KeyboardInterrupt:
@@ -218,14 +220,24 @@ def stop_with_parent() -> None:
 
 
 @contextmanager
-def _signals_ignored() -> Iterator[None]:
+def _signals_held() -> Iterator[None]:
+    """Let what would stop this process wait until the block has ended."""
+    came: list[int] = []
+    with _signals_handled(lambda number, frame: came.append(number)):
+        yield
+    if came:
+        signal.raise_signal(came[0])
+
+
+@contextmanager
+def _signals_handled(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> Iterator[None]:
+    """Treat the signals that stop this process so within the block; outside the main thread none arrive."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    wanted = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
-    former = {number: signal.signal(number, signal.SIG_IGN) for number in wanted}
+    former = {number: signal.signal(number, handler) for number in _STOPPING}
     try:
         yield
     finally:
-        for number, handler in former.items():
-            signal.signal(number, handler)
+        for number, former_handler in former.items():
+            signal.signal(number, former_handler)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -13,7 +14,15 @@ import pytest
 import yaml
 
 from app.cli import children
-from app.cli.children import STOP_MARGIN_S, Child, Children, lanes, sensible_lanes, stop_timeout_s
+from app.cli.children import (
+    STOP_MARGIN_S,
+    Child,
+    Children,
+    lanes,
+    sensible_lanes,
+    stop_signals,
+    stop_timeout_s,
+)
 from app.cli.console import Console
 from app.core.settings import Settings
 
@@ -81,6 +90,26 @@ def test_children_end_with_their_block(deaf: bool, monkeypatch: pytest.MonkeyPat
         time.sleep(0.5 if deaf else 0.0)  # until it is deaf
     assert process.returncode is not None
     assert child.process is None
+
+
+def test_a_signal_while_a_child_starts_loses_no_child(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[subprocess.Popen[bytes]] = []
+
+    class Interrupted(subprocess.Popen):  # type: ignore[type-arg]
+        """Is there, as a process, when the signal comes, and not yet as an object."""
+
+        def __init__(self, *args: Any, **options: Any) -> None:
+            super().__init__(*args, **options)
+            made.append(self)
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(subprocess, "Popen", Interrupted)
+    reached = False
+    with stop_signals(), Children(Settings(grace_s=5.0), Console(), [sleeper(deaf=False)]):
+        reached = True
+    assert not reached
+    (process,) = made
+    assert process.returncode is not None
 
 
 @pytest.mark.slow
