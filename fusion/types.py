@@ -14,9 +14,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from fusion.arrays import Bools as Bools  # noqa: PLC0414 - all of the library takes these from here
+from fusion.arrays import Floats as Floats  # noqa: PLC0414
+from fusion.arrays import Ints as Ints  # noqa: PLC0414
+from fusion.signals import RawGnss
 
 MAX_SPEED_MPS = 150.0
 """No road vehicle is faster: where positions ask for more, one of them is wrong."""
@@ -176,7 +177,8 @@ class DriveLog:
     may be interpolated across them. In an outage, which is another thing, positions are missing and other sensors go
     on. ``geoid`` says what ``alt_msl_m`` refers to, as far as the format says it. ``missing`` lists sensors and columns
     that the log does not have, ``skipped`` counts input that could not be used (by reason), ``repaired`` counts what
-    was put right (by reason), ``warnings`` are sentences for the driver.
+    was put right (by reason), ``warnings`` are sentences for the driver. ``raw`` holds pseudoranges and ephemerides,
+    where there are any; a log may have those and no position yet.
     """
 
     source_format: str
@@ -192,6 +194,7 @@ class DriveLog:
     skipped: Counter[str] = field(default_factory=Counter)
     repaired: Counter[str] = field(default_factory=Counter)
     warnings: tuple[str, ...] = ()
+    raw: RawGnss | None = None
 
     SENSORS = ("fix", "velocity", "force", "rate", "attitude", "odometry", "pressure")
 

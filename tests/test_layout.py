@@ -18,20 +18,20 @@ MOST_FILES_IN_A_FOLDER = 22
 FRAGMENT_LINES = 40
 MEDIAN_LINES = (100, 250)
 
-GROUND = {"types", "errors", "registry", "frames", "compiled"}
+GROUND = {"arrays", "types", "signals", "errors", "registry", "frames", "compiled"}
 """What every room of the library stands on: files at its root, beside the pipeline."""
 
 LIBRARY = {
     "filters": set(),
     "formats": set(),
-    "gnss": set(),
+    "gnss": {"filters"},
     "roads": set(),
     "terrain": {"roads"},
     "matching": {"roads"},
     "network": {"roads", "filters"},
     "methods": {"filters", "roads", "terrain", "matching", "network"},
-    "pipeline": {"methods", "network", "roads", "terrain"},
-    "simulate": {"roads"},
+    "pipeline": {"gnss", "methods", "network", "roads", "terrain"},
+    "simulate": {"gnss", "roads"},
 }
 """Room -> the rooms of the library that it may import from."""
 

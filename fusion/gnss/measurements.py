@@ -1,0 +1,142 @@
+"""What solvers take and give: corrected measurements, what else helps, and a solution.
+
+Everything is in ECEF and SI units, in flat rows that compiled loops can run over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from fusion.types import Bools, Floats, Ints, Progress
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Corrected measurements of a drive, (n,) rows in (m,) epochs; rows ``first[k]:first[k + 1]`` belong to epoch k.
+
+    ``time_s`` are UTC Unix seconds. ``pseudorange_m`` is free of satellite clock, group delay, ionosphere and
+    troposphere, and of the receiver clock's jumps: it is |satellite - user| + clock(``group``) + error, where
+    ``satellite_m`` (n, 3) is in the frame of the moment of reception (turned by the earth's rotation meanwhile).
+    ``range_rate_mps`` (NaN where not measured) is (satellite velocity - user velocity) . sight + clock drift + error,
+    free of the satellite clock's drift, the sight being the unit vector from user to satellite. ``group`` numbers the
+    systems that share one clock (0: the reference, its name ``groups[0]``); others have one bias beside it.
+    ``satellite`` numbers satellites through the drive, 0 to s - 1 (named in ``names``). ``sigma_m`` is the receiver's
+    own of the pseudorange, NaN where not stated. ``rough_m`` (3,) is a place near the drive.
+    """
+
+    time_s: Floats
+    first: Ints
+    satellite: Ints
+    group: Ints
+    pseudorange_m: Floats
+    range_rate_mps: Floats
+    cn0_dbhz: Floats
+    sigma_m: Floats
+    elevation_rad: Floats
+    azimuth_rad: Floats
+    satellite_m: Floats
+    satellite_mps: Floats
+    names: tuple[str, ...]
+    groups: tuple[str, ...]
+    rough_m: Floats
+    warnings: tuple[str, ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)
+    """What was left out or repaired, by reason: for the drive's report."""
+
+    def __len__(self) -> int:
+        """How many epochs there are."""
+        return len(self.time_s)
+
+    @property
+    def epoch(self) -> Ints:
+        """The epoch of each row, (n,)."""
+        return np.repeat(np.arange(len(self)), np.diff(self.first))
+
+
+@dataclass(frozen=True)
+class Aids:
+    """What other sensors and the map know at each epoch, (m,) each; NaN where nothing is known.
+
+    ``speed_mps`` along the ground from the odometer with its sigma; ``yaw_rate_radps`` clockwise seen from above;
+    ``height_m`` above the ellipsoid, of the antenna, from road and elevation model, with ``height_sigma_m``.
+    """
+
+    speed_mps: Floats
+    speed_sigma_mps: Floats
+    yaw_rate_radps: Floats
+    height_m: Floats
+    height_sigma_m: Floats
+
+    @classmethod
+    def none(cls, epochs: int) -> Aids:
+        """No help at all."""
+        return cls(*(np.full(epochs, np.nan) for _ in range(5)))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the receiver was, (m,) epochs; rows of ``nlos`` and ``residual_m`` are those of the measurements.
+
+    ``position_m`` and ``velocity_mps`` (m, 3) in ECEF, NaN where the epoch has none. ``covariance`` (m, 6, 6) of both,
+    position first; a solver without velocity leaves NaN there. ``clock_m`` is the reference clock. ``nlos`` is each
+    row's probability of having been reflected, NaN where the solver says nothing; ``residual_m`` is measured minus
+    predicted at the solution. ``predicted`` marks epochs that rest on the motion alone, for want of satellites.
+    """
+
+    position_m: Floats
+    velocity_mps: Floats
+    covariance: Floats
+    clock_m: Floats
+    nlos: Floats
+    residual_m: Floats
+    predicted: Bools
+    report: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def solved(self) -> Bools:
+        """Epochs that have a position, (m,)."""
+        return np.asarray(np.isfinite(self.position_m).all(axis=1))
+
+
+class SolverOptions(BaseModel):
+    """Base of every solver's options: immutable, unknown names refused, each field described with its unit."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Solver(Protocol):
+    """A named way from measurements to positions."""
+
+    @property
+    def name(self) -> str:
+        """As in ``--gnss``."""
+        ...
+
+    @property
+    def source(self) -> str:
+        """Where it comes from: author, year, chapter."""
+        ...
+
+    @property
+    def description(self) -> str:
+        """One sentence for a person who chooses."""
+        ...
+
+    @property
+    def options_model(self) -> type[SolverOptions]:
+        """The options, each with its unit, range and default."""
+        ...
+
+    def solve(
+        self, measured: Measurements, aids: Aids, options: Any, seed: int, progress: Progress
+    ) -> Solution:
+        """Positions of all epochs; the same arguments give the same digits.
+
+        An epoch that cannot be known is NaN, or predicted with a sigma that says so; never wrong with a small one.
+        ``options`` is an instance of ``options_model``.
+        """
+        ...
