@@ -147,7 +147,8 @@ def _healthy(records: Records, is_fnav: Bools) -> Bools:
     relevant[records.system == GALILEO] = _E1_BAD
     relevant[is_fnav] = _E1_BAD | _E5A_BAD
     relevant[records.system == QZSS] = ~_LEX_HEALTH
-    return np.equal(health & relevant, 0)
+    usable: Bools = (health & relevant) == 0
+    return usable
 
 
 def _doubled(kepler: KeplerEphemerides, is_fnav: Bools) -> Bools:
