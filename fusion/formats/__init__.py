@@ -73,6 +73,8 @@ def read_logs(
     ``max_bytes`` bounds the unpacked size of all of them. Files that are no logs are left out with a warning, unless
     there is nothing else. Raises as ``read_log``.
     """
+    if not sources:
+        raise EmptyLogError("No file was given. Upload the log of a drive.")
     if len(sources) == 1:
         return read_log(sources[0], max_bytes=max_bytes, progress=progress)
     notes, left, found = Notes(), max_bytes, list[Member]()
@@ -137,7 +139,11 @@ def _together(found: list[Member], max_bytes: int, notes: Notes, progress: Progr
         parts.append(Part(file.name, log))
     if not parts:
         raise errors[-1]
-    return with_navigation_checked(join(parts, notes))
+    try:
+        return with_navigation_checked(join(parts, notes))
+    except EmptyLogError as nothing:
+        broken = [error for error in errors if not isinstance(error, UnknownFormatError)]
+        raise (broken[0] if broken else nothing) from None
 
 
 @dataclass(frozen=True)

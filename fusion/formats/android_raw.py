@@ -57,6 +57,7 @@ _SHORTEST_M, _LONGEST_M = 1e7, 1e8
 """Satellites are 19 000 to 42 000 km away; the phone's clock is known to some ms beside."""
 
 _NANO = 1_000_000_000
+_HUGE = 1 << 62
 _DAY_NS, _WEEK_NS = 86_400 * _NANO, int(WEEK_S) * _NANO
 
 
@@ -141,7 +142,8 @@ def _usable(col: _Columns, system: Ints, number: Ints, table: Table, notes: Note
     state = col.ints("State")
     known = np.ones(len(table), bool)
     for name in _NEEDED:
-        known &= np.abs(col.ints(name)) < 1 << 62
+        value = col.ints(name)
+        known &= (value > -_HUGE) & (value < _HUGE)
     told = np.where(system == GLONASS, _GLO_TOD_DECODED | _GLO_TOD_KNOWN, _TOW_DECODED | _TOW_KNOWN)
     carrier = col.positive("CarrierFrequencyHz")
     with np.errstate(invalid="ignore"):

@@ -32,6 +32,7 @@ from fusion.formats.rinex.scan import (
 )
 from fusion.signals import (
     BEIDOU_LATE_S,
+    GPS,
     GPS_EPOCH_S,
     LIGHT_MPS,
     SYSTEMS,
@@ -80,7 +81,7 @@ def read_observations(
     counts = np.zeros((len(SYSTEMS) * MOST_NUMBERS, MOST_CODES), np.int64)
     satellite = np.empty(len(rows.line), np.int64)
     places = (lines.text, lines.start, lines.end, rows.line)
-    otherwise = SYSTEMS.find(header.system)
+    otherwise = max(GPS, SYSTEMS.find(header.system))  # a name without a letter, in version 2
     count_codes(*places, rows.name, rows.part, index, factor, lead, per, otherwise, counts, satellite)
     progress("read observations", 0.7)
     chosen = np.argmax(counts >= _USUAL_SHARE * counts.max(axis=1, keepdims=True), axis=1)

@@ -13,7 +13,7 @@ import numpy as np
 from fusion.formats.base import Notes
 from fusion.formats.rinex.header import Header
 from fusion.formats.rinex.lines import Lines, numbers, seconds_of
-from fusion.signals import SYSTEMS
+from fusion.signals import GPS, SYSTEMS
 from fusion.types import Bools, Floats, Ints
 
 MOST_RECORD_LINES = 8
@@ -63,7 +63,7 @@ def find_records(lines: Lines, header: Header, notes: Notes) -> Records:
     letter = lines.column(head, 0)
     lettered = (letter >= ord("A")) & (letter <= ord("Z"))
     where = np.array([SYSTEMS.find(chr(c)) for c in range(256)])
-    system = np.where(lettered, where[letter], SYSTEMS.find(header.system))
+    system = np.where(lettered, where[letter], max(GPS, SYSTEMS.find(header.system)))
     number = np.where(lettered, lines.numbers(head, 1, 2), lines.numbers(head, 0, 2))
     modern = header.version >= 3
     time_s, good = seconds_of(lines, head, _DATE_3 if modern else _DATE_2)
