@@ -48,7 +48,8 @@ _ALL_IN_ONE_LINE = 1 << 30
 _DATE_3 = ((2, 4), (6, 3), (9, 3), (12, 3), (15, 3), (18, 11))
 _DATE_2 = ((1, 2), (3, 3), (6, 3), (9, 3), (12, 3), (15, 11))
 _FLAG_AT = {3: 31, 2: 28}
-_USUAL_SHARE = 0.5
+_USUAL_SHARE = 0.9
+"""A code is taken if its satellite has it in this share of the epochs that it has any in: else another fits better."""
 
 
 @dataclass

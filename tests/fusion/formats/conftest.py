@@ -266,7 +266,9 @@ def pseudoranges_csv(signals: Signals) -> bytes:
     out = ["time_s,sv,pseudorange_m,cn0_dbhz"]
     for r, k in enumerate(signals.epoch):
         name = satellite_name(signals.system[r], signals.number[r])
-        out.append(f"{signals.time_s[k]!r},{name},{signals.pseudorange_m[r]:.3f},{signals.cn0_dbhz[r]:.2f}")
+        out.append(
+            f"{float(signals.time_s[k])!r},{name},{signals.pseudorange_m[r]:.3f},{signals.cn0_dbhz[r]:.2f}"
+        )
     return ("\n".join(out) + "\n").encode()
 
 

@@ -135,7 +135,7 @@ def test_navigation_alone_belongs_to_observations() -> None:
 
 def test_what_is_missing_or_of_another_day_is_said() -> None:
     assert any("Add a navigation file (RINEX) of 2023-09-29" in w for w in read_log(OBSERVATIONS).warnings)
-    gps = replace(DATA, kepler=replace(DATA.kepler, system=np.zeros(60)), glonass=Navigation().glonass)
+    gps = replace(DATA, kepler=replace(DATA.kepler, system=np.zeros(60, int)), glonass=Navigation().glonass)
     log = read_logs([OBSERVATIONS, rinex_file.navigation(gps).encode()])
     count = int((SIGNALS.system > 0).sum())
     assert log.warnings == (
@@ -152,7 +152,7 @@ def test_what_is_missing_or_of_another_day_is_said() -> None:
 
 def test_other_files_are_left_out_by_name_and_broken_ones_with_their_reason() -> None:
     data = {"readme.txt": b"hello there", "obs.rnx": OBSERVATIONS, "nav.rnx": NAVIGATION}
-    half = NAVIGATION[:70]
+    half = NAVIGATION[:200]
     log = read_log(packed(**data, broken=half))
     assert agree(raw_of(log).signals, SIGNALS, range_rate_mps=2e-4, gps_s=5e-7)
     assert log.skipped["files that are no logs"] == 1
@@ -165,7 +165,7 @@ def test_other_files_are_left_out_by_name_and_broken_ones_with_their_reason() ->
     with pytest.raises(MalformedLogError, match="has no end"):
         read_log(packed(a=half, b=b"hello there"))
     with pytest.raises(MalformedLogError, match="has no end"):
-        read_logs([NAVIGATION, OBSERVATIONS[:100]])
+        read_logs([NAVIGATION, OBSERVATIONS[:200]])
     with pytest.raises(LogError, match="No file"):
         read_logs([])
 

@@ -247,7 +247,7 @@ def test_version_2_takes_events_and_new_types() -> None:
     lines = version_2()
     event = [" " * 28 + "4  1", f"{'     1    C1':60}# / TYPES OF OBSERV"]
     slips = [" 23 11  7 23 43 18.0000000  6  1G01", f"{5.0:14.3f}"]
-    new = [" 23 11  7 23 43 19.0000000  0  2G01G02", f"{2.3e7:14.3f}", f"{2.4e7:14.3f}"]
+    new = [" 23 11  7 23 43 19.0000000  0  2G01G03", f"{2.3e7:14.3f}", f"{2.4e7:14.3f}"]
     log = read([*lines, *event, *slips, *new])
     assert signals_of(log).pseudorange_m[-2:].tolist() == [2.3e7, 2.4e7]
     assert len(signals_of(log)) == 3
