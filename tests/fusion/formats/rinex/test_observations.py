@@ -107,17 +107,17 @@ def test_beidou_gives_b1i_before_b1c_whatever_the_version_calls_it(
 def test_a_satellite_keeps_one_code_and_takes_doppler_of_the_same() -> None:
     types = ("G    6 C1C D1C S1C C1W D1W S1W", "SYS / # / OBS TYPES")
     lines = head("3.04", types)
-    for k in range(4):
+    for k in range(12):
         lines += [f"> 2023 11 07 23 43 {15 + k:2}.0000000  0  2"]
         # G01 has C/A nearly always, G02 has P(Y) alone
         lines += [row("G01", 2e7 if k else None, 10.0, 40.0, 2.2e7, 20.0, 30.0)]
         lines += [row("G02", None, None, None, 2.2e7, 20.0, 30.0)]
     s = signals_of(read(lines))
     own = s.number == 1
-    assert s.pseudorange_m[own].tolist() == [2e7] * 3
+    assert s.pseudorange_m[own].tolist() == [2e7] * 11
     assert s.range_rate_mps[own] == pytest.approx(-10 * L1_M)
     assert s.range_rate_mps[~own] == pytest.approx(-20 * L1_M)
-    assert s.cn0_dbhz[~own].tolist() == [30.0] * 4
+    assert s.cn0_dbhz[~own].tolist() == [30.0] * 12
 
 
 def test_glonass_channels_come_from_the_header_or_from_navigation_else_doppler_is_unknown() -> None:
