@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from fusion.gnss.measurements import Measurements
+from fusion.gnss.reception import NLOS
 from fusion.signals import GPS, LIGHT_MPS, SYSTEMS, Navigation, RawGnss, Signals
 from fusion.simulate.canyon.fronts import Fronts, fronts_of_route, fronts_of_town
 from fusion.simulate.canyon.radio import STUDY, TOWN, Clock, Radio, receive, run_clock, system_biases
@@ -19,7 +20,7 @@ from fusion.simulate.canyon.ride import (
     ride_of,
     winding_route,
 )
-from fusion.simulate.canyon.sight import REFLECTED, trace
+from fusion.simulate.canyon.sight import trace
 from fusion.simulate.canyon.sky import Sky, look_up, names_of, synthetic_navigation
 from fusion.simulate.drive import SimulatedDrive
 from fusion.types import Bools, Floats, Ints
@@ -54,7 +55,7 @@ class CanyonDrive:
     @property
     def reflected(self) -> Bools:
         """Rows whose direct ray is blocked, (n,)."""
-        return np.asarray(self.state == REFLECTED)
+        return np.asarray(self.state == NLOS)
 
     def measurements(self) -> Measurements:
         """As solvers take them: satellite clock, atmosphere and jumps of the receiver's clock are gone."""

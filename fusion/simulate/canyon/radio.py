@@ -10,15 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fusion.gnss.reception import LOS, NLOS, open_sky_dbhz
 from fusion.signals import LIGHT_MPS
 from fusion.simulate.canyon.fronts import Fronts
-from fusion.simulate.canyon.sight import DIRECT, REFLECTED, Sight
+from fusion.simulate.canyon.sight import Sight
 from fusion.simulate.canyon.sky import Sky
 from fusion.simulate.receiver.readings import gauss_markov
 from fusion.types import Bools, Floats, Ints
 
-_LINE_DEG, _LINE_DBHZ = (0.0, 18.0, 59.0, 90.0), (41.25, 42.32, 48.95, 49.7)
-"""Open-sky C/N0 over elevation: Viandier 2011, Table 3.2."""
 _STRONG_DBHZ = 45.0
 """C/N0 at which noises are as stated; they double for each 6 dB less where they follow it."""
 _QUIET_SHARE = 0.2
@@ -89,15 +88,15 @@ def receive(
     """Draw what is measured of each ray."""
     slow, fading = _drawn_by_satellite(sky, radio, interval_s, rng)
     n = len(sight.state)
-    reflected = sight.state == REFLECTED
-    cn0 = np.interp(np.degrees(sky.elevation_rad), _LINE_DEG, _LINE_DBHZ)
+    reflected = sight.state == NLOS
+    cn0 = open_sky_dbhz(sky.elevation_rad)
     cn0 = cn0 + fading + radio.cn0_sigma_db * rng.normal(size=n)
     cn0 = cn0 - np.where(reflected, _losses(sight, fronts, radio), 0.0)
     weak = 10 ** ((_STRONG_DBHZ - cn0) / 20) if radio.noise_follows_cn0 else np.ones(n)
     echo = np.isfinite(sight.detour_m)
     error = radio.noise_m * weak * rng.normal(size=n) + np.where(echo, 1.0, _QUIET_SHARE) * slow
     rate = radio.doppler_mps * weak * rng.normal(size=n)
-    kept = (reflected | (sight.state == DIRECT)) & (cn0 >= radio.lost_below_dbhz)
+    kept = (reflected | (sight.state == LOS)) & (cn0 >= radio.lost_below_dbhz)
     return Reception(
         kept=kept,
         cn0_dbhz=cn0,

@@ -95,7 +95,7 @@ class Route:
 
 def winding_route(length_m: float, rng: np.random.Generator) -> Route:
     """A route with corners and gentle hills, which does not cross itself."""
-    legs = []
+    legs: list[float] = []
     while sum(legs) < length_m + 100.0:
         legs.append(rng.uniform(*_LEG_M))
     share = np.arange(len(legs)) / len(legs)
@@ -123,13 +123,13 @@ def ride_along(
 ) -> Ride:
     """Drive a route at constant horizontal speed. Raises ``ValueError`` where it is too short for that."""
     along = route.along_m
-    at = speed_mps * interval_s * np.arange(epochs)
+    at = speed_mps * interval_s * np.arange(epochs, dtype=np.float64)
     if at[-1] > along[-1]:
         raise ValueError(
             f"the route is {along[-1]:.0f} m long, {epochs} epochs at {speed_mps:.1f} m/s take {at[-1]:.0f} m"
         )
     line = CubicSpline(along, route.points_m + np.array([0.0, 0.0, ANTENNA_M]))
-    time_s = start_time_s + interval_s * np.arange(epochs)
+    time_s = start_time_s + interval_s * np.arange(epochs, dtype=np.float64)
     return Ride.on_plane(time_s, line(at), line(at, 1) * speed_mps, plane)
 
 

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.compiled import compiled
+from fusion.gnss.reception import BLOCKED, LOS, NLOS
 from fusion.simulate.canyon.fronts import Fronts
 from fusion.types import Floats, Ints
 
-BLOCKED, DIRECT, REFLECTED = 0, 1, 2
-"""Reception states as the thesis numbers them."""
 _REACH_M = 400.0
 """Fronts farther away are not looked at: a roof 30 m up stands 4 degrees above the horizon there."""
 _NEAR_M = 1e-6
@@ -26,7 +25,9 @@ _NEAR_M = 1e-6
 
 @dataclass(frozen=True)
 class Sight:
-    """Of each row (n,): the reception ``state``, and the shortest reflection, whether or not the direct ray comes.
+    """Of each row (n,): the reception ``state``, numbered as in ``fusion.gnss.reception``, and the shortest reflection.
+
+    A reflection is looked for whether or not the direct ray comes too.
 
     ``detour_m`` is how much longer it is than the direct ray, ``detour_mps`` how fast that grows, ``front`` on which
     front it is reflected: NaN, NaN and -1 where there is none.
@@ -119,7 +120,7 @@ def _trace(
     ends: Floats, top: Floats, first: Ints, antenna: Floats, speed: Floats, ray: Floats
 ) -> tuple[Ints, Floats, Floats, Ints]:
     rows = len(ray)
-    state = np.zeros(rows, np.int64)
+    state = np.full(rows, BLOCKED, np.int64)
     detour, rate = np.full(rows, np.inf), np.full(rows, np.nan)
     front = np.full(rows, -1, np.int64)
     half = 0.5 * np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
@@ -127,15 +128,16 @@ def _trace(
     for k in range(len(antenna)):
         near = np.flatnonzero(np.hypot(x - antenna[k, 0], y - antenna[k, 1]) - half < _REACH_M)
         for i in range(first[k], first[k + 1]):
-            for j in near:
+            for which in near:
+                j = int(which)
                 longer, nx, ny = _reflection(ends, top, near, j, antenna[k], ray[i])
                 if longer < detour[i]:
                     detour[i], front[i] = longer, j
                     towards = nx * ray[i, 0] + ny * ray[i, 1]
                     rate[i] = 2 * (nx * speed[k, 0] + ny * speed[k, 1]) * towards
             if _free(ends, top, near, antenna[k], ray[i], np.inf, -1):
-                state[i] = DIRECT
+                state[i] = LOS
             elif front[i] >= 0:
-                state[i] = REFLECTED
+                state[i] = NLOS
     detour[front < 0] = np.nan
     return state, detour, rate, front

@@ -40,7 +40,7 @@ LOWEST_RAD = np.radians(5.0)
 
 
 class Walker(NamedTuple):
-    """A Walker delta pattern: ``satellites`` in ``planes``, with ``phasing`` steps of 360° / satellites between them."""
+    """A Walker delta pattern: ``satellites`` in ``planes``, ``phasing`` steps of 360° / satellites between them."""
 
     satellites: int
     planes: int

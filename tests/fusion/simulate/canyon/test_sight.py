@@ -6,8 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fusion.gnss.reception import BLOCKED, LOS, NLOS
 from fusion.simulate.canyon.fronts import Fronts
-from fusion.simulate.canyon.sight import BLOCKED, DIRECT, REFLECTED, Sight, trace
+from fusion.simulate.canyon.sight import Sight, trace
 
 ANTENNA = np.array([[0.0, 0.0, 1.5]])
 AT_REST = np.zeros((1, 3))
@@ -43,7 +44,7 @@ def test_above_all_roofs_every_ray_is_direct(seed: int, ray: tuple[float, float]
     fronts = a_town(seed)
     low = Fronts(fronts.ends_m, np.full(len(fronts), 1.4), fronts.loss_db)
     sight = seen(low, np.array([ray[0]]), np.array([ray[1]]))
-    assert sight.state[0] == DIRECT
+    assert sight.state[0] == LOS
     assert sight.front[0] == -1
 
 
@@ -52,7 +53,7 @@ def test_higher_houses_open_no_sight(seed: int, ray: tuple[float, float], by_m: 
     fronts = a_town(seed)
     before = seen(fronts, np.array([ray[0]]), np.array([ray[1]])).state[0]
     after = seen(fronts.raised(by_m), np.array([ray[0]]), np.array([ray[1]])).state[0]
-    assert before == DIRECT or after != DIRECT
+    assert before == LOS or after != LOS
 
 
 @given(st.integers(0, 200))
@@ -81,7 +82,7 @@ def test_nothing_is_reflected_without_a_front_on_the_other_side(
     """The satellite stands in the west, and only the west has a front."""
     one = Fronts(np.array([[-away_m, -500.0, -away_m, 500.0]]), np.array([25.0]), np.array([9.0]))
     sight = seen(one, np.array([elevation]), np.array([azimuth]))
-    assert sight.state[0] in {DIRECT, BLOCKED}
+    assert sight.state[0] in {LOS, BLOCKED}
     assert np.isnan(sight.detour_m[0])
 
 
@@ -89,10 +90,10 @@ def test_states_of_a_street_by_hand() -> None:
     """West front 10 m off and 21.5 high: it hides what is lower than 63.4 degrees; the east front mirrors that."""
     fronts = two_fronts(10.0, 10.0, 21.5, 21.5)
     sight = seen(fronts, np.array([64.0, 63.0, 33.0, 34.5, 20.0]), np.full(5, 270.0))
-    assert sight.state.tolist() == [DIRECT, REFLECTED, BLOCKED, REFLECTED, BLOCKED]
+    assert sight.state.tolist() == [LOS, NLOS, BLOCKED, NLOS, BLOCKED]
     np.testing.assert_allclose(sight.detour_m[1], 2 * 10 * np.cos(np.radians(63.0)), rtol=1e-12)
     assert sight.front[1] == 1
-    assert seen(fronts, np.array([90.0]), np.array([0.0])).state[0] == DIRECT
+    assert seen(fronts, np.array([90.0]), np.array([0.0])).state[0] == LOS
 
 
 def test_a_low_front_reflects_nothing_from_below_the_other_roof() -> None:
@@ -113,4 +114,4 @@ def test_the_rate_is_how_the_detour_changes() -> None:
 
 def test_without_fronts_all_is_direct() -> None:
     sight = seen(Fronts.joined(()), np.array([5.0, 50.0]), np.array([10.0, 200.0]))
-    assert sight.state.tolist() == [DIRECT, DIRECT]
+    assert sight.state.tolist() == [LOS, LOS]
