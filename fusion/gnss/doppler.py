@@ -48,7 +48,7 @@ def doppler_velocities(measured: Measurements, position_m: Floats) -> DopplerVel
     solvable = _solvable(rows, epoch, m)
     state = np.full((m, UNKNOWNS), np.nan)
     weight = np.ones(len(told))
-    normal = _sums(rows[:, :, None] * rows[:, None, :], epoch, m)
+    normal, residual = np.zeros((m, UNKNOWNS, UNKNOWNS)), np.zeros(len(told))
     for _ in range(ROUNDS):
         normal = _sums(weight[:, None, None] * rows[:, :, None] * rows[:, None, :], epoch, m)
         right = _sums((weight * told)[:, None] * rows, epoch, m)
@@ -64,10 +64,9 @@ def doppler_velocities(measured: Measurements, position_m: Floats) -> DopplerVel
 
 def _sums(values: Floats, epoch: Ints, m: int) -> Floats:
     """Sums over the rows of each epoch, (m, ...)."""
-    flat = values.reshape(len(values), -1)
-    out = np.zeros((m, flat.shape[1]))
-    np.add.at(out, epoch, flat)
-    return out.reshape(m, *values.shape[1:])
+    out = np.zeros((m, *values.shape[1:]))
+    np.add.at(out, epoch, values)
+    return out
 
 
 def _solvable(rows: Floats, epoch: Ints, m: int) -> Bools:
