@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fusion.gnss.doppler import doppler_velocities
-from sky_support import sky
+from simple_sky import sky
 
 
 @given(st.floats(-80, 80), st.floats(-179, 179), st.floats(0, 60), st.integers(0, 99))
