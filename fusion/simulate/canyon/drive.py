@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
 
+from fusion.gnss.corrections import klobuchar_delay_m, troposphere_delay_m
+from fusion.gnss.earth import geodetic
 from fusion.gnss.measurements import Measurements
 from fusion.gnss.reception import NLOS
 from fusion.signals import GPS, LIGHT_MPS, SYSTEMS, Navigation, RawGnss, Signals
@@ -24,11 +25,6 @@ from fusion.simulate.canyon.sight import trace
 from fusion.simulate.canyon.sky import Sky, look_up, names_of, synthetic_navigation
 from fusion.simulate.drive import SimulatedDrive
 from fusion.types import Bools, Floats, Ints
-
-L1_HZ = 1_575_420_000.0
-Atmosphere = Callable[[Navigation, Floats, Floats, Floats, Floats], Floats]
-"""The delay (m, (n,)) that ionosphere and troposphere add, of navigation, GPS seconds (n,), ECEF antenna places (n, 3),
-elevation and azimuth (n,) in radians."""
 
 
 @dataclass(frozen=True)
@@ -82,18 +78,14 @@ class CanyonDrive:
             rough_m=self.ride.position_m[0],
         )
 
-    def signals(self, atmosphere: Atmosphere) -> Signals:
-        """As a receiver writes them down, on its own clock, ``atmosphere`` and satellite clocks included."""
+    def signals(self) -> Signals:
+        """As a receiver writes them down, on its own clock, atmosphere and satellite clocks included.
+
+        The atmosphere is that of the corrections' models: what they leave is not simulated.
+        """
         sky, epoch = self.sky, self.sky.epoch
         distance, closing = self._geometry()
         clock_m = self.clock.bias_m + self.clock.jump_m
-        delay = atmosphere(
-            self.navigation,
-            self.ride.gps_s[epoch],
-            self.ride.position_m[epoch],
-            sky.elevation_rad,
-            sky.azimuth_rad,
-        )
         rows = len(epoch)
         return Signals(
             gps_s=self.ride.gps_s + clock_m / LIGHT_MPS,
@@ -104,7 +96,7 @@ class CanyonDrive:
             + clock_m[epoch]
             + self.system_bias_m
             - LIGHT_MPS * sky.clock_s
-            + delay
+            + self._atmosphere_m()
             + self.error_m,
             range_rate_mps=closing
             + self.clock.drift_mps[epoch]
@@ -112,14 +104,27 @@ class CanyonDrive:
             + self.error_mps,
             cn0_dbhz=self.cn0_dbhz,
             sigma_m=np.full(rows, np.nan),
-            frequency_hz=np.full(rows, L1_HZ),
+            frequency_hz=sky.carrier_hz,
             position_m=np.full((rows, 3), np.nan),
             velocity_mps=np.full((rows, 3), np.nan),
         )
 
-    def raw(self, atmosphere: Atmosphere) -> RawGnss:
+    def raw(self) -> RawGnss:
         """Signals and navigation, as a log brings them."""
-        return RawGnss(self.signals(atmosphere), self.navigation)
+        return RawGnss(self.signals(), self.navigation)
+
+    def _atmosphere_m(self) -> Floats:
+        """What ionosphere (none without coefficients) and troposphere add to each row."""
+        sky, epoch = self.sky, self.sky.epoch
+        gps_s = self.ride.gps_s[epoch]
+        lon_deg, lat_deg, height_m = geodetic(self.ride.position_m)
+        lon, lat = np.radians(lon_deg)[epoch], np.radians(lat_deg)[epoch]
+        delay = troposphere_delay_m(gps_s, lat, height_m[epoch], sky.elevation_rad)
+        if self.navigation.klobuchar is None:
+            return delay
+        return delay + klobuchar_delay_m(
+            self.navigation.klobuchar, gps_s, lat, lon, sky.elevation_rad, sky.azimuth_rad, sky.carrier_hz
+        )
 
     def _geometry(self) -> tuple[Floats, Floats]:
         """Distance of each row's satellite and its rate, without any clock."""

@@ -11,11 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fusion.gnss.earth import EARTH_RATE_RADPS, elevation_azimuth
+from fusion.gnss.corrections import turned_by_earth
+from fusion.gnss.earth import elevation_azimuth
+from fusion.gnss.orbits.kepler import MU_M3PS2, RATE_RADPS
+from fusion.gnss.orbits.satellites import states_at
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
     GALILEO,
+    GLONASS,
     GPS,
     LIGHT_MPS,
     WEEK_S,
@@ -25,14 +29,12 @@ from fusion.signals import (
 )
 from fusion.types import Floats, Ints
 
-_MU = {GPS: 3.986005e14, GALILEO: 3.986004418e14, BEIDOU: 3.986004418e14}
-"""Gravity of the earth, m3/s2, by the system's interface document: IS-GPS-200, Galileo OS SIS ICD, BDS-SIS-ICD."""
-_TURN_RADPS = {GPS: EARTH_RATE_RADPS, GALILEO: EARTH_RATE_RADPS, BEIDOU: 7.2921150e-5}
-"""Rotation of the earth by the same documents."""
 _EVERY_S = 3600.0
 """Time between two records of a satellite: less than the validity of any system's."""
-_STEP_S = 0.5
-"""Half the step of the differences that velocities are; their error is under 1e-5 m/s."""
+_FIRST_NUMBER = {BEIDOU: 19}
+"""BeiDou's medium orbits begin with C19; lower numbers are geostationary or inclined, with rules of their own."""
+_COARSE_S, _MARGIN_RAD = 300.0, np.radians(5.0)
+"""Satellites that are lower than this under the mask at such times are left out: they climb 0.5 degrees a minute."""
 _KLOBUCHAR = (1.2e-8, 1.5e-8, -6.0e-8, -6.0e-8, 9.0e4, 6.6e4, -1.3e5, -2.0e5)
 """An ionosphere of an ordinary day: 5 ns at night, about 20 ns at noon, at the zenith."""
 LOWEST_RAD = np.radians(5.0)
@@ -63,7 +65,8 @@ class Sky:
 
     ``satellite_m`` and ``satellite_mps`` are ECEF at transmission, in the frame of the moment of reception;
     ``sent_m`` and ``sent_mps`` in that of transmission. ``clock_s`` is what a single-frequency user takes off the
-    satellite's clock (group delay included), ``clock_drift`` its rate.
+    satellite's clock (group delay included), ``clock_drift`` its
+    rate.
     """
 
     first: Ints
@@ -75,6 +78,7 @@ class Sky:
     sent_mps: Floats
     clock_s: Floats
     clock_drift: Floats
+    carrier_hz: Floats
     elevation_rad: Floats
     azimuth_rad: Floats
 
@@ -119,16 +123,16 @@ def _records(system: int, toes: Floats, rng: np.random.Generator) -> KeplerEphem
         "group_delay_s": rng.normal(0, 5e-9, count),
         "i0_rad": np.radians(pattern.inclination_deg + rng.normal(0, 0.5, count)),
     }
-    motion = np.sqrt(_MU[system] / pattern.semi_major_m**3)
+    motion = np.sqrt(MU_M3PS2[system] / pattern.semi_major_m**3)
     who, when = np.repeat(np.arange(count), len(toes)), np.tile(toes, count)
     since = when - toes[0]
     # The node is stated at the beginning of the week, in that week's turn of the earth.
-    node_then = node[who] + (node_rate - _TURN_RADPS[system]) * since
+    node_then = node[who] + (node_rate - RATE_RADPS[system]) * since
     columns = {name: values[who] for name, values in drawn.items()}
     columns["af0_s"] = columns["af0_s"] + columns["af1"] * since
     columns |= {
         "system": np.full(len(who), system),
-        "number": who + 1,
+        "number": who + _FIRST_NUMBER.get(system, 1),
         "toe_s": when,
         "toc_s": when,
         "sent_s": when - 1800.0,
@@ -137,7 +141,7 @@ def _records(system: int, toes: Floats, rng: np.random.Generator) -> KeplerEphem
         "issue": np.round(since / _EVERY_S).astype(np.int64) % 256,
         "root_a": np.full(len(who), np.sqrt(pattern.semi_major_m)),
         "m0_rad": _wrapped(latitude[who] - perigee[who] + motion * since),
-        "omega0_rad": _wrapped(node_then + _TURN_RADPS[system] * _week_second(system, when)),
+        "omega0_rad": _wrapped(node_then + RATE_RADPS[system] * _week_second(system, when)),
         "omega_rad": perigee[who],
         "omega_dot_radps": np.full(len(who), node_rate),
     }
@@ -157,100 +161,75 @@ def _week_second(system: int, gps_s: Floats) -> Floats:
 def look_up(navigation: Navigation, gps_s: Floats, antenna_m: Floats, lowest_rad: float = LOWEST_RAD) -> Sky:
     """All satellites above ``lowest_rad`` at times of reception (m,) and antenna places (m, 3), ECEF.
 
-    Each satellite's record nearest in time is taken. Only Kepler records are used.
+    A satellite without a valid record at a time is not there.
     """
-    kepler = navigation.kepler
-    parts = [
-        _seen(kepler, rows, gps_s, antenna_m, lowest_rad)
-        for rows in (
-            np.flatnonzero((kepler.system == s) & (kepler.number == n))
-            for s, n in sorted(set(zip(kepler.system.tolist(), kepler.number.tolist(), strict=True)))
-        )
-    ]
-    names = [s.name for s in fields(Sky) if s.name != "first"]
-    epoch = np.concatenate([np.empty(0, np.int64), *(p["epoch"] for p in parts)])
-    order = np.argsort(epoch, kind="stable")
-    columns = {name: np.concatenate([p[name] for p in parts])[order] for name in names}
-    counts = np.bincount(epoch, minlength=len(gps_s))
-    return Sky(first=np.append(0, np.cumsum(counts)), **columns)
+    kepler, glonass = navigation.kepler, navigation.glonass
+    pairs = {*zip(kepler.system.tolist(), kepler.number.tolist(), strict=True)}
+    pairs |= {(GLONASS, n) for n in glonass.number.tolist()}
+    system, number = np.array(sorted(pairs), np.int64).reshape(-1, 2).T
+    coarse = np.unique(np.append(np.arange(0, len(gps_s), _coarse_step(gps_s)), len(gps_s) - 1))
+    likely = _ever_up(navigation, system, number, gps_s[coarse], antenna_m[coarse], lowest_rad - _MARGIN_RAD)
+    system, number = system[likely], number[likely]
+    epoch = np.repeat(np.arange(len(gps_s)), len(system))
+    return _seen(
+        navigation,
+        np.tile(system, len(gps_s)),
+        np.tile(number, len(gps_s)),
+        epoch,
+        gps_s,
+        antenna_m,
+        lowest_rad,
+    )
+
+
+def _coarse_step(gps_s: Floats) -> int:
+    interval_s = float(np.median(np.diff(gps_s))) if len(gps_s) > 1 else _COARSE_S
+    return max(1, int(_COARSE_S / interval_s))
+
+
+def _ever_up(
+    navigation: Navigation, system: Ints, number: Ints, gps_s: Floats, antenna_m: Floats, lowest_rad: float
+) -> Ints:
+    """Which of the satellites (s,) stand above an elevation at any of the times."""
+    m, count = len(gps_s), len(system)
+    states = states_at(navigation, np.tile(system, m), np.tile(number, m), np.repeat(gps_s, count))
+    elevation, _ = elevation_azimuth(np.repeat(antenna_m, count, axis=0), states.position_m)
+    up = states.known & (np.nan_to_num(elevation, nan=-np.pi) >= lowest_rad)
+    return np.flatnonzero(up.reshape(m, count).any(axis=0))
 
 
 def _seen(
-    kepler: KeplerEphemerides, rows: Ints, gps_s: Floats, antenna_m: Floats, lowest_rad: float
-) -> dict[str, Floats]:
-    """One satellite's rows of ``Sky``, with the epoch of each."""
-    record = rows[np.argmin(np.abs(gps_s[:, None] - kepler.toe_s[rows]), axis=1)]
-    flight_s = np.full(len(gps_s), 0.075)
-    for _ in range(3):  # each round makes the error 1e-5 of what it was
-        place = _turned(orbit(kepler, record, gps_s - flight_s)[0], flight_s)
-        flight_s = np.linalg.norm(place - antenna_m, axis=1) / LIGHT_MPS
-    elevation, azimuth = elevation_azimuth(antenna_m, place)
-    up = np.flatnonzero(elevation >= lowest_rad)
-    record, flight_s, sent_s = record[up], flight_s[up], (gps_s - flight_s)[up]
-    (after, clock_after), (before, clock_before) = (
-        orbit(kepler, record, sent_s + step) for step in (_STEP_S, -_STEP_S)
+    navigation: Navigation,
+    system: Ints,
+    number: Ints,
+    epoch: Ints,
+    gps_s: Floats,
+    antenna_m: Floats,
+    lowest_rad: float,
+) -> Sky:
+    """Rows of satellites (n,) at their epochs, of which those below ``lowest_rad`` are left out."""
+    antenna, received_s = antenna_m[epoch], gps_s[epoch]
+    flight_s = np.full(len(epoch), 0.075)
+    for _ in range(3):  # each round makes the error 1e-5 of what it was, beginning with 0.02 s
+        states = states_at(navigation, system, number, received_s - flight_s)
+        place = turned_by_earth(states.position_m, flight_s)
+        flight_s = np.linalg.norm(place - antenna, axis=1) / LIGHT_MPS
+    elevation, azimuth = elevation_azimuth(antenna, place)
+    up = states.known & (np.nan_to_num(elevation, nan=-np.pi) >= lowest_rad)
+    return Sky(
+        first=np.append(0, np.cumsum(np.bincount(epoch[up], minlength=len(gps_s)))),
+        system=system[up],
+        number=number[up],
+        satellite_m=place[up],
+        satellite_mps=turned_by_earth(states.velocity_mps, flight_s)[up],
+        sent_m=states.position_m[up],
+        sent_mps=states.velocity_mps[up],
+        clock_s=states.clock_s[up],
+        clock_drift=states.clock_rate[up],
+        carrier_hz=states.carrier_hz[up],
+        elevation_rad=elevation[up],
+        azimuth_rad=azimuth[up],
     )
-    sent_m, clock_s = orbit(kepler, record, sent_s)
-    sent_mps = (after - before) / (2 * _STEP_S)
-    return {
-        "epoch": up,
-        "system": kepler.system[record],
-        "number": kepler.number[record],
-        "satellite_m": _turned(sent_m, flight_s),
-        "satellite_mps": _turned(sent_mps, flight_s),
-        "sent_m": sent_m,
-        "sent_mps": sent_mps,
-        "clock_s": clock_s,
-        "clock_drift": (clock_after - clock_before) / (2 * _STEP_S),
-        "elevation_rad": elevation[up],
-        "azimuth_rad": azimuth[up],
-    }
-
-
-def _turned(vector: Floats, flight_s: Floats) -> Floats:
-    """ECEF vectors (n, 3) in the frame that the earth's rotation has reached ``flight_s`` later."""
-    angle = EARTH_RATE_RADPS * flight_s
-    x, y, z = vector.T
-    return np.column_stack([x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle), z])
-
-
-def orbit(kepler: KeplerEphemerides, record: Ints, gps_s: Floats) -> tuple[Floats, Floats]:
-    """ECEF positions (n, 3) in the frame of ``gps_s`` (n,), and the clocks' offsets in seconds, group delay taken off.
-
-    Source: IS-GPS-200, tables 20-IV and 30-II, without the harmonic terms, which synthetic records do not have.
-    """
-    k = kepler
-    mu = np.array([_MU.get(s, _MU[GPS]) for s in range(6)])[k.system[record]]
-    turn = np.array([_TURN_RADPS.get(s, EARTH_RATE_RADPS) for s in range(6)])[k.system[record]]
-    since = gps_s - k.toe_s[record]
-    axis, e = k.root_a[record] ** 2, k.eccentricity[record]
-    mean = k.m0_rad[record] + (np.sqrt(mu / axis**3) + k.delta_n_radps[record]) * since
-    anomaly = mean
-    for _ in range(8):  # for e < 0.02 each round adds two digits or more
-        anomaly = mean + e * np.sin(anomaly)
-    along = axis * (np.cos(anomaly) - e)
-    across = axis * np.sqrt(1 - e**2) * np.sin(anomaly)
-    argument = np.arctan2(across, along) + k.omega_rad[record]
-    radius = np.hypot(along, across)
-    tilt = k.i0_rad[record] + k.i_dot_radps[record] * since
-    late = np.where(k.system[record] == BEIDOU, BEIDOU_LATE_S, 0.0)
-    node = (
-        k.omega0_rad[record]
-        + (k.omega_dot_radps[record] - turn) * since
-        - turn * np.remainder(k.toe_s[record] - late, WEEK_S)
-    )
-    x, y = radius * np.cos(argument), radius * np.sin(argument)
-    place = np.column_stack(
-        [
-            x * np.cos(node) - y * np.cos(tilt) * np.sin(node),
-            x * np.sin(node) + y * np.cos(tilt) * np.cos(node),
-            y * np.sin(tilt),
-        ]
-    )
-    clock_since = gps_s - k.toc_s[record]
-    relativity = -2 * np.sqrt(mu) / LIGHT_MPS**2 * e * k.root_a[record] * np.sin(anomaly)
-    clock = k.af0_s[record] + (k.af1[record] + k.af2_per_s[record] * clock_since) * clock_since
-    return place, clock + relativity - k.group_delay_s[record]
 
 
 def names_of(system: Ints, number: Ints) -> tuple[tuple[str, ...], Ints]:
