@@ -119,13 +119,12 @@ def quantile_pairs(sample: Floats, law: FittedLaw) -> tuple[Floats, Floats]:
     return law.quantile((np.arange(n) + 0.5) / n), np.sort(sample)
 
 
-def win_rate(sample: Floats, window: int, name: str, other: str, step: int = 1) -> float:
-    """Share of sliding windows in which the first law is nearer by Kolmogorov-Smirnov than the other: Table 3.8.
+def window_distances(sample: Floats, window: int, names: tuple[str, ...], step: int = 1) -> Floats:
+    """Kolmogorov-Smirnov's statistic of each law, fitted anew in each sliding window of the sample: (k, laws).
 
-    NaN where the sample is shorter than a window.
+    Table 3.8 says in what share of the windows one law is nearer than another.
     """
-    wins = [
-        ks_statistic(part, fit_law(name, part)) < ks_statistic(part, fit_law(other, part))
-        for part in (sample[k : k + window] for k in range(0, len(sample) - window + 1, step))
-    ]
-    return float(np.mean(wins)) if wins else float("nan")
+    begins = range(0, len(sample) - window + 1, step)
+    parts = [sample[k : k + window] for k in begins]
+    found = [[ks_statistic(part, fit_law(name, part)) for name in names] for part in parts]
+    return np.array(found, float).reshape(-1, len(names))

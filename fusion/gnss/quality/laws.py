@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr, ndtri
 
 from fusion.errors import FusionError
 from fusion.gnss.error_models.gmm import FLOOR_M2, fit, start
@@ -24,6 +24,8 @@ MIXTURES = {f"{j} normals": j for j in range(2, 11)}
 LAWS = ("normal", "rayleigh", "laplace", *MIXTURES)
 """What can be fitted, by name."""
 _STEPS = 60
+_LEAST_SIGMA_M = 1e-4
+"""Residuals that are all alike still have a law."""
 
 
 class TooFewSamplesError(FusionError):
@@ -55,13 +57,38 @@ def fit_law(name: str, sample: Floats) -> FittedLaw:
         )
     if name in MIXTURES:
         return _mixture(name, sample)
-    mean, sigma = float(np.mean(sample)), max(float(np.std(sample)), float(np.sqrt(FLOOR_M2)) * 1e-3)
-    frozen, parameters = {
-        "normal": (stats.norm(mean, sigma), 2),
-        "rayleigh": (stats.rayleigh(scale=np.sqrt(0.5 * (mean**2 + sigma**2))), 1),
-        "laplace": (stats.laplace(mean, sigma / np.sqrt(2)), 2),
-    }[name]
-    return FittedLaw(name, parameters, frozen.cdf, frozen.ppf)
+    return _CLOSED[name](float(np.mean(sample)), max(float(np.std(sample)), _LEAST_SIGMA_M))
+
+
+def _normal(mean: float, sigma: float) -> FittedLaw:
+    return FittedLaw("normal", 2, lambda x: ndtr((x - mean) / sigma), lambda p: mean + sigma * ndtri(p))
+
+
+def _laplace(mean: float, sigma: float) -> FittedLaw:
+    scale = sigma / np.sqrt(2)
+
+    def cdf(x: Floats) -> Floats:
+        tail = 0.5 * np.exp(-np.abs(x - mean) / scale)
+        return np.where(x < mean, tail, 1.0 - tail)
+
+    def quantile(p: Floats) -> Floats:
+        return np.asarray(mean - scale * np.sign(p - 0.5) * np.log1p(-2 * np.abs(p - 0.5)))
+
+    return FittedLaw("laplace", 2, cdf, quantile)
+
+
+def _rayleigh(mean: float, sigma: float) -> FittedLaw:
+    square = mean**2 + sigma**2  # the mean square, which is twice the scale's
+    return FittedLaw(
+        "rayleigh",
+        1,
+        lambda x: -np.expm1(-(np.maximum(x, 0.0) ** 2) / square),
+        lambda p: np.sqrt(-square * np.log1p(-p)),
+    )
+
+
+_CLOSED = {"normal": _normal, "laplace": _laplace, "rayleigh": _rayleigh}
+"""Laws of a mean and a standard deviation. Written out: scipy's objects take longer to make than a window to test."""
 
 
 def _mixture(name: str, sample: Floats) -> FittedLaw:

@@ -13,7 +13,7 @@ from fusion.gnss.quality.law_tests import (
     ks_statistic,
     law_tests,
     quantile_pairs,
-    win_rate,
+    window_distances,
 )
 from fusion.gnss.quality.laws import fit_law
 
@@ -84,8 +84,10 @@ def test_mixtures_win_where_there_is_a_mixture() -> None:
     assert found["2 normals"].ks_taken
     assert found["2 normals"].chi2_taken
     assert found["rayleigh"].ks > found["normal"].ks
-    assert win_rate(x, 120, "2 normals", "normal", step=40) == 1.0
-    assert np.isnan(win_rate(x[:50], 120, "2 normals", "normal"))
+    distances = window_distances(x, 120, ("2 normals", "normal"), step=40)
+    assert distances.shape == (18, 2)
+    assert np.all(distances[:, 0] < distances[:, 1])
+    assert window_distances(x[:50], 120, ("normal",)).shape == (0, 1)
 
 
 def test_quantile_pairs_of_a_true_law_lie_on_the_diagonal() -> None:
