@@ -61,7 +61,12 @@ def fit_law(name: str, sample: Floats) -> FittedLaw:
 
 
 def _normal(mean: float, sigma: float) -> FittedLaw:
-    return FittedLaw("normal", 2, lambda x: ndtr((x - mean) / sigma), lambda p: mean + sigma * ndtri(p))
+    return FittedLaw(
+        "normal",
+        2,
+        lambda x: np.asarray(ndtr((x - mean) / sigma)),
+        lambda p: np.asarray(mean + sigma * ndtri(p)),
+    )
 
 
 def _laplace(mean: float, sigma: float) -> FittedLaw:
@@ -83,7 +88,7 @@ def _rayleigh(mean: float, sigma: float) -> FittedLaw:
         "rayleigh",
         1,
         lambda x: -np.expm1(-(np.maximum(x, 0.0) ** 2) / square),
-        lambda p: np.sqrt(-square * np.log1p(-p)),
+        lambda p: np.asarray(np.sqrt(-square * np.log1p(-p))),
     )
 
 
