@@ -1,0 +1,87 @@
+"""``versant gnss-study``: what the residuals of a log's satellites say of reception and of the laws of their errors."""
+
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.cli.console import Console, write_json
+from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
+from fusion.errors import BadOptionsError, MissingSensorError, UnknownNameError
+
+if TYPE_CHECKING:
+    from fusion.gnss.quality.study import Study
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command("gnss-study")
+def gnss_study(
+    ctx: typer.Context,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="The files of one drive, such as observations and navigation."),
+    ],
+    gnss: GnssName = "one-sided",
+    gnss_option: GnssOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="A picture, .png.", callback=in_a_folder, show_default=False),
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow."""
+    from fusion.formats import read_logs
+    from fusion.gnss import POSITIONINGS, options_of, positioned
+    from fusion.gnss.quality.study import study
+
+    console: Console = ctx.obj
+    if out is not None and out.suffix.lower() != ".png":
+        raise typer.BadParameter(f"No picture is written to files ending in {out.suffix!r}. Choose .png.")
+    try:
+        chosen = parse_assignments(gnss_option or [])
+        options_of(POSITIONINGS[gnss], chosen)
+    except (UnknownNameError, BadOptionsError) as error:
+        raise typer.BadParameter(str(error)) from error
+    with console.progress() as bars:
+        progress = bars.work(logs[0].name)
+        found = positioned(read_logs(logs, progress=progress), gnss, chosen, progress)
+    if found.measured is None or found.solution is None:
+        raise MissingSensorError(
+            f"Positioning {gnss!r} gave positions without residuals: there is nothing to study. Choose a solver of raw "
+            "pseudoranges, such as one-sided, for a log that holds some.",
+            where="gnss",
+        )
+    result = study(found.measured, found.solution)
+    _print(console, result)
+    if out is not None:
+        from app.drives.outputs.gnss_picture import gnss_png
+
+        out.write_bytes(
+            gnss_png(found.measured, found.solution, result.laws, f"{logs[0].name}, {found.name}")
+        )
+        typer.echo(f"{out}: sky, residuals by satellite, laws and residuals by time.")
+    write_json(json_file, {"gnss": found.name, "logs": [str(path) for path in logs], **asdict(result)})
+
+
+def _print(console: Console, result: Study) -> None:
+    rows = [
+        (r.name, r.count, r.mean_m, r.median_m, r.spread_m, r.most_m, r.cn0_dbhz, r.nlos)
+        for r in (*result.satellites, *result.states)
+    ]
+    heads = ("", "residuals", "mean m", "median m", "spread m", "largest m", "C/N0 dB-Hz", "reflected")
+    console.table(heads, rows, title="Residuals by satellite and by reception")
+    laws = [
+        (t.law, f"{t.ks:.4f}", "yes" if t.ks_taken else "no", f"{t.chi2:.1f} ({t.dof})", t.chi2_taken)
+        for t in result.laws
+    ]
+    if laws:
+        tests = ("law", "KS", "taken at 5 %", "chi-square (dof)", "taken at 5 %")
+        console.table(tests, laws, title=f"Laws (KS is refused above {result.laws[0].ks_critical:.4f})")
+    wins = [(w.window, f"{w.law} over {w.other}", w.share) for w in result.wins]
+    console.table(("window", "nearer by KS", "share"), wins, title="Sliding windows")

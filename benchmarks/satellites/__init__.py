@@ -1,0 +1,1 @@
+"""What satellites' orbits and clocks are compared with: an independent library, and precise products."""

@@ -1,0 +1,99 @@
+"""States of satellites of all systems, as single-frequency users of the L1 band need them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fusion.gnss.orbits.glonass import glonass_clock_s, glonass_states
+from fusion.gnss.orbits.kepler import kepler_clock_s, kepler_states
+from fusion.gnss.orbits.selection import choose_glonass, choose_kepler
+from fusion.signals import BEIDOU, GLONASS, LIGHT_MPS, SYSTEMS, Navigation
+from fusion.types import Bools, Floats, Ints
+
+L1_HZ = 1_575.42e6
+CARRIER_HZ = np.full(len(SYSTEMS), L1_HZ)
+"""Carrier of the L1 band by system, where a signal does not state its own: BeiDou's is B1I, GLONASS's its channel 0."""
+CARRIER_HZ[[BEIDOU, GLONASS]] = 1_561.098e6, 1_602.0e6
+GLONASS_CHANNEL_HZ = 562.5e3
+
+
+@dataclass(frozen=True)
+class SatelliteStates:
+    """Satellites at their time of transmission, one row a signal; NaN where no record is known.
+
+    ``position_m`` and ``velocity_mps`` (n, 3) in ECEF of that moment; ``clock_s`` (n,) is the clock's lead with
+    relativity and less the group delay of the L1 band, ``clock_rate`` its rate without unit; ``carrier_hz`` the
+    nominal carrier. ``known`` says that there is a record, ``healthy`` that it calls the satellite so.
+    """
+
+    position_m: Floats
+    velocity_mps: Floats
+    clock_s: Floats
+    clock_rate: Floats
+    carrier_hz: Floats
+    known: Bools
+    healthy: Bools
+
+
+@dataclass(frozen=True)
+class Records:
+    """Which record each row uses, (n,): an index into its kind's table, -1 for none."""
+
+    kepler: Ints
+    glonass: Ints
+
+    @classmethod
+    def choose(cls, navigation: Navigation, system: Ints, number: Ints, gps_s: Floats) -> Records:
+        """The nearest valid records, see ``selection``."""
+        kepler = choose_kepler(navigation.kepler, system, number, gps_s)
+        glonass = np.full(len(system), -1, np.int64)
+        rows = np.flatnonzero(system == GLONASS)
+        glonass[rows] = choose_glonass(navigation.glonass, number[rows], gps_s[rows])
+        return cls(kepler, glonass)
+
+
+def states_at(navigation: Navigation, system: Ints, number: Ints, gps_s: Floats) -> SatelliteStates:
+    """States of satellites (n,) at true GPS seconds (n,)."""
+    return _states(navigation, Records.choose(navigation, system, number, gps_s), system, gps_s)
+
+
+def states_when_sent(
+    navigation: Navigation, system: Ints, number: Ints, received_s: Floats, pseudorange_m: Floats
+) -> SatelliteStates:
+    """States when signals left their satellites, which a receiver at its own time ``received_s`` (n,) measured.
+
+    The time of the satellite's clock is the tag less the pseudorange's time of flight, whatever the receiver's clock
+    says: its error is in both. The satellite's clock then gives the true time. One step is enough: the lead changes by
+    less than 1e-13 s over itself, and relativity and group delay move a satellite by less than a millimetre.
+    """
+    clock_says = received_s - pseudorange_m / LIGHT_MPS
+    chosen = Records.choose(navigation, system, number, clock_says)
+    lead = np.zeros(len(system))
+    rows = np.flatnonzero(chosen.kepler >= 0)
+    lead[rows] = kepler_clock_s(navigation.kepler, chosen.kepler[rows], clock_says[rows])
+    rows = np.flatnonzero(chosen.glonass >= 0)
+    lead[rows] = glonass_clock_s(navigation.glonass, chosen.glonass[rows], clock_says[rows])
+    return _states(navigation, chosen, system, clock_says - lead)
+
+
+def _states(navigation: Navigation, chosen: Records, system: Ints, gps_s: Floats) -> SatelliteStates:
+    n = len(system)
+    position, velocity = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    clock, rate, carrier = np.full(n, np.nan), np.full(n, np.nan), CARRIER_HZ[system]
+    healthy = np.zeros(n, bool)
+    rows = np.flatnonzero(chosen.kepler >= 0)
+    if len(rows):
+        eph, record = navigation.kepler, chosen.kepler[rows]
+        position[rows], velocity[rows], clock[rows], rate[rows] = kepler_states(eph, record, gps_s[rows])
+        clock[rows] -= np.nan_to_num(eph.group_delay_s[record])
+        healthy[rows] = eph.healthy[record]
+    rows = np.flatnonzero(chosen.glonass >= 0)
+    if len(rows):
+        moving, record = navigation.glonass, chosen.glonass[rows]
+        position[rows], velocity[rows], clock[rows], rate[rows] = glonass_states(moving, record, gps_s[rows])
+        carrier[rows] += GLONASS_CHANNEL_HZ * moving.channel[record]
+        healthy[rows] = moving.healthy[record]
+    known = np.isfinite(position).all(axis=1) & np.isfinite(clock)
+    return SatelliteStates(position, velocity, clock, rate, carrier, known, healthy)
