@@ -21,12 +21,16 @@ from app.drives.body import Piece, UploadSource, upload_source
 from app.drives.bundles import MAX_FILES
 from app.drives.documents import DriveAccepted, accepted, drive_address
 from app.drives.method_choice import (
+    GnssOptionQuery,
+    GnssQuery,
     MethodQuery,
     OptionQuery,
     OptionsQuery,
     asked_options,
+    asked_positioning,
     checked_options,
     default_method,
+    with_positioning,
 )
 from app.drives.parcel import Parcel
 
@@ -89,6 +93,8 @@ async def upload_drive(
     method: MethodQuery = None,
     options: OptionsQuery = None,
     option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
+    gnss: GnssQuery = None,
+    gnss_option: GnssOptionQuery = [],  # noqa: B006
     filename: str | None = Query(
         None,
         description="Name of the file where the body is the log itself; also `X-Filename`.",
@@ -103,7 +109,8 @@ async def upload_drive(
     """
     settings = service.settings
     wanted = method or default_method(settings)
-    chosen = checked_options(wanted, asked_options(options, option) or {})
+    asked = with_positioning(asked_options(options, option) or {}, asked_positioning(gnss, gnss_option))
+    chosen = checked_options(wanted, asked)
     blob, name = await receive_upload(request, service.blobs, settings)
     drive, created = await run_in_threadpool(
         intake.register_upload,
