@@ -32,6 +32,8 @@ _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
 _KIND = b"versant files\0"
 """Before the digests of several files, so that their identity is that of no file which happens to hold digests."""
+_ADDED = frozenset({".DS_Store", "Thumbs.db", "desktop.ini"})
+"""What systems put beside files; the reader of logs leaves out the same."""
 _NAME_LENGTH = 80
 _FIELD = "file"
 # What zipfile raises for damage, here and there; a seek to before the start is an OSError of its own.
@@ -165,7 +167,7 @@ def _own_name(name: str, taken: Iterable[str]) -> str:
 def content_of_zip(file: BinaryIO, max_bytes: int) -> str:
     """Identity of the files in a zip; ``file`` can seek, ``max_bytes`` is the most that they may unpack to together.
 
-    Left out is what holds nothing (folders, empty files) and what systems add (hidden files). Raises
+    Left out is what holds nothing (folders, empty files) and what systems add of their own. Raises
     ``BadRequestError`` for a broken zip or one without files, ``BodyTooLargeError`` for too many or too large ones or a
     bomb, ``UnsupportedBodyError`` for files that are encrypted, compressed in an unusual way, or zips themselves.
     """
@@ -202,12 +204,8 @@ class _Bounded:
 
 def _is_file(info: zipfile.ZipInfo) -> bool:
     path = PurePosixPath(info.filename)
-    return bool(
-        info.file_size
-        and not info.filename.endswith("/")  # a folder
-        and not path.name.startswith(".")
-        and "__MACOSX" not in path.parts  # what macOS notes beside each file
-    )
+    added = path.name in _ADDED or path.name.startswith("._") or "__MACOSX" in path.parts
+    return bool(info.file_size) and not info.filename.endswith("/") and not added
 
 
 def _check(members: list[zipfile.ZipInfo], packed: int, max_bytes: int) -> None:

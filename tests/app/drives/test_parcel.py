@@ -7,6 +7,7 @@ import io
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from itertools import permutations
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -16,7 +17,11 @@ from sqlalchemy import text
 from app.core.blobs import BlobStore
 from app.core.errors import BadRequestError, StorageFullError
 from app.drives.body import Piece
+from app.drives.intake import register_upload
 from app.drives.parcel import Parcel
+from app.drives.process import Outcome, Workbench
+from fusion.formats import read_log
+from processing_support import drive_now, process_drive
 
 OBS, NAV, IMU = b"observations " * 300, b"navigation " * 400, b"1,2,3\r\n" * 500
 NAMED = [("a.obs", OBS), ("a.nav", NAV), ("imu.csv", IMU)]
@@ -125,7 +130,7 @@ def test_what_is_refused_leaves_nothing(web: Any) -> None:
 
 
 @pytest.fixture(params=["folder", "memory", "bucket"])
-def blobs(request: pytest.FixtureRequest, tmp_path: Any) -> BlobStore:
+def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> BlobStore:
     """Stores of every kind."""
     urls = {"folder": str(tmp_path / "blobs"), "memory": f"memory://{tmp_path.name}"}
     url = urls.get(request.param) or f"{request.getfixturevalue('bucket')}/logs"
@@ -163,3 +168,17 @@ def test_a_disk_that_fills_up_in_the_middle_of_a_zip_leaves_nothing(
         broken.take([Piece(1, "a.nav", NAV)])
     broken.discard()
     assert (blobs.keys(), blobs._list("incoming")) == ([], [])
+
+
+def test_a_worker_reads_files_that_came_apart_as_one_log(bench: Workbench, files: Path) -> None:
+    header, *rows = (files / "1.csv").read_text().splitlines(keepends=True)
+    halves = ["".join([header, *part]).encode() for part in (rows[: len(rows) // 2], rows[len(rows) // 2 :])]
+    several = parcel(bench.blobs)
+    several.take([Piece(1 - k, f"{k}.csv.gz", gzip.compress(halves[k])) for k in (1, 0)])
+    blob, name = several.finish()
+    drive, _ = register_upload(bench.sessions, bench.blobs, blob, filename=name, method="raw")
+    assert process_drive(bench, drive.id, 1) is Outcome.DONE, drive_now(bench, drive.id).failure
+    done = drive_now(bench, drive.id)
+    assert done.filename == "1.csv.gz, 0.csv.gz"
+    assert done.epochs == len(read_log(files / "1.csv").fix)
+    assert done.bbox == pytest.approx(read_log(files / "1.csv").bounds_deg())
