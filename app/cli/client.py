@@ -9,6 +9,7 @@ import io
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -97,28 +98,27 @@ class Client:
 
     def upload(
         self,
-        path: Path,
-        *,
+        *paths: Path,
         method: str | None = None,
         options: Mapping[str, Any] | None = None,
+        gnss: str | None = None,
         sent: BytesSent | None = None,
     ) -> RemoteDrive:
-        """Stream a log to the service; the same bytes again give the same drive.
+        """Stream a log, or the files that belong to one drive, to the service; the same again give the same drive.
 
-        Raises ``ClientError`` when the service refuses it or is not there, ``OSError`` when the file cannot
+        Raises ``ClientError`` when the service refuses it or is not there, ``OSError`` when a file cannot
         be read.
         """
-        asked = {"method": method} if method else {}
+        asked = {name: value for name, value in (("method", method), ("gnss", gnss)) if value}
         if options:
             asked["options"] = json.dumps(dict(options))
-        with path.open("rb") as file:
-            body = _Counted(file, sent) if sent else file
-            answer = self.request(
-                "POST",
-                "/v1/drives",
-                params=asked,
-                files={"file": (path.name, body, "application/octet-stream")},
-            )
+        with ExitStack() as stack:
+            parts = []
+            for path in paths:
+                file: BinaryIO = stack.enter_context(path.open("rb"))
+                body = _Counted(file, sent) if sent else file
+                parts.append(("file", (path.name, body, "application/octet-stream")))
+            answer = self.request("POST", "/v1/drives", params=asked, files=parts)
         return self.drive(str(answer.json()["id"]))
 
     def drive(self, drive_id: str) -> RemoteDrive:

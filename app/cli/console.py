@@ -38,7 +38,7 @@ class Console:
         """Say on standard error what went wrong, in one line."""
         typer.echo(f"versant: {_one_line(text)}", err=True)
 
-    def complain_of(self, path: Path, error: BaseException) -> str:
+    def complain_of(self, path: Path | str, error: BaseException) -> str:
         """Complain of one file among several; returns the reason. The file is named once."""
         reason = sentence(error)
         named = isinstance(error, OSError) and error.filename

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import JsonFile
-from app.cli.remote import Server, service_client
+from app.cli.options import GnssOption, JsonFile, parse_assignments
+from app.cli.remote import GnssChoice, Server, service_client
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -130,6 +131,8 @@ def reprocess(
             help="Estimator; without it each keeps its own, or the service's default is taken (see above)."
         ),
     ] = None,
+    gnss: GnssChoice = None,
+    gnss_option: GnssOption = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only count the drives.")] = False,
     wait: Annotated[bool, typer.Option("--wait", help="Wait until each drive is done or failed.")] = False,
     cancel: Annotated[
@@ -158,10 +161,11 @@ def reprocess(
     asked = [("which", name) for name, chosen in which.items() if chosen]
     narrowed = {name: value for name, value in filters.items() if value is not None}
     _check_choice(len(asked), bool(narrowed) or dry_run, bool(drive) + (cancel is not None))
+    positioning = _positioning(gnss, gnss_option or [], named=bool(drive))
     console: Console = ctx.obj
     with service_client(server) as client, console.progress() as bars:
         if drive:
-            batch = _each(client, drive, method, wait)
+            batch = _each(client, drive, positioning | ({} if method is None else {"method": method}), wait)
         elif cancel is not None:
             batch = Batch.read(
                 client.request("DELETE", _ADDRESS, params={"batch": cancel}).json(), str(cancel)
@@ -244,11 +248,21 @@ def _follow(client: Client, batch: Batch, show: Progress) -> Batch:
         time.sleep(POLL_S)
 
 
-def _each(client: Client, ids: list[str], method: str | None, wait: bool) -> Batch:
+def _positioning(gnss: str | None, gnss_option: list[str], *, named: bool) -> dict[str, Any]:
+    """The query for another positioning; ``typer.BadParameter`` unless drives are named, since a batch knows none."""
+    options = parse_assignments(gnss_option)
+    if not named and (gnss or options):
+        raise typer.BadParameter("--gnss and --gnss-option go with --drive.", param_hint="'--gnss'")
+    asked: dict[str, Any] = {"gnss": gnss} if gnss else {}
+    if options:
+        asked["gnss_option"] = [f"{name}:{json.dumps(value)}" for name, value in options.items()]
+    return asked
+
+
+def _each(client: Client, ids: list[str], asked: dict[str, Any], wait: bool) -> Batch:
     """Ask for drives one by one."""
-    params = {} if method is None else {"method": method}
     for one in ids:
-        client.request("POST", f"/v1/drives/{one}/reprocess", params=params)
+        client.request("POST", f"/v1/drives/{one}/reprocess", params=asked)
     typer.echo(f"{len(ids)} drive(s) are processed again.")
     ended = [client.wait(one).status for one in ids] if wait else []
     return Batch(None, len(ids), done=ended.count("done"), failed=len(ended) - ended.count("done"))

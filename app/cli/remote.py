@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Bars, Console, write_json
-from app.cli.options import JsonFile, parse_assignments
+from app.cli.options import GnssOption, JsonFile, parse_assignments
 from fusion.errors import FusionError
 
 if TYPE_CHECKING:
@@ -22,18 +23,38 @@ app = typer.Typer(add_completion=False)
 Server = Annotated[
     str | None, typer.Option(metavar="URL", help="Address of the service.  [default: VERSANT_SERVER]")
 ]
+GnssChoice = Annotated[
+    str | None,
+    typer.Option(
+        "--gnss",
+        metavar="NAME",
+        help="How positions are computed (`versant methods` lists the ways); without it as the service does by itself.",
+    ),
+]
 
 
 @app.command("upload")
 def upload(
     ctx: typer.Context,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Drive logs, gzipped or not.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Drive logs, gzipped or not, each a drive; a folder or a zip is one drive of the files in it.",
+        ),
+    ],
+    together: Annotated[
+        bool,
+        typer.Option("--together", help="All of them are one drive, such as observations and navigation."),
+    ] = False,
     server: Server = None,
     method: Annotated[str | None, typer.Option(help="Estimator; without it the service's default.")] = None,
     option: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="Option of the method; may be given several times."),
     ] = None,
+    gnss: GnssChoice = None,
+    gnss_option: GnssOption = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait until each drive is done or failed.")] = False,
     json_file: JsonFile = None,
 ) -> None:
@@ -43,11 +64,14 @@ def upload(
     """
     console: Console = ctx.obj
     options = parse_assignments(option or [])
-    uploads = [Upload(path) for path in files]
+    if gnss_option:
+        options["gnss_options"] = parse_assignments(gnss_option)
+    chosen = Chosen(method, options, gnss)
+    uploads = [Upload(tuple(files))] if together else [Upload((path,)) for path in files]
     with service_client(server) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         for one in uploads:
-            _send(client, one, method, options, bars, console)
+            _send(client, one, chosen, bars, console)
         if wait:
             for one in uploads:
                 _follow(client, one, bars, console)
@@ -71,14 +95,40 @@ def service_client(server: str | None) -> Client:
         raise typer.BadParameter(str(error), param_hint="'--server'") from error
 
 
+@dataclass(frozen=True)
+class Chosen:
+    """How drives are to be computed; None: as the service does by itself."""
+
+    method: str | None
+    options: dict[str, Any]
+    gnss: str | None
+
+
 @dataclass
 class Upload:
-    """One file on its way."""
+    """One drive on its way: a file, a folder of files, or several of them."""
 
-    path: Path
+    paths: tuple[Path, ...]
     drive: RemoteDrive | None = None
     reason: str | None = None
     segments: int | None = None
+
+    @property
+    def name(self) -> str:
+        """What it is called: as it was named, several separated by commas."""
+        return ", ".join(map(str, self.paths))
+
+    @property
+    def short_name(self) -> str:
+        """The same without folders."""
+        return ", ".join(path.name for path in self.paths)
+
+    def files(self) -> list[Path]:
+        """The files to send: in a folder those that are not hidden, by name, none of folders in it.
+
+        ``OSError`` for a folder that holds none.
+        """
+        return [file for path in self.paths for file in (_files_in(path) if path.is_dir() else [path])]
 
     @property
     def status(self) -> str:
@@ -93,7 +143,7 @@ class Upload:
     def figures(self) -> dict[str, Any]:
         """What the table and ``--json`` say."""
         return {
-            "file": str(self.path),
+            "file": self.name,
             "drive": self.drive.id if self.drive else None,
             "status": self.status,
             "segments": self.segments,
@@ -101,19 +151,22 @@ class Upload:
         }
 
 
-def _send(
-    client: Client,
-    one: Upload,
-    method: str | None,
-    options: dict[str, Any],
-    bars: Bars,
-    console: Console,
-) -> None:
+def _files_in(folder: Path) -> list[Path]:
+    found = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    if not found:
+        raise FileNotFoundError(errno.ENOENT, "The folder holds no file to upload", str(folder))
+    return found
+
+
+def _send(client: Client, one: Upload, chosen: Chosen, bars: Bars, console: Console) -> None:
     try:
-        advance = bars.count(f"sending {one.path.name}", one.path.stat().st_size)
-        one.drive = client.upload(one.path, method=method, options=options, sent=advance)
+        files = one.files()
+        advance = bars.count(f"sending {one.short_name}", sum(path.stat().st_size for path in files))
+        one.drive = client.upload(
+            *files, method=chosen.method, options=chosen.options, gnss=chosen.gnss, sent=advance
+        )
     except (FusionError, OSError) as error:
-        one.reason = console.complain_of(one.path, error)
+        one.reason = console.complain_of(one.name, error)
     else:
         one.reason = one.drive.reason
 
@@ -123,10 +176,10 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
 
     if one.drive is None:
         return
-    show = bars.work(f"fusing {one.path.name}")
+    show = bars.work(f"fusing {one.short_name}")
     one.drive = client.wait(one.drive.id, seen=shown(show))
     one.reason = one.drive.reason
     if one.drive.status == "done":
         one.segments = len(client.drive_segments(one.drive.id))
     elif one.failed:
-        console.complain(f"{one.path}: {one.reason or one.status}")
+        console.complain(f"{one.name}: {one.reason or one.status}")

@@ -38,7 +38,7 @@ _DATABASES = "databases"
 class StoredBlob:
     """A complete blob: its key, the SHA-256 of its bytes (hex) and their number.
 
-    ``content_sha256`` is of what the bytes unpack to (``app.core.content``).
+    ``content_sha256`` is of what the bytes unpack to (``app.core.content``), or what their writer said.
     """
 
     key: str
@@ -166,7 +166,7 @@ class BlobWriter:
         self._name = uuid.uuid4().hex
         self._part = f"{root}/{_INCOMING}/{self._name}"
         self._hash = ContentHash(max_content_bytes)
-        self._finished = False
+        self._finished = self._closed = False
         self.size_bytes = 0
         with full_is_told():
             make_folder(fs, f"{root}/{_INCOMING}")
@@ -193,27 +193,45 @@ class BlobWriter:
         if free is not None and free < self._keep_free_bytes + size_bytes:
             raise storage_full()
 
-    def finish(self) -> StoredBlob:
-        """Complete the blob and give it its key; in a folder it survives a power cut from here on."""
+    def reopened(self) -> BinaryIO:
+        """What was written, to be read before it is finished or discarded; nothing can be written any more."""
+        self._close()
+        file: BinaryIO = self._fs.open(self._part, "rb")
+        return file
+
+    def finish(self, content_sha256: str | None = None) -> StoredBlob:
+        """Complete the blob and give it its key; in a folder it survives a power cut from here on.
+
+        ``content_sha256`` is for who knows more of the content than ``ContentHash``.
+        """
         key = f"{_KEPT}/{self._name}"
+        self._close()
         with full_is_told():
-            self._file.flush()
-            if is_folder(self._fs):  # a bucket sees to that itself
-                os.fsync(self._file.fileno())
-            self._file.close()
             make_folder(self._fs, f"{self._root}/{_KEPT}")
             self._fs.mv(self._part, f"{self._root}/{key}")
         self._finished = True
-        return StoredBlob(key, self._hash.sha256(), self.size_bytes, self._hash.content_sha256())
+        content = content_sha256 or self._hash.content_sha256()
+        return StoredBlob(key, self._hash.sha256(), self.size_bytes, content)
 
     def discard(self) -> None:
         """Forget what was written."""
         self._finished = True
         try:
-            with contextlib.suppress(OSError):  # what is still buffered finds no room now either
-                _drop(self._file)
+            if not self._closed:
+                with contextlib.suppress(OSError):  # what is still buffered finds no room now either
+                    _drop(self._file)
         finally:
             _remove(self._fs, self._part)
+
+    def _close(self) -> None:
+        if self._closed:
+            return
+        with full_is_told():
+            self._file.flush()
+            if is_folder(self._fs):  # a bucket sees to that itself
+                os.fsync(self._file.fileno())
+            self._file.close()
+        self._closed = True
 
 
 def _drop(file: Any) -> None:

@@ -1,6 +1,6 @@
-"""The file in an upload, taken out of the body as it arrives: multipart/form-data, or the body itself.
+"""The files in an upload, taken out of the body as it arrives: multipart/form-data, or the body itself.
 
-Bytes in, bytes of the file out: knows no request, no store and no limit of the file's size. python-multipart finds
+Bytes in, bytes of the files out: knows no request, no store and no limit of sizes and numbers. python-multipart finds
 the parts. Its ``FormParser`` and Starlette's ``MultiPartParser`` were tried in the place of the callbacks below: both
 write every file into a temporary one first, keep a log that came without a file name in memory, and do not tell a
 body that broke off from one without the field. ``PushMultipartParser`` of ``multipart`` streams and would save the
@@ -9,11 +9,12 @@ callbacks for headers, but is one more dependency, and malformed bodies would ge
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from email.message import Message
 from email.utils import collapse_rfc2231_value
+from itertools import groupby
 from pathlib import PurePosixPath
-from typing import Protocol
+from typing import NamedTuple, Protocol
 from urllib.parse import unquote
 
 from python_multipart.exceptions import FormParserError
@@ -31,15 +32,31 @@ FILENAME_CHARSETS = frozenset({"utf-8", "iso-8859-1", "latin-1"})
 """Of ``filename*=`` (RFC 6266, section 4.3); Python's decoders for other names fail in ways of their own."""
 
 
+class Piece(NamedTuple):
+    """Some bytes of one of the files; each file has a piece, also an empty one."""
+
+    file: int
+    """Which one, from 0; they come one after the other."""
+    name: str
+    data: bytes
+
+
+def joined(pieces: Iterable[Piece]) -> list[Piece]:
+    """The same with one piece for each file."""
+    return [
+        Piece(file, name, b"".join(piece.data for piece in of_one))
+        for (file, name), of_one in groupby(pieces, key=lambda piece: piece[:2])
+    ]
+
+
 class UploadSource(Protocol):
-    """Where the file's bytes come from."""
+    """Where the files' bytes come from."""
 
-    filename: str
     envelope_bytes: int
-    """How many bytes the body may be longer than the file."""
+    """How many bytes the body may be longer than the files."""
 
-    def feed(self, chunk: bytes) -> bytes:
-        """Take the next bytes of the body; return those of the file among them."""
+    def feed(self, chunk: bytes) -> list[Piece]:
+        """Take the next bytes of the body; return those of files among them, in their order."""
         ...
 
     def finish(self) -> None:
@@ -77,27 +94,28 @@ class RawBody:
     envelope_bytes = 0
 
     def __init__(self, filename: str) -> None:
-        self.filename = filename
+        self._filename = filename
 
-    def feed(self, chunk: bytes) -> bytes:
+    def feed(self, chunk: bytes) -> list[Piece]:
         """All of it."""
-        return chunk
+        return [Piece(0, self._filename, chunk)]
 
     def finish(self) -> None:
         """Always complete: the server itself checks the length."""
 
 
 class MultipartBody:
-    """The part called ``file`` of a multipart/form-data body; other parts are passed over."""
+    """The parts called ``file`` of a multipart/form-data body; other parts are passed over."""
 
     envelope_bytes = ENVELOPE_BYTES
 
     def __init__(self, boundary: bytes, filename: str) -> None:
-        self.filename = filename
-        self._found = self._complete = self._inside = False
+        self._default_name = self._name = filename
+        self._files = 0
+        self._complete = self._inside = False
         self._header_name = self._header_value = b""
         self._headers: dict[bytes, bytes] = {}
-        self._pieces: list[bytes] = []
+        self._pieces: list[Piece] = []
         self._passed_over = 0
         try:
             self._parser = MultipartParser(boundary, self._callbacks())  # type: ignore[arg-type]
@@ -106,14 +124,14 @@ class MultipartBody:
                 f"The multipart body cannot be read: {error}.", field="Content-Type"
             ) from None
 
-    def feed(self, chunk: bytes) -> bytes:
-        """The file's bytes in ``chunk``; ``BadRequestError`` where the body is no multipart."""
+    def feed(self, chunk: bytes) -> list[Piece]:
+        """The files' bytes in ``chunk``; ``BadRequestError`` where the body is no multipart."""
         try:
             self._parser.write(chunk)
         except FormParserError as error:
             raise BadRequestError(f"The multipart body is malformed: {error}.", field="body") from None
         pieces, self._pieces = self._pieces, []
-        return b"".join(pieces)
+        return joined(pieces)
 
     def finish(self) -> None:
         """``BadRequestError`` for a body cut short or without a part called ``file``."""
@@ -121,7 +139,7 @@ class MultipartBody:
             raise BadRequestError(
                 "The multipart body ends before its last boundary. Send it again.", field="body"
             )
-        if not self._found:
+        if not self._files:
             raise BadRequestError(
                 f"The form has no file field called {FIELD!r}. Send the log as that field "
                 f"(curl -F {FIELD}=@LOG), or as the body itself.",
@@ -157,25 +175,26 @@ class MultipartBody:
         _, options = parse_options_header(self._headers.get(b"content-disposition"))
         if options.get(b"name") != FIELD.encode():
             return
-        if self._found:
-            raise BadRequestError(
-                f"The form has several fields called {FIELD!r}. Send one log per request.", field=FIELD
-            )
-        self._found = self._inside = True
-        if name := options.get(b"filename"):
-            self.filename = clean_filename(name.decode("utf-8", "replace"))
+        self._files += 1
+        self._inside = True
+        name = options.get(b"filename", b"").decode("utf-8", "replace")
+        self._name = clean_filename(name) if name else self._default_name
+        self._add(b"")
 
     def _on_part_data(self, data: bytes, start: int, end: int) -> None:
         if self._inside:
-            self._pieces.append(data[start:end])
+            self._add(data[start:end])
             return
         self._passed_over += end - start
         if self._passed_over > ENVELOPE_BYTES:
             raise BadRequestError(
-                f"The form's other fields hold more than {ENVELOPE_BYTES} bytes. Send the log as the field "
-                f"{FIELD!r} and nothing else.",
+                f"The form's other fields hold more than {ENVELOPE_BYTES} bytes. Send each file of the drive as a "
+                f"field {FIELD!r} and nothing else.",
                 field=FIELD,
             )
+
+    def _add(self, data: bytes) -> None:
+        self._pieces.append(Piece(self._files - 1, self._name, data))
 
     def _on_part_end(self) -> None:
         self._inside = False

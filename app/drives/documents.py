@@ -79,10 +79,12 @@ class Drive(BaseModel):
     progress: float = Field(ge=0, le=1, description="Share of the work done, 0..1.")
     stage: str | None = Field(description="What the worker is doing, or was doing when it failed.")
     failure: Failure | None = Field(description="Why it failed; null unless status is failed.")
-    filename: str
-    size_bytes: int = Field(description="Size as uploaded.")
+    filename: str = Field(description="Of several files their names, separated by commas.")
+    size_bytes: int = Field(
+        description="Size as uploaded; of several files that of the zip that they are kept as."
+    )
     sha256: str = Field(
-        description="SHA-256 of the bytes as uploaded. The same bytes are the same drive, unpacked or gzipped."
+        description="SHA-256 of these bytes. The same content is the same drive, unpacked, gzipped or in a zip."
     )
     method: str = Field(description="The estimator asked for.")
     options: dict[str, Any] = Field(description="The options asked for; the report holds all of them.")
@@ -105,7 +107,8 @@ class Drive(BaseModel):
     bbox: Bounds | None = Field(description="West, south, east, north; degrees.")
     report: dict[str, Any] | None = Field(
         description="Of the last successful run: matched share and breaks, learned noise, mount, what each sensor "
-        "contributes, on how many segments it contradicts other drives (rejected_segments), warnings, versions ..."
+        "contributes, on how many segments it contradicts other drives (rejected_segments), how positions were "
+        "computed (gnss: epochs solved and predicted, satellites, clock jumps ...), warnings, versions ..."
     )
     links: list[Link] = Field(default_factory=list)
 
@@ -199,6 +202,9 @@ class ReprocessRequest(BaseModel):
 
     method: str | None = Field(None, description="Another estimator.")
     options: dict[str, Any] | None = Field(None, description="Its options; leaving them out means defaults.")
+    gnss: str | None = Field(
+        None, description="Another way to compute positions, in the place of the option `gnss`."
+    )
 
 
 def drive_address(base: str, drive: Drive) -> str:

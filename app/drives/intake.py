@@ -21,7 +21,7 @@ from app.core.db import Sessions
 from app.drives import queue
 from app.drives import store as drives
 from app.drives.documents import Drive
-from app.drives.method_choice import check_options
+from app.drives.method_choice import check_options, with_positioning
 
 SHOWN_ORPHANS = 20
 """So many of the blobs that a sweep would remove are named in the log."""
@@ -143,14 +143,19 @@ def reprocess(
     drive_id: uuid.UUID,
     method: str | None = None,
     options: Mapping[str, Any] | None = None,
+    positioning: Mapping[str, Any] | None = None,
 ) -> Drive | None:
-    """Queue the drive again; without ``method`` with the method and options it had. None: no such drive."""
+    """Queue the drive again; without ``method`` with the method and options it had. None: no such drive.
+
+    ``positioning`` is put into the options (``with_positioning``).
+    """
     with sessions.begin() as session:
         known = drives.get_drive(session, drive_id)
         if known is None:
             return None
         chosen = known.method if method is None else method
         wanted = known.options if method is None and options is None else options or {}
+        wanted = with_positioning(wanted, positioning or {})
         check_options(chosen, wanted)
         drive = drives.request_reprocess(session, drive_id, chosen, wanted)
         if drive is not None:

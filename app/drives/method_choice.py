@@ -1,4 +1,4 @@
-"""The estimator and its options as requests choose them: query parameters, defaults, checks."""
+"""The estimator, its options and how positions are computed, as requests choose them: parameters, defaults, checks."""
 
 from __future__ import annotations
 
@@ -28,6 +28,22 @@ OptionQuery = Annotated[
     Query(description="One option as `name:value`; may be repeated.", examples=[["particles:10000"]]),
 ]
 
+GnssQuery = Annotated[
+    str | None,
+    Query(
+        description="How positions are computed (`versant methods` lists the ways), short for the option `gnss` of "
+        "every method.",
+        examples=["receiver"],
+    ),
+]
+GnssOptionQuery = Annotated[
+    list[str],
+    Query(
+        description="One option of that as `name:value`, short for one in `gnss_options`; may be repeated.",
+        examples=[[]],
+    ),
+]
+
 
 def default_method(settings: Settings) -> str:
     """The estimator of who names none: that of the settings, else the library's."""
@@ -42,12 +58,27 @@ def asked_options(options: str | None, option: Sequence[str]) -> dict[str, Any] 
     if options is None and not option:
         return None
     asked = _json_object(options) if options is not None else {}
-    for pair in option:
-        name, colon, value = pair.partition(":")
-        if not colon or not name:
-            raise BadRequestError(f"{pair!r} is no option. Write it as name:value.", field="option")
-        asked[name.strip()] = _json_or_text(value)
+    return asked | _pairs(option, "option")
+
+
+def asked_positioning(gnss: str | None, gnss_option: Sequence[str]) -> dict[str, Any]:
+    """The shorthands for how positions are computed, as options of a method; ``UnknownNameError`` lists the names."""
+    asked: dict[str, Any] = {}
+    if gnss is not None:
+        from fusion.gnss import POSITIONINGS  # noqa: PLC0415 - see check_options
+
+        asked["gnss"] = POSITIONINGS[gnss].name
+    if gnss_option:
+        asked["gnss_options"] = _pairs(gnss_option, "gnss_option")
     return asked
+
+
+def with_positioning(options: Mapping[str, Any], positioning: Mapping[str, Any]) -> dict[str, Any]:
+    """``options`` with another positioning; the options that belong to the one before go with it."""
+    kept = dict(options)
+    if "gnss" in kept and positioning.get("gnss", kept["gnss"]) != kept["gnss"]:
+        kept.pop("gnss_options", None)
+    return kept | dict(positioning)
 
 
 def checked_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -68,6 +99,16 @@ def check_options(method: str, options: Mapping[str, Any]) -> None:
         from fusion.pipeline import parse_options  # noqa: PLC0415
 
         parse_options(method, options)
+
+
+def _pairs(texts: Sequence[str], field: str) -> dict[str, Any]:
+    pairs = {}
+    for text in texts:
+        name, colon, value = text.partition(":")
+        if not colon or not name:
+            raise BadRequestError(f"{text!r} is no option. Write it as name:value.", field=field)
+        pairs[name.strip()] = _json_or_text(value)
+    return pairs
 
 
 def _json_object(text: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""One drive through the library: blob -> log -> roads and elevation around it -> estimates -> database.
+"""One drive through the library: blob -> log -> positions -> roads and elevation around it -> estimates -> database.
 
 All that the drive says is written in one transaction at the end, with marks of what has to be solved for it
 (``publishing``), so that a run may be cut off at any moment and repeated. A run belongs to a generation of its drive:
@@ -40,8 +40,9 @@ from app.terrain.store import DemSet
 from fusion.errors import FusionError
 from fusion.formats import read_log
 from fusion.formats.base import NO_DATE
+from fusion.gnss import Positioned
 from fusion.methods.base import DriveResult
-from fusion.pipeline import parse_options, road_boxes, run_drive
+from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import rows_of
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Ints
@@ -145,13 +146,15 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
     run.begin("reading")
     with computing():
         log = _read(bench, drive, run)
+        run.begin("positioning")
+        found = positions_of(log, parse_options(drive.method, drive.options), run.part("positioning"))
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
-            around = _surroundings(bench, log)
-        ids, result = _estimate(bench, log, around, drive, run, computing)
+            around = _surroundings(bench, found.log)
+        ids, result = _estimate(bench, found, around, drive, run, computing)
         run.begin("saving")
-        if _append(bench, drive, log, around, ids, result, behind=behind):
+        if _append(bench, drive, found.log, around, ids, result, behind=behind):
             return
     raise ProcessingError(
         f"The roads were imported anew {MAX_ROAD_CHANGES} times while this drive was processed. "
@@ -188,7 +191,7 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
 
 def _estimate(
     bench: Workbench,
-    log: DriveLog,
+    found: Positioned,
     around: _Surroundings,
     drive: Drive,
     run: RunProgress,
@@ -200,7 +203,7 @@ def _estimate(
     with computing(), ExitStack() as stack:
         terrain = None if around.dem is None else stack.enter_context(Dem.open(around.dem.paths))
         network, result = run_drive(
-            log, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
+            found, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
         )
     ids = around.roads.ids[rows_of(around.roads.table, network.table)]
     if result.factors:

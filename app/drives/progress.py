@@ -14,7 +14,13 @@ from app.jobs.task import Interrupted
 
 PROGRESS_EVERY_S = 0.5
 
-PARTS = {"reading": (0.0, 0.1), "roads": (0.1, 0.15), "estimating": (0.15, 0.95), "saving": (0.95, 1.0)}
+PARTS = {
+    "reading": (0.0, 0.1),
+    "positioning": (0.1, 0.3),
+    "roads": (0.3, 0.35),
+    "estimating": (0.35, 0.95),
+    "saving": (0.95, 1.0),
+}
 """The parts of a run and the shares of the whole at which they begin and end."""
 
 

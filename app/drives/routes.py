@@ -23,7 +23,15 @@ from app.drives.documents import (
     drive_address,
     linked,
 )
-from app.drives.method_choice import MethodQuery, OptionQuery, OptionsQuery, asked_options
+from app.drives.method_choice import (
+    GnssOptionQuery,
+    GnssQuery,
+    MethodQuery,
+    OptionQuery,
+    OptionsQuery,
+    asked_options,
+    asked_positioning,
+)
 
 LIST_PARAMETERS = frozenset({"status", "limit", "after"})
 
@@ -90,18 +98,24 @@ def reprocess_drive(
     method: MethodQuery = None,
     options: OptionsQuery = None,
     option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
+    gnss: GnssQuery = None,
+    gnss_option: GnssOptionQuery = [],  # noqa: B006
     body: Annotated[ReprocessRequest | None, Body(description="The same as the query parameters.")] = None,
 ) -> DriveAccepted:
     """Queue the drive again, perhaps for another method or with other options.
 
-    With neither a method nor options it keeps both; with a method alone, that method's defaults are used.
+    With neither a method nor options it keeps both; with a method alone, that method's defaults are used. `gnss` and
+    `gnss_option` change how positions are computed, and nothing else.
     What it published stays until the new run replaces it.
     """
     chosen = asked_options(options, option)
     if body is not None:
-        method = method or body.method
+        method, gnss = method or body.method, gnss or body.gnss
         chosen = body.options if chosen is None else chosen
-    drive = found(intake.reprocess(service.sessions, drive_id, method, chosen), "drive", drive_id)
+    positioning = asked_positioning(gnss, gnss_option)
+    drive = found(
+        intake.reprocess(service.sessions, drive_id, method, chosen, positioning), "drive", drive_id
+    )
     response.headers["Location"] = drive_address(base, drive)
     return accepted(base, drive)
 

@@ -1,4 +1,4 @@
-"""The way of an upload: its body (``body``) piece by piece into the blob store, then row and job (``intake``).
+"""The way of an upload: its body (``body``) piece by piece into one blob (``parcel``), then row and job (``intake``).
 
 Nothing is held in memory but the piece on its way, nothing on disk but the blob. Knows neither formats of bodies nor
 SQL.
@@ -12,39 +12,56 @@ import anyio
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from app.core.blobs import BlobStore, BlobWriter, StoredBlob
-from app.core.errors import BadRequestError, BodyTooLargeError
+from app.core.blobs import BlobStore, StoredBlob
+from app.core.errors import BodyTooLargeError
 from app.core.http import BaseUrl, ServiceDep, problems
 from app.core.settings import Settings
 from app.drives import intake
-from app.drives.body import UploadSource, upload_source
+from app.drives.body import Piece, UploadSource, upload_source
+from app.drives.bundles import MAX_FILES
 from app.drives.documents import DriveAccepted, accepted, drive_address
 from app.drives.method_choice import (
+    GnssOptionQuery,
+    GnssQuery,
     MethodQuery,
     OptionQuery,
     OptionsQuery,
     asked_options,
+    asked_positioning,
     checked_options,
     default_method,
+    with_positioning,
 )
+from app.drives.parcel import Parcel
 
 CHUNK_BYTES = 1024 * 1024
 """How much is handed to the blob store at a time: few hops between threads, little memory."""
+CHUNK_PIECES = 1024
+"""As many pieces at most, of a body that comes in crumbs."""
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
 _BINARY = {"type": "string", "format": "binary"}
 _BODY: dict[str, Any] = {
     "required": True,
-    "description": "The log, plain or gzipped, as a form field or as the body itself.",
+    "description": "The log, plain or gzipped, as a form field or as the body itself; or files that belong together, "
+    "such as observations and navigation data, as several fields or as one zip.",
     "content": {
         "multipart/form-data": {
             "schema": {
                 "type": "object",
                 "required": ["file"],
-                "properties": {"file": {**_BINARY, "description": "The log."}},
+                "properties": {
+                    "file": {
+                        "type": "array",
+                        "minItems": 1,
+                        "maxItems": MAX_FILES,
+                        "items": _BINARY,
+                        "description": "The log, or each of the files that belong together.",
+                    }
+                },
             },
-            "example": {"file": "monday.ubx"},
+            "example": {"file": ["monday.ubx"]},
         },
         "application/octet-stream": {"schema": _BINARY, "example": "(the bytes of monday.ubx)"},
     },
@@ -76,6 +93,8 @@ async def upload_drive(
     method: MethodQuery = None,
     options: OptionsQuery = None,
     option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
+    gnss: GnssQuery = None,
+    gnss_option: GnssOptionQuery = [],  # noqa: B006
     filename: str | None = Query(
         None,
         description="Name of the file where the body is the log itself; also `X-Filename`.",
@@ -84,12 +103,14 @@ async def upload_drive(
 ) -> DriveAccepted:
     """Store a log and queue it. The answer comes as soon as it is stored; follow the drive at `Location`.
 
-    The same content again, in whatever gzip, answers 200 with the drive that it already is, unchanged, whatever the
-    method: use `reprocess` to compute it anew. Where the service had lost that drive's file, this one takes its place.
+    Several files are one drive, and are kept as one zip. The same content again, in whatever gzip, zip or order,
+    answers 200 with the drive that it already is, unchanged, whatever the method: use `reprocess` to compute it anew.
+    Where the service had lost that drive's file, this one takes its place.
     """
     settings = service.settings
     wanted = method or default_method(settings)
-    chosen = checked_options(wanted, asked_options(options, option) or {})
+    asked = with_positioning(asked_options(options, option) or {}, asked_positioning(gnss, gnss_option))
+    chosen = checked_options(wanted, asked)
     blob, name = await receive_upload(request, service.blobs, settings)
     drive, created = await run_in_threadpool(
         intake.register_upload,
@@ -106,47 +127,49 @@ async def upload_drive(
 
 
 async def receive_upload(request: Request, blobs: BlobStore, settings: Settings) -> tuple[StoredBlob, str]:
-    """Store the file of the request's body; returns the blob and the file's name.
+    """Store the files of the request's body as one blob; returns the blob and its name.
 
     Raises ``BodyTooLargeError`` as soon as the body is announced or found to be too large, ``StorageFullError`` as
-    soon as there is no room for it, ``BadRequestError`` for an empty file or a malformed body, ``ClientDisconnect``
-    when the client goes away. Nothing stays in the store then. The store's blocking calls run in threads.
+    soon as there is no room for it, ``BadRequestError`` for an empty file or a malformed body, what ``Parcel`` says of
+    its files, ``ClientDisconnect`` when the client goes away. Nothing stays in the store then. The store's blocking
+    calls run in threads.
     """
     max_bytes = settings.max_upload_bytes
     source = upload_source(request.headers, request.query_params)
     announced = _announced_bytes(request)
     if announced > max_bytes + source.envelope_bytes:
         raise _too_large(max_bytes)
-    writer = await run_in_threadpool(
-        blobs.writer,
+    parcel = await run_in_threadpool(
+        Parcel,
+        blobs,
         keep_free_bytes=settings.min_free_bytes,
         expected_bytes=announced,
         max_content_bytes=settings.max_log_bytes,
     )
     try:
-        await _copy(request, source, writer, max_bytes)
-        return await run_in_threadpool(writer.finish), source.filename
+        await _copy(request, source, parcel, max_bytes)
+        return await run_in_threadpool(parcel.finish)
     except BaseException:
         with anyio.CancelScope(shield=True):  # also when this request is cancelled
-            await run_in_threadpool(writer.discard)
+            await run_in_threadpool(parcel.discard)
         raise
 
 
-async def _copy(request: Request, source: UploadSource, writer: BlobWriter, max_bytes: int) -> None:
-    waiting = bytearray()
+async def _copy(request: Request, source: UploadSource, parcel: Parcel, max_bytes: int) -> None:
+    waiting: list[Piece] = []
+    taken = held = 0
     async for chunk in request.stream():
-        waiting += source.feed(chunk)
-        if writer.size_bytes + len(waiting) > max_bytes:
+        pieces = source.feed(chunk)
+        size = sum(len(piece.data) for piece in pieces)
+        taken, held = taken + size, held + size
+        if taken > max_bytes:
             raise _too_large(max_bytes)
-        if len(waiting) >= CHUNK_BYTES:
-            await run_in_threadpool(writer.write, bytes(waiting))
-            waiting.clear()
+        waiting += pieces
+        if held >= CHUNK_BYTES or len(waiting) >= CHUNK_PIECES:
+            await run_in_threadpool(parcel.take, waiting)
+            waiting, held = [], 0
     source.finish()
-    await run_in_threadpool(writer.write, bytes(waiting))
-    if not writer.size_bytes:
-        raise BadRequestError(
-            "The upload is empty: it holds no bytes. Send the log's contents.", field="file"
-        )
+    await run_in_threadpool(parcel.take, waiting)
 
 
 def _announced_bytes(request: Request) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -44,6 +45,27 @@ def test_upload_sends_the_bytes_the_name_and_the_options(tmp_path: Path) -> None
     assert seen[0].url.params["method"] == "raw"
     assert json.loads(seen[0].url.params["options"]) == {"min_epochs": 5}
     assert sum(counted) == 200_000
+
+
+def test_several_files_are_sent_as_one_drive(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ("a.obs", "a.nav")]
+    for path in paths:
+        path.write_bytes(path.name.encode() * 1000)
+    seen: list[httpx.Request] = []
+    counted: list[int] = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        request.read()
+        seen.append(request)
+        return httpx.Response(202, json={"id": "7"}) if request.method == "POST" else drive("queued")
+
+    with client(answer) as service:
+        service.upload(*paths, gnss="receiver", sent=counted.append)
+    for path in paths:
+        assert f'name="file"; filename="{path.name}"'.encode() in seen[0].content
+        assert path.read_bytes() in seen[0].content
+    assert dict(seen[0].url.params) == {"gnss": "receiver"}
+    assert sum(counted) == 10_000
 
 
 def test_wait_follows_to_the_end_and_tells_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,3 +153,44 @@ def test_upload_command_names_a_missing_file_once(monkeypatch: pytest.MonkeyPatc
     assert result.exit_code == 1
     assert result.stderr.count("none.csv") == 1
     assert "No such file" in result.stderr
+
+
+Sent = list[tuple[list[str], dict[str, str]]]
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> Sent:
+    """The names of the files and the query of each upload that the command sends."""
+    uploads: Sent = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        if request.method == "POST":
+            names = re.findall(rb'filename="([^"]+)"', request.read())
+            uploads.append(([name.decode() for name in names], dict(request.url.params)))
+        return drive("queued")
+
+    monkeypatch.setattr("app.cli.client.Client", lambda server: client(answer))
+    return uploads
+
+
+def test_upload_command_makes_one_drive_of_a_folder_and_of_files_together(sent: Sent, tmp_path: Path) -> None:
+    folder, lone = tmp_path / "monday", tmp_path / "lone.csv"
+    (folder / "deeper").mkdir(parents=True)
+    for path in (folder / "b.nav", folder / "a.obs", folder / ".hidden", folder / "deeper" / "c.csv", lone):
+        path.write_bytes(b"x")
+    (tmp_path / "empty").mkdir()
+    figures = tmp_path / "figures.json"
+    command = ["upload", str(folder), str(lone), "--server", SERVER]
+    assert CliRunner().invoke(app, [*command, "--json", str(figures)]).exit_code == 0
+    assert [one["file"] for one in json.loads(figures.read_text())["uploads"]] == [str(folder), str(lone)]
+    choice = ["--together", "--gnss", "pf", "--gnss-option", "n=9", "--option", "m=1"]
+    assert CliRunner().invoke(app, [*command, *choice]).exit_code == 0
+    query = {"gnss": "pf", "options": json.dumps({"m": 1, "gnss_options": {"n": 9}})}
+    assert sent == [
+        (["a.obs", "b.nav"], {}),
+        (["lone.csv"], {}),
+        (["a.obs", "b.nav", "lone.csv"], query),
+    ]
+    none = CliRunner().invoke(app, ["upload", str(tmp_path / "empty"), "--server", SERVER])
+    assert none.exit_code == 1
+    assert none.stderr == f"versant: {tmp_path / 'empty'}: The folder holds no file to upload.\n"

@@ -145,6 +145,7 @@ def test_reprocess_names_the_drives(run: Run, arguments: list[str], expected: di
         (["--drive", "7", "--failed"], "Choose one of"),
         (["--drive", "7", "--bbox", "1,2,3,4"], "Choose one of"),
         (["--cancel", "7", "--dry-run"], "Choose one of"),
+        (["--all", "--gnss", "receiver"], "go with --drive"),
     ],
     ids=str,
 )
@@ -158,10 +159,13 @@ def test_reprocess_of_single_drives(run: Run) -> None:
     def answer(request: httpx.Request) -> httpx.Response:
         if request.method == "GET":
             return httpx.Response(200, json=drive(7, "done" if request.url.path.endswith("7") else "failed"))
-        assert request.url.params["method"] == "raw"
+        asked = [("gnss", "pf"), ("gnss_option", "n:9"), ("gnss_option", 'kind:"fpll"'), ("method", "raw")]
+        assert request.url.params.multi_items() == asked
         return httpx.Response(202, json={})
 
-    result = run(answer, "reprocess", "--drive", "7", "--drive", "8", "--method", "raw", "--wait")
+    positioning = ["--gnss", "pf", "--gnss-option", "n=9", "--gnss-option", "kind=fpll"]
+    drives = ["--drive", "7", "--drive", "8"]
+    result = run(answer, "reprocess", *drives, "--method", "raw", *positioning, "--wait")
     assert result.exit_code == 1
     assert "1 done, 1 failed." in result.stdout
 

@@ -1,4 +1,4 @@
-"""The file in a body: forms cut anywhere, names of any kind."""
+"""The files in a body: forms cut anywhere, names of any kind."""
 
 from __future__ import annotations
 
@@ -11,25 +11,36 @@ from hypothesis import strategies as st
 from starlette.datastructures import Headers, QueryParams
 
 from app.core.errors import BadRequestError
-from app.drives.body import MultipartBody, clean_filename, upload_source
+from app.drives.body import MultipartBody, clean_filename, joined, upload_source
 
 
 @settings(max_examples=60, deadline=None)
 @given(
-    data=st.binary(max_size=300).filter(lambda d: b"\r\n--bound" not in d),
+    files=st.lists(st.binary(max_size=200).filter(lambda d: b"\r\n--bound" not in d), min_size=1, max_size=3),
     cuts=st.lists(st.integers(0, 900), max_size=8),
 )
-def test_a_form_can_be_cut_anywhere(data: bytes, cuts: list[int]) -> None:
-    body = (
-        b'--bound\r\nContent-Disposition: form-data; name="note"\r\n\r\nhello\r\n'
-        b'--bound\r\nContent-Disposition: form-data; name="file"; filename="\xc3\xa4.ubx"\r\n'
-        b"Content-Type: application/octet-stream\r\n\r\n" + data + b"\r\n--bound--\r\n"
-    )
+def test_a_form_can_be_cut_anywhere(files: list[bytes], cuts: list[int]) -> None:
+    body = b'--bound\r\nContent-Disposition: form-data; name="note"\r\n\r\nhello\r\n'
+    for data in files:
+        body += (
+            b'--bound\r\nContent-Disposition: form-data; name="file"; filename="\xc3\xa4.ubx"\r\n'
+            b"Content-Type: application/octet-stream\r\n\r\n" + data + b"\r\n"
+        )
+    body += b"--bound--\r\n"
     source = MultipartBody(b"bound", "upload")
     places = sorted({0, len(body), *(cut for cut in cuts if cut < len(body))})
-    assert b"".join(source.feed(body[a:b]) for a, b in pairwise(places)) == data
+    pieces = [piece for a, b in pairwise(places) for piece in source.feed(body[a:b])]
     source.finish()
-    assert source.filename == "ä.ubx"
+    assert joined(pieces) == [(k, "ä.ubx", data) for k, data in enumerate(files)]
+
+
+def test_a_file_without_a_name_has_the_name_that_was_announced() -> None:
+    source = upload_source(
+        Headers({"Content-Type": "multipart/form-data; boundary=b"}), QueryParams({"filename": "a/x.ubx"})
+    )
+    part = b'--b\r\nContent-Disposition: form-data; name="file"%s\r\n\r\n1\r\n'
+    pieces = source.feed(part % b'; filename="one.ubx"' + part % b"" + b"--b--\r\n")
+    assert [piece.name for piece in pieces] == ["one.ubx", "x.ubx"]
 
 
 def test_a_form_that_ends_early_is_noticed() -> None:
@@ -57,7 +68,7 @@ def test_a_form_that_ends_early_is_noticed() -> None:
 )
 def test_the_name_in_a_disposition(disposition: str, name: str) -> None:
     source = upload_source(Headers({"Content-Disposition": disposition}), QueryParams())
-    assert source.filename == name
+    assert source.feed(b"log") == [(0, name, b"log")]
 
 
 @given(
@@ -65,7 +76,8 @@ def test_the_name_in_a_disposition(disposition: str, name: str) -> None:
 )
 def test_no_disposition_is_a_fault_of_the_service(pieces: list[str]) -> None:
     header = Headers({"Content-Disposition": "attachment; " + "".join(pieces)})
-    assert upload_source(header, QueryParams()).filename
+    (piece,) = upload_source(header, QueryParams()).feed(b"log")
+    assert piece.name
 
 
 @given(st.text())

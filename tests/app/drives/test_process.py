@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
+from dataclasses import fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,15 @@ from app.drives.process import Outcome, Workbench
 from app.map import store as slopes
 from app.roads import imports as road_imports
 from fusion.formats import read_log
+from fusion.gnss import Positioned
 from fusion.methods import METHODS
+from fusion.methods.base import Options
 from fusion.network.combine import combine
 from fusion.pipeline import run_drive
 from fusion.roads.osm import read_roads
+from fusion.signals import RawGnss, Signals
 from fusion.terrain.dem import Dem
-from fusion.types import Track
+from fusion.types import DriveLog, GnssFix, GnssVelocity, Progress, Track
 from processing_support import accept_upload, drive_now, process_drive, state
 
 Send = Callable[..., Drive]
@@ -97,6 +100,40 @@ def test_a_done_drive_says_what_was_done(bench: Workbench, send: Send, files: Pa
     assert behind.method == "raw"
     assert set(behind.options) == set(METHODS["raw"].options_model.model_fields)
     assert behind.dem_version_id is not None
+
+
+def test_positions_are_computed_before_roads_are_chosen(
+    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A log of raw signals has no position; those that are computed lead to roads, and the report tells of them."""
+
+    def read(*arguments: Any, **options: Any) -> DriveLog:
+        nothing = {"fix": GnssFix.empty(), "velocity": GnssVelocity.empty(), "raw": RawGnss(Signals.empty())}
+        return replace(read_log(*arguments, **options), **nothing)
+
+    def solve(log: DriveLog, options: Options, progress: Progress) -> Positioned:
+        assert (len(log.fix), options.gnss) == (0, "receiver")
+        progress("positioning", 0.5)
+        return Positioned(
+            whole, "solver", report={"positioning": "solver", "solved": 150, "counts": {"jumps": 3}}
+        )
+
+    drive = send(0, "raw", {"gnss": "receiver"})
+    with bench.blobs.open(drive.blob_key) as file:
+        whole = read_log(file)
+    monkeypatch.setattr(process, "read_log", read)
+    assert process_drive(bench, drive.id, 1) is Outcome.FAILED
+    failure = drive_now(bench, drive.id).failure
+    assert failure is not None
+    assert (failure.kind, failure.stage) == ("empty-log", "positioning")
+    monkeypatch.setattr(process, "positions_of", solve)
+    intake.reprocess(bench.sessions, drive.id)
+    assert process_drive(bench, drive.id, 2) is Outcome.DONE
+    done = drive_now(bench, drive.id)
+    assert done.report is not None
+    assert done.report["gnss"] == {"positioning": "solver", "solved": 150, "counts": {"jumps": 3}}
+    assert done.bbox == pytest.approx(whole.bounds_deg())
+    assert done.drive_time is not None
 
 
 def test_without_elevation_a_drive_is_done_all_the_same(

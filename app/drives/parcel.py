@@ -1,0 +1,99 @@
+"""The files of one upload become one blob: a single one as it came, several as a zip of them.
+
+Knows no request and no log; its calls block, so they run in threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from app.core.blobs import BlobStore, BlobWriter, StoredBlob
+from app.core.errors import BadRequestError
+from app.drives.body import FILENAME_LENGTH, Piece, joined
+from app.drives.bundles import MAGIC_BYTES, BundleWriter, content_of_zip, is_zip
+
+COPY_BYTES = 1 << 20
+
+
+class Parcel:
+    """Take the pieces of an upload, then ``finish`` it, or ``discard`` it: nothing of it stays then.
+
+    That there are several files is known when the second one begins. So the first is written as if it were alone, and
+    copied into the zip then; the others go there as they come.
+    """
+
+    def __init__(
+        self, blobs: BlobStore, *, keep_free_bytes: int, expected_bytes: int, max_content_bytes: int
+    ) -> None:
+        """The limits are those of ``BlobStore.writer``; of several files each has its own content, none a sum."""
+        self._blobs = blobs
+        self._keep_free_bytes = keep_free_bytes
+        self._max_content_bytes = max_content_bytes
+        self._names: list[str] = []
+        self._head = b""
+        self._bundle: BundleWriter | None = None
+        self._writer = self._new_writer(expected_bytes)
+        self._single = self._writer
+
+    def take(self, pieces: Iterable[Piece]) -> None:
+        """Write the next pieces; raises what ``BlobWriter`` and ``BundleWriter`` raise."""
+        for piece in joined(pieces):
+            if piece.file == len(self._names):
+                self._begin(piece.name)
+            if self._bundle is not None:
+                self._bundle.write(piece.data)
+                continue
+            if len(self._head) < MAGIC_BYTES:
+                self._head += piece.data[:MAGIC_BYTES]
+            self._writer.write(piece.data)
+
+    def finish(self) -> tuple[StoredBlob, str]:
+        """The blob, and the names of its files.
+
+        Raises ``BadRequestError`` where there is not one byte, and what ``content_of_zip`` raises of a zip.
+        """
+        names = ", ".join(self._names)[:FILENAME_LENGTH]
+        if self._bundle is not None:
+            return self._writer.finish(self._bundle.finish()), names
+        if not self._writer.size_bytes:
+            raise BadRequestError(
+                "The upload is empty: it holds no bytes. Send the log's contents.", field="file"
+            )
+        return self._writer.finish(self._content_of_zip() if is_zip(self._head) else None), names
+
+    def discard(self) -> None:
+        """Forget what was written."""
+        try:
+            if self._bundle is not None:
+                self._bundle.drop()
+        finally:
+            for writer in {self._single, self._writer}:
+                writer.discard()
+
+    def _content_of_zip(self) -> str:
+        with self._writer.reopened() as file:
+            return content_of_zip(file, self._max_content_bytes)
+
+    def _begin(self, name: str) -> None:
+        if len(self._names) == 1:
+            self._bundle_up()
+        self._names.append(name)
+        if self._bundle is not None:
+            self._bundle.begin(name)
+
+    def _bundle_up(self) -> None:
+        """Begin the zip with the file that came first."""
+        self._writer = self._new_writer(0)
+        self._bundle = BundleWriter(self._writer.write, self._max_content_bytes)
+        self._bundle.begin(self._names[0])
+        with self._single.reopened() as file:
+            while data := file.read(COPY_BYTES):
+                self._bundle.write(data)
+        self._single.discard()
+
+    def _new_writer(self, expected_bytes: int) -> BlobWriter:
+        return self._blobs.writer(
+            keep_free_bytes=self._keep_free_bytes,
+            expected_bytes=expected_bytes,
+            max_content_bytes=self._max_content_bytes,
+        )
