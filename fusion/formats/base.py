@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from fusion.errors import EmptyLogError
+from fusion.signals import RawGnss
 from fusion.types import Bools, DriveLog, Floats, GnssFix, Progress, SensorTable
 
 Data = bytes | memoryview
@@ -205,10 +206,14 @@ def build_log(
     gaps_s: Floats | None = None,
     geoid: str = "unknown",
     advice: str = "",
+    raw: RawGnss | None = None,
 ) -> DriveLog:
-    """Put a ``DriveLog`` together, or raise ``EmptyLogError`` naming the first offender."""
-    fix = tables.get("fix")
-    if not isinstance(fix, GnssFix) or not len(fix):
+    """Put a ``DriveLog`` together, or raise ``EmptyLogError`` naming the first offender.
+
+    Without any position the log is accepted if ``raw`` has epochs, from which positions can be computed.
+    """
+    fix = tables.setdefault("fix", GnssFix.empty())
+    if not len(fix) and (raw is None or not len(raw.signals)):
         why = f" The first: {notes.first_offender}." if notes.first_offender else ""
         advice = advice or "Check that the recording had satellite reception and upload it again."
         raise EmptyLogError(
@@ -230,5 +235,6 @@ def build_log(
         skipped=notes.skipped,
         repaired=notes.repaired,
         warnings=tuple(notes.warnings),
+        raw=raw,
         **tables,  # type: ignore[arg-type]
     )
