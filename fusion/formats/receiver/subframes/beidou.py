@@ -136,7 +136,7 @@ def _read_d2(pages: Pages, notes: Notes) -> KeplerEphemerides:
     frame = (sent_s - PAGE_S * (page - 1)).astype(np.int64)
     rows = complete_sets(pages.number, page, frame, sent_s, _D2_PAGES, 10 * PAGE_S, notes)
     rows = np.insert(rows, 1, rows[:, 0], axis=1)  # in the place of page 2, which nothing is read from
-    told = read(pages.bits[rows].reshape(len(rows), -1), D2)
+    told = read(pages.bits[rows].reshape(len(rows), 10 * BITS), D2)
     return _ephemerides(told, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
 
 

@@ -100,7 +100,7 @@ def read_strings(pages: Pages, notes: Notes) -> GlonassEphemerides:
         },
     }
     keep = np.flatnonzero(fits & same)
-    states = np.column_stack([columns[name].reshape(len(rows), -1) for name in columns])[keep]
+    states = np.column_stack(list(columns.values()))[keep]
     keep = keep[np.sort(np.unique(states, axis=0, return_index=True)[1])]  # each frame repeats the one before
     return GlonassEphemerides(**{name: column[keep] for name, column in columns.items()})
 
