@@ -40,7 +40,9 @@ _COLUMNS = {
 
 def satellite_of(number: int) -> tuple[int, int]:
     """System and number of pyrtklib's satellite number."""
-    system = max((s for s, first in _FIRST_SATELLITE.items() if first < number), key=_FIRST_SATELLITE.__getitem__)
+    system = max(
+        (s for s, first in _FIRST_SATELLITE.items() if first < number), key=_FIRST_SATELLITE.__getitem__
+    )
     return system, number - _FIRST_SATELLITE[system]
 
 
@@ -109,7 +111,9 @@ def random_kepler(system: int, numbers: list[int], seed: int, toe_s: float) -> K
         system=np.full(n, system),
         number=np.array(numbers),
         toe_s=np.full(n, toe_s),
-        toc_s=np.full(n, toe_s - (0.0 if system == BEIDOU else 3600.0)),  # pyrtklib wants BeiDou's to be the same
+        toc_s=np.full(
+            n, toe_s - (0.0 if system == BEIDOU else 3600.0)
+        ),  # pyrtklib wants BeiDou's to be the same
         sent_s=np.full(n, np.nan),
         healthy=rng.random(n) < 0.5,
         accuracy_m=np.full(n, 0.25 if system == GALILEO else 4.0),
@@ -129,7 +133,9 @@ def random_navigation(seed: int, start_s: float = START_GPS_S) -> Navigation:
         (BEIDOU, [3, 60], BEIDOU_LATE_S),
     ):
         kepler = kepler.joined(random_kepler(system, numbers, seed, toe_s + late_s))
-    quarter = np.round((start_s + GPS_EPOCH_S) / 900) * 900  # quarters of an hour of UTC, whatever the leap seconds
+    quarter = (
+        np.round((start_s + GPS_EPOCH_S) / 900) * 900
+    )  # quarters of an hour of UTC, whatever the leap seconds
     axis = rng.normal(size=(3, 3))
     place = 25.5e6 * axis / np.linalg.norm(axis, axis=1, keepdims=True)
     states = GlonassEphemerides(

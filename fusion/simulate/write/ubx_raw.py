@@ -34,8 +34,8 @@ _GNSS_ID = {int(system): number for number, system in enumerate(SYSTEM_OF) if sy
 
 def frames(message_class: int, message_id: int, payload: NDArray[np.void]) -> NDArray[np.uint8]:
     """Wrap payloads, shape (n,), into whole messages, shape (n, 8 + size), with the Fletcher checksum."""
-    body = np.ascontiguousarray(payload).view(np.uint8).reshape(len(payload), -1)
-    size = body.shape[1]
+    size = payload.dtype.itemsize
+    body = np.ascontiguousarray(payload).view(np.uint8).reshape(len(payload), size)
     head = np.array([0xB5, 0x62, message_class, message_id, size & 0xFF, size >> 8], np.uint8)
     frame = np.empty((len(payload), size + 8), np.uint8)
     frame[:, :6], frame[:, 6:-2] = head, body

@@ -61,17 +61,17 @@ def magnitude(*pieces: tuple[int, int], scale: float = 1.0) -> Field:
 
 def bits_of(words: NDArray[np.uint32], used: int = 32) -> Bits:
     """The lowest ``used`` bits of each word, (n, words x used)."""
-    octets = np.ascontiguousarray(words.astype(">u4")).view(np.uint8).reshape(len(words), -1)
-    return (
-        np.unpackbits(octets, axis=1).reshape(len(words), -1, 32)[:, :, 32 - used :].reshape(len(words), -1)
-    )
+    n, count = words.shape
+    octets = np.ascontiguousarray(words.astype(">u4")).view(np.uint8)
+    return np.unpackbits(octets, axis=1).reshape(n, count, 32)[:, :, 32 - used :].reshape(n, count * used)
 
 
 def words_of(bits: Bits, used: int = 32) -> NDArray[np.uint32]:
     """The opposite of ``bits_of``; bits that are not used are 0."""
-    whole = np.zeros((len(bits), bits.shape[1] // used, 32), np.uint8)
-    whole[:, :, 32 - used :] = bits.reshape(len(bits), -1, used)
-    return np.packbits(whole.reshape(len(bits), -1), axis=1).view(">u4").astype(np.uint32)
+    n, count = len(bits), bits.shape[1] // used
+    whole = np.zeros((n, count, 32), np.uint8)
+    whole[:, :, 32 - used :] = bits.reshape(n, count, used)
+    return np.packbits(whole.reshape(n, count * 32), axis=1).view(">u4").astype(np.uint32)
 
 
 def numbers(bits: Bits, field: Field) -> Ints:
@@ -150,11 +150,13 @@ def complete_sets(
 ) -> Ints:
     """Messages (k, parts) that make a whole: of one satellite and issue, at most ``within_s`` apart.
 
-    The latest of each part counts. A whole is given once for each satellite, issue and ``status`` (n,), which is 0 but
-    in one part. An issue of -1 goes with any. Satellites without any whole are counted.
+    The latest of each part counts. A whole is given again only where its issue or ``status`` (n,) is another, which is
+    0 but in one part, or ``within_s`` later, as numbers of issues come back. An issue of -1 goes with any. Satellites
+    without any whole are counted.
     """
     latest: dict[int, dict[int, int]] = {}
-    found: dict[tuple[int, int, int], list[int]] = {}
+    given: dict[tuple[int, int, int], float] = {}
+    found: list[list[int]] = []
     state = (np.zeros(len(number), np.int64) if status is None else status).tolist()
     issues, times = issue.tolist(), time_s.tolist()
     for row, (satellite, kind) in enumerate(zip(number.tolist(), part.tolist(), strict=True)):
@@ -165,11 +167,14 @@ def complete_sets(
         rows = [held[p] for p in parts]
         said = {issues[r] for r in rows} - {-1}
         moments = [times[r] for r in rows]
-        if len(said) == 1 and max(moments) - min(moments) <= within_s:
-            found.setdefault((satellite, said.pop(), max(state[r] for r in rows)), rows)
-    whole = {satellite for satellite, _, _ in found}
-    notes.skip(MIXED, len(latest.keys() - whole))
-    return np.array(list(found.values()), np.int64).reshape(-1, len(parts))
+        if len(said) != 1 or max(moments) - min(moments) > within_s:
+            continue
+        key = satellite, said.pop(), max(state[r] for r in rows)
+        if not abs(moments[0] - given.get(key, -np.inf)) <= within_s:
+            given[key] = moments[0]
+            found.append(rows)
+    notes.skip(MIXED, len(latest.keys() - {satellite for satellite, _, _ in given}))
+    return np.array(found, np.int64).reshape(-1, len(parts))
 
 
 def user_range_accuracy_m(index: Iterable[float]) -> Floats:

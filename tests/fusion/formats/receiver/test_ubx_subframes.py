@@ -15,6 +15,7 @@ from fusion.formats.receiver.ubx_frames import find_frames, frame
 from fusion.formats.receiver.ubx_subframes import NO_EPOCH, UNKNOWN_SATELLITE, WRONG_LENGTH
 from fusion.signals import GALILEO, GPS, WEEK_S, Navigation, RawGnss
 from fusion.simulate.write.ubx_raw import in_order, raw_messages
+from fusion.types import DriveLog
 from raw_support import (
     START_GPS_S,
     by_satellite,
@@ -24,7 +25,6 @@ from raw_support import (
     satellite_of,
     signals_of,
 )
-from fusion.types import DriveLog
 
 SFRBX = 0x0213
 

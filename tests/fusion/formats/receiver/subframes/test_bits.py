@@ -43,6 +43,8 @@ def test_words_and_bits() -> None:
     words = np.array([[0x80000001, 0x3FFFFFFF]], np.uint32)
     assert bits_of(words)[0].tolist() == [1, *[0] * 30, 1, 0, 0, *[1] * 30]
     assert bits_of(words, 30)[0].tolist() == [*[0] * 29, 1, *[1] * 30]
+    none = np.empty((0, 10), np.uint32)
+    assert bits_of(none, 30).shape == (0, 300) and words_of(bits_of(none, 30), 30).shape == (0, 10)
     assert words_of(bits_of(words)).tolist() == words.tolist()
     assert words_of(bits_of(words, 30), 30).tolist() == [[1, 0x3FFFFFFF]]
 
@@ -77,17 +79,25 @@ def test_no_two_fields_share_a_bit(name: str) -> None:
     assert len(set(columns)) == len(columns) and max(columns) < size
 
 
-@pytest.mark.parametrize(("field", "wrong"), [(count((1, 4)), 16), (signed((1, 4)), -9), (magnitude((1, 4)), -8)])
+@pytest.mark.parametrize(
+    ("field", "wrong"), [(count((1, 4)), 16), (signed((1, 4)), -9), (magnitude((1, 4)), -8)]
+)
 def test_what_does_not_fit_is_refused(field: object, wrong: float) -> None:
     with pytest.raises(ValueError, match="x does not fit its 4 bits"):
         write(np.zeros((1, 4), np.uint8), {"x": field}, {"x": np.array([wrong])})  # type: ignore[dict-item]
 
 
 def test_nearest_time_of_a_period() -> None:
-    assert nearest(np.array([10.0, 95.0, 105.0]), np.array([98.0, 2.0, 98.0]), 100.0).tolist() == [-2, 102, 98]
+    assert nearest(np.array([10.0, 95.0, 105.0]), np.array([98.0, 2.0, 98.0]), 100.0).tolist() == [
+        -2,
+        102,
+        98,
+    ]
 
 
-def sets(*messages: tuple[int, int, int, float], parts: tuple[int, ...] = (1, 2, 3)) -> tuple[list[list[int]], Notes]:
+def sets(
+    *messages: tuple[int, int, int, float], parts: tuple[int, ...] = (1, 2, 3)
+) -> tuple[list[list[int]], Notes]:
     notes = Notes()
     number, part, issue, time_s = (np.array(c) for c in zip(*messages, strict=True))
     return complete_sets(number, part, issue, time_s.astype(float), parts, 60.0, notes).tolist(), notes
