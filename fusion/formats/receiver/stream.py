@@ -11,8 +11,8 @@ from fusion.signals import RawGnss
 from fusion.types import DriveLog, Progress, SensorTable
 
 ENABLE = (
-    "Switch on UBX-NAV-PVT (better: with NAV-ATT and ESF-MEAS) or the NMEA sentences RMC and GGA in the "
-    "receiver, record with satellite reception and upload again."
+    "Switch on UBX-NAV-PVT (better: with NAV-ATT and ESF-MEAS), UBX-RXM-RAWX with RXM-SFRBX, or the NMEA sentences "
+    "RMC and GGA in the receiver, record with satellite reception and upload again."
 )
 
 

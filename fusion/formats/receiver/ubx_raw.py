@@ -56,6 +56,7 @@ NOT_VALID = "RXM-RAWX measurements whose pseudorange the receiver calls not vali
 NO_RANGE = "RXM-RAWX measurements with an impossible pseudorange"
 NO_SATELLITE = "RXM-RAWX measurements of an impossible satellite or channel"
 BACKWARDS = "RXM-RAWX epochs that go back in time"
+REPEATED = "RXM-RAWX epochs at the time of another"
 
 
 def utc_of(records: Records) -> Floats:
@@ -90,6 +91,9 @@ def read_signals(
         example = f"{place(int(offset[back[0] + 1]))}: the receiver was started again, or files were joined"
         notes.repaired[BACKWARDS] += len(back)
         notes.warn(f"{BACKWARDS}: {len(back)}; the first: {example}. They were sorted by time.")
+    repeated = len(gps_s) - len(np.unique(gps_s))
+    if repeated:
+        notes.repaired[REPEATED] += repeated
     count = records["numMeas"].astype(np.int64)
     ordinal = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     head_bytes = 6 + TYPES[RAWX][1].itemsize

@@ -41,8 +41,8 @@ NO_EPOCH = "RXM-SFRBX messages without any epoch that tells the week"
 _WORDS = {GPS: 10, QZSS: 10, GALILEO: 8, BEIDOU: 10, GLONASS: 4}
 _FEWEST_WORDS = [_WORDS.get(system, 0) for system in range(6)] + [0]
 """By system; the last for those that are not read."""
-_SIGNALS = {GPS: (0,), QZSS: (0,), GALILEO: (0, 1, 5, 6), BEIDOU: (0, 1, 2, 3), GLONASS: (0, 2)}
-"""Signal numbers whose messages are of the kinds read here: L1 C/A, E1 and E5b, B1I and B2I, L1 and L2."""
+_SIGNALS = {GPS: (0,), QZSS: (0,), GALILEO: (0, 1), BEIDOU: (0, 1, 2, 3), GLONASS: (0, 2)}
+"""Signal numbers whose messages are of the kinds read here: L1 C/A, E1, B1I and B2I, L1 and L2."""
 _ROOT_A = (4000.0, 8000.0)
 """m^0.5: orbits between 16,000 and 64,000 km; navigation satellites have 25,500 to 42,200 km."""
 _MOST_ECCENTRIC = 0.3

@@ -185,6 +185,12 @@ def test_epochs_that_go_back_are_sorted_and_said() -> None:
     assert any("started again" in warning for warning in log.warnings)
 
 
+def test_of_epochs_at_one_time_each_satellite_counts_once() -> None:
+    log = read_log(epoch(measurement(2e7)) + epoch(measurement(2.1e7), measurement(satellite=9)))
+    assert len(signals(log)) == 1 and signals(log).pseudorange_m.tolist() == [2e7, 2.1e7]
+    assert log.repaired[ubx_raw.REPEATED] == 1
+
+
 def test_measurements_date_a_log_without_navigation_messages(make: SimpleNamespace) -> None:
     esf = b"".join(
         epoch(measurement(), tow_s=TOW_S + k)

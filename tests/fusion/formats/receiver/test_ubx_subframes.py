@@ -8,6 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pyrtklib
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fusion.formats import read_log
 from fusion.formats.receiver.subframes.bits import MIXED, NOT_THEN
@@ -169,6 +171,12 @@ def test_random_words_give_no_ephemeris_and_no_error(sample: bytes, seed: int) -
 
     log = read_log(changed(sample, noise))
     assert len(navigation_of(log)) == 0 and log.skipped
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(min_size=0, max_size=60))
+def test_any_bytes_are_read_or_counted(sample: bytes, payload: bytes) -> None:
+    assert len(navigation_of(read_log(sample + frame(2, 0x13, payload)))) == 16
 
 
 def test_subframes_without_any_epoch_are_counted(sample: bytes, make: SimpleNamespace) -> None:
