@@ -31,7 +31,7 @@ LIBRARY = {
     "network": {"roads", "filters"},
     "methods": {"filters", "gnss", "roads", "terrain", "matching", "network"},
     "pipeline": {"gnss", "methods", "network", "roads", "terrain"},
-    "simulate": {"gnss", "roads"},
+    "simulate": {"formats", "gnss", "roads"},
 }
 """Room -> the rooms of the library that it may import from."""
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, Place, build_log
-from fusion.formats.receiver import nmea_epochs, ubx_navigation
+from fusion.formats.receiver import nmea_epochs, ubx_navigation, ubx_raw, ubx_subframes
 from fusion.formats.receiver.nmea_sentences import WRONG_CHECKSUM
 from fusion.formats.receiver.ubx_frames import SYNC, Frames, find_frames, without_frames
+from fusion.signals import RawGnss
 from fusion.types import DriveLog, Progress, SensorTable
 
 ENABLE = (
-    "Switch on UBX-NAV-PVT (better: with NAV-ATT and ESF-MEAS) or the NMEA sentences RMC and GGA in the "
-    "receiver, record with satellite reception and upload again."
+    "Switch on UBX-NAV-PVT (better: with NAV-ATT and ESF-MEAS), UBX-RXM-RAWX with RXM-SFRBX, or the NMEA sentences "
+    "RMC and GGA in the receiver, record with satellite reception and upload again."
 )
 
 
@@ -58,9 +59,9 @@ def read_stream(
             "Upload the whole file.",
             where=f"byte {len(data)}",
         )
-    tables, geoid = _merge(data, frames, content, notes, where)
+    tables, geoid, raw = _merge(data, frames, content, notes, where)
     progress("read messages", 1.0)
-    return build_log(format_name, description, notes, tables, geoid=geoid, advice=ENABLE)
+    return build_log(format_name, description, notes, tables, geoid=geoid, advice=ENABLE, raw=raw)
 
 
 def _default_place(data: Data, frames: Frames) -> Place:
@@ -95,11 +96,12 @@ def _warn_of_cut(data: Data, frames: Frames, notes: Notes, where: Place) -> None
 
 def _merge(
     data: Data, frames: Frames, content: nmea_epochs.NmeaContent, notes: Notes, where: Place
-) -> tuple[dict[str, SensorTable], str]:
+) -> tuple[dict[str, SensorTable], str, RawGnss | None]:
     if not len(frames):
-        return dict(content.tables), nmea_epochs.GEOID
+        return dict(content.tables), nmea_epochs.GEOID, None
     stream = ubx_navigation.Stream.decode(data, frames, notes)
-    if not stream.messages and not content.tables:
+    raw = ubx_subframes.read_raw(stream, notes, where)
+    if not stream.messages.keys() - {ubx_raw.RAWX, ubx_subframes.SFRBX} and not content.tables:
         notes.first_offender = notes.first_offender or f"the file holds only {stream.inventory()}"
     notes.dated_after_all()  # undated sentences do not matter beside dated messages
     tables = ubx_navigation.ubx_tables(stream, content.marks, content.dated, notes, where)
@@ -109,4 +111,4 @@ def _merge(
     both = [name for name in content.tables if name in tables]
     if both:
         notes.warn(f"The file holds UBX and NMEA messages for {' and '.join(both)}: the UBX ones are used.")
-    return {**content.tables, **tables}, geoid
+    return {**content.tables, **tables}, geoid, raw

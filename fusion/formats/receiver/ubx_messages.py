@@ -1,6 +1,6 @@
 """The UBX messages that are read, as numpy structured types, and decoding in bulk.
 
-Sources: u-blox 8 / M8 receiver description; spec 1 section 9. A later message (RXM-RAWX ...) is one more
+Sources: u-blox 8 / M8 receiver description; F9 interface description; spec 1 section 9. A later message is one more
 entry.
 """
 
@@ -62,6 +62,14 @@ TYPES: dict[str, tuple[int, np.dtype[Any]]] = {
     ])),
     "HNR-ATT": (0x2801, np.dtype(_ATTITUDE)),
     "HNR-INS": (0x2802, np.dtype(_DYNAMICS)),
+    "RXM-RAWX": (0x0215, np.dtype([
+        ("rcvTow", "<f8"), ("week", "<u2"), ("leapS", "i1"), ("numMeas", "u1"), ("recStat", "u1"),
+        ("version", "u1"), ("reserved", "V2"),
+    ])),
+    "RXM-SFRBX": (0x0213, np.dtype([
+        ("gnssId", "u1"), ("svId", "u1"), ("sigId", "u1"), ("freqId", "u1"), ("numWords", "u1"),
+        ("chn", "u1"), ("version", "u1"), ("reserved", "u1"),
+    ])),
 }  # fmt: skip
 
 ESF_MEAS = 0x1002
@@ -75,9 +83,9 @@ _NAMES |= {
     0x0112: "NAV-VELNED",
     0x0106: "NAV-SOL",
     0x0135: "NAV-SAT",
-    0x0215: "RXM-RAWX",
+    0x0103: "NAV-STATUS",
+    0x1015: "ESF-INS",
 }
-_NAMES |= {0x1015: "ESF-INS", 0x0213: "RXM-SFRBX", 0x0103: "NAV-STATUS"}
 
 
 def kind_name(kind: int) -> str:

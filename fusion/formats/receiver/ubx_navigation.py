@@ -19,6 +19,7 @@ from fusion.formats.receiver.ubx_clock import (
 )
 from fusion.formats.receiver.ubx_frames import Frames
 from fusion.formats.receiver.ubx_messages import DEG, TYPES, Records, decode, kind_name
+from fusion.formats.receiver.ubx_raw import LEAP_KNOWN, RAWX, epoch_marks, utc_of
 from fusion.formats.receiver.ubx_sensors import sensor_tables
 from fusion.frames import GRAVITY_MPS2
 from fusion.types import (
@@ -71,7 +72,7 @@ def ubx_tables(
     ``fallback`` are time marks from elsewhere (NMEA between the messages): for sensors without any NAV
     message, and, if ``dated``, for NAV messages without a date.
     """
-    evidence = _evidence(stream)
+    evidence = utc_evidence(stream)
     if dated and not np.any(evidence.trust > 0):
         evidence = _borrowed(stream, fallback)
     clock = WeekClock(evidence, notes)
@@ -90,17 +91,21 @@ def ubx_tables(
     return {name: table for name, table in tables.items() if len(table)}
 
 
-def _evidence(stream: Stream) -> Evidence:
+def utc_evidence(stream: Stream) -> Evidence:
+    """What the messages say of UTC beside the time of week."""
     parts: list[tuple[Ints, Floats, Floats, Ints]] = []
-    for name in ("NAV-PVT", "HNR-PVT", "NAV-TIMEUTC", "NAV-TIMEGPS"):
+    for name in ("NAV-PVT", "HNR-PVT", "NAV-TIMEUTC", "NAV-TIMEGPS", RAWX):
         if name not in stream.messages:
             continue
         records, offset = stream.messages[name]
-        if name == "NAV-TIMEGPS":
+        if name == RAWX:
+            utc, trust = utc_of(records), np.where(records["recStat"] & LEAP_KNOWN == 1, 3, 2)
+        elif name == "NAV-TIMEGPS":
             utc, trust = gps_utc_seconds(records), np.where(records["valid"] & 7 == 7, 3, 0)
         else:
             utc, trust = utc_seconds(records), trust_of(records)
-        parts.append((offset, records["iTOW"] * 1e-3, utc, trust.astype(np.int64)))
+        itow_s = records["rcvTow"] if name == RAWX else records["iTOW"] * 1e-3
+        parts.append((offset, itow_s, utc, trust.astype(np.int64)))
     if not parts:
         return Evidence(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64))
     offset, itow_s, utc_s, trust = (np.concatenate(c) for c in zip(*parts, strict=True))
@@ -133,6 +138,8 @@ def _marks(stream: Stream, clock: WeekClock) -> Marks:
         offset, itow = offset[order], itow[order]
         first = np.append(True, np.diff(itow) != 0)
         return Marks(offset[first], clock.time_s(itow[first] * 1e-3, offset[first]))
+    if RAWX in stream.messages:
+        return epoch_marks(*stream.messages[RAWX])
     return Marks(np.empty(0, np.int64), np.empty(0))
 
 

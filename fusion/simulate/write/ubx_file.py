@@ -1,4 +1,4 @@
-"""A drive as the bytes a u-blox M8 sends: NAV-PVT, NAV-ATT, NAV-EOE, ESF-MEAS (protocol 18).
+"""A drive as the bytes a u-blox M8 sends: NAV-PVT, NAV-ATT, NAV-EOE, ESF-MEAS (protocol 18), and raw signals if any.
 
 Messages stand in the order in which a receiver would send them: an ESF-MEAS some milliseconds after its
 samples, an epoch's NAV messages some 60 ms after the epoch. ESF-MEAS carries the sensor's own millisecond
@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion.signals import RawGnss
 from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.scene.terrain import GEOID_UNDULATION_M
+from fusion.simulate.write.ubx_raw import Sent, frames, in_order, raw_messages
 from fusion.types import Floats
 
 GPS_EPOCH_S = 315_964_800.0
@@ -50,38 +52,25 @@ _SENSOR_TYPES = (16, 17, 18, 14, 13, 5)
 """Data types of ESF-MEAS: accelerometer x, y, z, gyroscope x, y, z."""
 
 
-def write_ubx(drive: SimulatedDrive, path: Path) -> None:
-    """Write the messages of a drive; they carry no wheels."""
-    Path(path).write_bytes(ubx_bytes(drive))
+def write_ubx(drive: SimulatedDrive, path: Path, raw: RawGnss | None = None) -> None:
+    """Write the messages of a drive, and what ``raw`` holds beside them; they carry no wheels."""
+    Path(path).write_bytes(ubx_bytes(drive, raw))
 
 
-def ubx_bytes(drive: SimulatedDrive) -> bytes:
+def ubx_bytes(drive: SimulatedDrive, raw: RawGnss | None = None) -> bytes:
     """Encode a drive, its messages sorted by the time of sending."""
     epoch = drive.elapsed_s + _NAV_DELAY_S
     sensor_s = np.round(np.arange(0.0, drive.motion.duration_s, 1 / SENSOR_RATE_HZ) + 0.007, 3)
     sensor_s = sensor_s[sensor_s < drive.motion.duration_s]
-    kinds: list[tuple[Floats, NDArray[np.uint8]]] = [
-        (epoch, _frames(0x01, 0x07, _pvt(drive))),
-        (epoch + 0.001, _frames(0x01, 0x05, _att(drive))),
-        (epoch + 0.002, _frames(0x01, 0x61, _itow(drive))),
-        (sensor_s + _ESF_DELAY_S, _frames(0x10, 0x02, _esf(drive, sensor_s))),
+    kinds: list[Sent] = [
+        (epoch, frames(0x01, 0x07, _pvt(drive))),
+        (epoch + 0.001, frames(0x01, 0x05, _att(drive))),
+        (epoch + 0.002, frames(0x01, 0x61, _itow(drive))),
+        (sensor_s + _ESF_DELAY_S, frames(0x10, 0x02, _esf(drive, sensor_s))),
     ]
-    sent = np.concatenate([t for t, _ in kinds])
-    frames = [row.tobytes() for _, rows in kinds for row in rows]
-    return b"".join(frames[k] for k in np.argsort(sent, kind="stable"))
-
-
-def _frames(message_class: int, message_id: int, payload: NDArray[Any]) -> NDArray[np.uint8]:
-    """Wrap payloads, shape (n,), into whole messages, shape (n, 8 + size), with the Fletcher checksum."""
-    body = np.ascontiguousarray(payload).view(np.uint8).reshape(len(payload), -1)
-    size = body.shape[1]
-    head = np.array([0xB5, 0x62, message_class, message_id, size & 0xFF, size >> 8], np.uint8)
-    frame = np.empty((len(payload), size + 8), np.uint8)
-    frame[:, :6], frame[:, 6:-2] = head, body
-    first = np.cumsum(frame[:, 2:-2], axis=1, dtype=np.int64)
-    frame[:, -2] = first[:, -1] & 0xFF
-    frame[:, -1] = np.sum(first, axis=1) & 0xFF
-    return frame
+    if raw is not None:
+        kinds += [(sent_s - drive.start_time_s, rows) for sent_s, rows in raw_messages(raw)]
+    return in_order(kinds)
 
 
 def _itow(drive: SimulatedDrive) -> NDArray[Any]:
