@@ -38,6 +38,8 @@ _CLOCK_OF = np.arange(len(SYSTEMS))
 _CLOCK_OF[[QZSS, SBAS]] = GPS
 _CLOCKS = ("GPS", "GLONASS", "Galileo", "BeiDou")
 
+_NO_PLACE = f"No epoch has {FEWEST} satellites that agree on a place on earth: no position can be computed."
+
 
 @dataclass(frozen=True)
 class _Sky:
@@ -67,10 +69,9 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
     pseudorange_m = signals.pseudorange_m + LIGHT_MPS * states.clock_s
     places = rough_places(signals.gps_s, signals.first, group, pseudorange_m, states.position_m)
     progress("measurements", 0.6)
-    if len(signals) and not np.isfinite(places).all():
-        warnings.append(
-            f"No epoch has {FEWEST} satellites that agree on a place on earth: no position can be computed."
-        )
+    if not np.isfinite(places).all():
+        if len(signals.system) or not warnings:
+            warnings.append(_NO_PLACE)
         signals, states = _taken(signals, states, np.zeros(len(signals.system), bool))
         group, pseudorange_m = group[:0], pseudorange_m[:0]
     sky = _seen_from(places[signals.epoch], states)
@@ -78,8 +79,8 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
         pseudorange_m = pseudorange_m - _atmosphere_m(raw, signals, states, sky, places, warnings)
     keep = _usable(signals, sky, group, pseudorange_m, raw.signals.brings_satellites, counts)
     out = _assembled(signals, states, sky, (group, groups), pseudorange_m, keep, places)
-    progress("measurements", 0.8)
-    return _finished(out, sky.distance_m[keep], counts, warnings)
+    progress("measurements", 1.0)
+    return _finished(out, signals.gps_s, sky.distance_m[keep], counts, warnings)
 
 
 def _possible(signals: Signals, counts: Counter[str]) -> Signals:
@@ -215,10 +216,10 @@ def _assembled(
 
 
 def _finished(
-    out: Measurements, distance_m: Floats, counts: Counter[str], warnings: list[str]
+    out: Measurements, gps_s: Floats, distance_m: Floats, counts: Counter[str], warnings: list[str]
 ) -> Measurements:
     """With a clock that does not jump, and with what was counted and is to be said."""
-    jumps = find_clock_jumps(out.time_s, out.first, out.satellite, out.pseudorange_m - distance_m)
+    jumps = find_clock_jumps(gps_s, out.first, out.satellite, out.pseudorange_m - distance_m)
     _count(counts, "clock jumps repaired", jumps.jumps)
     _count(counts, "clock begins anew", jumps.anew)
     few = int(np.count_nonzero(np.diff(out.first) < FEWEST))
