@@ -60,9 +60,10 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
     found, there are no rows, ``rough_m`` is NaN and a warning says why.
     """
     counts: Counter[str] = Counter()
-    signals = _possible(raw.signals, counts)
+    signals = _possible(raw, counts)
+    brought = signals.brings_satellites
     progress("measurements", 0.1)
-    warnings = [] if signals.brings_satellites else navigation_warnings(signals, raw.navigation)
+    warnings = [] if brought else navigation_warnings(signals, raw.navigation)
     signals, states = _with_satellites(raw, signals, counts)
     progress("measurements", 0.4)
     group, groups = _groups(signals.system)
@@ -75,20 +76,25 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
         signals, states = _taken(signals, states, np.zeros(len(signals.system), bool))
         group, pseudorange_m = group[:0], pseudorange_m[:0]
     sky = _seen_from(places[signals.epoch], states)
-    if not raw.signals.brings_satellites:
+    if not brought:
         pseudorange_m = pseudorange_m - _atmosphere_m(raw, signals, states, sky, places, warnings)
-    keep = _usable(signals, sky, group, pseudorange_m, raw.signals.brings_satellites, counts)
+    keep = _usable(signals, sky, group, pseudorange_m, brought, counts)
     out = _assembled(signals, states, sky, (group, groups), pseudorange_m, keep, places)
     progress("measurements", 1.0)
     return _finished(out, signals.gps_s, sky.distance_m[keep], counts, warnings)
 
 
-def _possible(signals: Signals, counts: Counter[str]) -> Signals:
-    """The rows whose pseudorange can be one."""
+def _possible(raw: RawGnss, counts: Counter[str]) -> Signals:
+    """The rows whose pseudorange can be one; of logs that bring satellites, those that have theirs."""
+    signals = raw.signals
     known = np.isfinite(signals.pseudorange_m)
     keep = known & (signals.pseudorange_m > NEAREST_M) & (signals.pseudorange_m < FARTHEST_M)
     _count(counts, "no pseudorange", ~known)
     _count(counts, "impossible pseudorange", known & ~keep)
+    placed = np.isfinite(signals.position_m).all(axis=1)
+    if placed.any() and not len(raw.navigation):
+        _count(counts, "no satellite position", keep & ~placed)
+        keep &= placed
     return signals.take_rows(keep)
 
 

@@ -210,6 +210,15 @@ def test_logs_that_bring_satellites_need_the_earths_turn_alone(raw: RawGnss) -> 
     assert np.isnan(made.range_rate_mps).all()  # without the satellites' velocities they say nothing
 
 
+def test_rows_of_such_logs_without_a_satellite_are_counted(raw: RawGnss) -> None:
+    whole = brought(raw, [GPS])
+    places = whole.signals.position_m.copy()
+    places[[3, 50]] = np.nan
+    made = measure_quietly(RawGnss(replace(whole.signals, position_m=places)))
+    assert made.counts == {"no satellite position": 2}
+    assert len(made.satellite) == len(places) - 2
+
+
 @pytest.mark.parametrize("name", ["pixel6.23o", "rinex_obs_mixed_types.20o"])
 def test_navigation_of_another_day_gives_no_position(name: str) -> None:
     signals = library_signals(gnss_file(name))
