@@ -66,7 +66,7 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
     warnings = [] if brought else navigation_warnings(signals, raw.navigation)
     signals, states = _with_satellites(raw, signals, counts)
     progress("measurements", 0.4)
-    group, groups = _groups(signals.system)
+    group, _ = _groups(signals.system)
     pseudorange_m = signals.pseudorange_m + LIGHT_MPS * states.clock_s
     places = rough_places(signals.gps_s, signals.first, group, pseudorange_m, states.position_m)
     progress("measurements", 0.6)
@@ -79,7 +79,7 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
     if not brought:
         pseudorange_m = pseudorange_m - _atmosphere_m(raw, signals, states, sky, places, warnings)
     keep = _usable(signals, sky, group, pseudorange_m, brought, counts)
-    out = _assembled(signals, states, sky, (group, groups), pseudorange_m, keep, places)
+    out = _assembled(signals, states, sky, pseudorange_m, keep, places)
     progress("measurements", 1.0)
     return _finished(out, signals.gps_s, sky.distance_m[keep], counts, warnings)
 
@@ -181,7 +181,10 @@ def _usable(
     _count(counts, "below the mask", ~above)
     excess, epoch = pseudorange_m - sky.distance_m, signals.epoch
     beside = excess - _medians(excess, epoch, len(signals))[epoch]
-    beside = np.abs(beside - _medians(beside, group, group.max(initial=0) + 1)[group])
+    bias = np.clip(_medians(beside, group, group.max(initial=0) + 1), -LONGEST_DETOUR_M, LONGEST_DETOUR_M)
+    beside = np.abs(
+        beside - bias[group]
+    )  # systems' times agree to a microsecond; wrong letters make wrong systems
     wrong = above & (beside > LONGEST_DETOUR_M) & (np.diff(signals.first)[epoch] >= FEWEST_TO_JUDGE)
     _count(counts, "impossible pseudorange", wrong)
     return np.asarray(above & ~wrong)
@@ -191,12 +194,12 @@ def _assembled(
     signals: Signals,
     states: SatelliteStates,
     sky: _Sky,
-    clocks: tuple[Ints, tuple[str, ...]],
     pseudorange_m: Floats,
     keep: Bools,
     places: Floats,
 ) -> Measurements:
     taken = signals.take_rows(keep)
+    group, groups = _groups(taken.system)
     names, satellite = np.unique(np.column_stack([taken.system, taken.number]), axis=0, return_inverse=True)
     rate = signals.range_rate_mps + LIGHT_MPS * states.clock_rate
     moving = np.isfinite(sky.velocity_mps).all(
@@ -206,7 +209,7 @@ def _assembled(
         time_s=taken.time_s,
         first=taken.first,
         satellite=satellite.reshape(-1).astype(np.int64),
-        group=clocks[0][keep],
+        group=group,
         pseudorange_m=pseudorange_m[keep],
         range_rate_mps=np.where(moving, rate, np.nan)[keep],
         cn0_dbhz=taken.cn0_dbhz,
@@ -216,7 +219,7 @@ def _assembled(
         satellite_m=sky.position_m[keep],
         satellite_mps=sky.velocity_mps[keep],
         names=tuple(satellite_name(int(system), int(number)) for system, number in names),
-        groups=clocks[1],
+        groups=groups,
         rough_m=np.median(places, axis=0) if len(places) else np.full(3, np.nan),
     )
 

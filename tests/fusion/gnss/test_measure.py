@@ -134,6 +134,18 @@ def test_rows_that_cannot_be_used_are_counted_by_reason(raw: RawGnss) -> None:
     assert len(made.satellite) == len(epoch) - sum(made.counts.values())
 
 
+def test_signals_under_a_wrong_systems_letter_are_dropped(raw: RawGnss) -> None:
+    signals = raw.signals.take_rows(raw.signals.system != BEIDOU)
+    wrong = replace(signals, system=np.where(signals.system == GALILEO, BEIDOU, signals.system))
+    made = measure_quietly(replace(raw, signals=wrong))
+    assert made.groups == ("GPS", "GLONASS")
+    assert not any(name.startswith("C") for name in made.names)
+    assert made.counts["impossible pseudorange"] + made.counts["below the mask"] >= np.sum(
+        signals.system == GALILEO
+    )
+    assert np.linalg.norm(made.rough_m - DRIVE_M[15]) < 1_000.0
+
+
 @pytest.mark.parametrize("tags_jump", [False, True])
 def test_jumps_of_the_clock_are_added_back_and_counted(raw: RawGnss, tags_jump: bool) -> None:
     steps = STEP_M * np.repeat([0, 1, -2, -1], [7, 9, 4, 10]).astype(float)
