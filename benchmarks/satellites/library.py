@@ -16,11 +16,13 @@ import pyrtklib
 
 from fusion.signals import (
     BEIDOU,
+    BEIDOU_LATE_S,
     GALILEO,
     GLONASS,
     GPS,
     GPS_EPOCH_S,
     QZSS,
+    WEEK_S,
     GlonassEphemerides,
     KeplerEphemerides,
     Navigation,
@@ -101,6 +103,28 @@ def glonass_row(record: Any) -> dict[str, Any]:
         "position_m": [record.pos[k] for k in range(3)], "velocity_mps": [record.vel[k] for k in range(3)],
         "acceleration_mps2": [record.acc[k] for k in range(3)],
     }  # fmt: skip
+
+
+def library_record(row: dict[str, Any]) -> Any:
+    """A row of ours as a Keplerian record of the library."""
+    record = pyrtklib.eph_t()
+    system = int(row["system"])
+    bits = {ours: theirs for theirs, ours in BITS_OF_SYSTEMS.items()}[system]
+    record.sat = pyrtklib.satno(bits, int(row["number"]) + (192 if system == QZSS else 0))
+    record.toe, record.toc = library_time(row["toe_s"]), library_time(row["toc_s"])
+    record.toes = (row["toe_s"] - (BEIDOU_LATE_S if system == BEIDOU else 0.0)) % WEEK_S
+    record.A, record.e, record.M0, record.deln = (
+        row["root_a"] ** 2,
+        row["eccentricity"],
+        row["m0_rad"],
+        row["delta_n_radps"],
+    )
+    record.OMG0, record.omg, record.OMGd = row["omega0_rad"], row["omega_rad"], row["omega_dot_radps"]
+    record.i0, record.idot = row["i0_rad"], row["i_dot_radps"]
+    record.cuc, record.cus, record.crc = row["cuc_rad"], row["cus_rad"], row["crc_m"]
+    record.crs, record.cic, record.cis = row["crs_m"], row["cic_rad"], row["cis_rad"]
+    record.f0, record.f1, record.f2 = row["af0_s"], row["af1"], row["af2_per_s"]
+    return record
 
 
 def kepler_table(rows: list[dict[str, Any]]) -> KeplerEphemerides:
