@@ -16,14 +16,17 @@ import pyrtklib
 
 from fusion.signals import (
     BEIDOU,
+    BEIDOU_LATE_S,
     GALILEO,
     GLONASS,
     GPS,
     GPS_EPOCH_S,
     QZSS,
+    WEEK_S,
     GlonassEphemerides,
     KeplerEphemerides,
     Navigation,
+    Signals,
 )
 from fusion.types import Floats
 
@@ -102,6 +105,28 @@ def glonass_row(record: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def library_record(row: dict[str, Any]) -> Any:
+    """A row of ours as a Keplerian record of the library."""
+    record = pyrtklib.eph_t()
+    system = int(row["system"])
+    bits = {ours: theirs for theirs, ours in BITS_OF_SYSTEMS.items()}[system]
+    record.sat = pyrtklib.satno(bits, int(row["number"]) + (192 if system == QZSS else 0))
+    record.toe, record.toc = library_time(row["toe_s"]), library_time(row["toc_s"])
+    record.toes = (row["toe_s"] - (BEIDOU_LATE_S if system == BEIDOU else 0.0)) % WEEK_S
+    record.A, record.e, record.M0, record.deln = (
+        row["root_a"] ** 2,
+        row["eccentricity"],
+        row["m0_rad"],
+        row["delta_n_radps"],
+    )
+    record.OMG0, record.omg, record.OMGd = row["omega0_rad"], row["omega_rad"], row["omega_dot_radps"]
+    record.i0, record.idot = row["i0_rad"], row["i_dot_radps"]
+    record.cuc, record.cus, record.crc = row["cuc_rad"], row["cus_rad"], row["crc_m"]
+    record.crs, record.cic, record.cis = row["crs_m"], row["cic_rad"], row["cis_rad"]
+    record.f0, record.f1, record.f2 = row["af0_s"], row["af1"], row["af2_per_s"]
+    return record
+
+
 def kepler_table(rows: list[dict[str, Any]]) -> KeplerEphemerides:
     """Rows as a table."""
     kinds = {s.name: getattr(KeplerEphemerides.empty(), s.name).dtype for s in fields(KeplerEphemerides)}
@@ -138,3 +163,45 @@ def library_state(read: Callable[..., None], record: Any, gps_s: float) -> tuple
     place, clock = pyrtklib.Arr1Ddouble(6), pyrtklib.Arr1Ddouble(2)
     read(library_time(gps_s), record, place, clock, pyrtklib.Arr1Ddouble(1))
     return np.array([place[k] for k in range(3)]), float(clock[0])
+
+
+def library_position(
+    signals: Signals, epoch: int, navigation: Any, ionosphere: int, troposphere: int
+) -> Floats:
+    """The place (3,) that the library's single-point positioning finds for an epoch's GPS signals, NaN for none.
+
+    ``ionosphere`` and ``troposphere`` are its options of these names.
+    """
+    rows = range(signals.first[epoch], signals.first[epoch + 1])
+    observed = pyrtklib.Arr1Dobsd_t(len(rows))
+    for k, row in enumerate(rows):
+        one = observed[k]
+        one.time, one.rcv = library_time(float(signals.gps_s[epoch])), 1
+        one.sat = pyrtklib.satno(pyrtklib.SYS_GPS, int(signals.number[row]))
+        one.P[0], one.code[0] = float(signals.pseudorange_m[row]), pyrtklib.CODE_L1C
+    chosen = pyrtklib.prcopt_t()
+    chosen.nf, chosen.navsys, chosen.elmin = 1, pyrtklib.SYS_GPS, np.radians(5.0)
+    chosen.ionoopt, chosen.tropopt, chosen.maxgdop = ionosphere, troposphere, 30.0
+    for k, error in enumerate((100.0, 0.003, 0.003)):
+        chosen.err[k] = error
+    found, said = pyrtklib.sol_t(), pyrtklib.Arr1Dchar(128)
+    angles, states = pyrtklib.Arr1Ddouble(2 * len(rows)), pyrtklib.Arr1Dssat_t(pyrtklib.MAXSAT)
+    if not pyrtklib.pntpos(observed.ptr, len(rows), navigation, chosen, found, angles, states.ptr, said):
+        return np.full(3, np.nan)
+    return np.array([found.rr[k] for k in range(3)])
+
+
+def library_signals(path: Path) -> Signals:
+    """The L1 band of an observation file."""
+    observed = pyrtklib.obs_t()
+    if pyrtklib.readrnx(str(path), 1, "", observed, pyrtklib.nav_t(), pyrtklib.sta_t()) < 0:
+        raise ValueError(f"{path} is no observation file")
+    rows = [observed.data[k] for k in range(observed.n)]
+    named = np.array([system_and_number(row.sat) for row in rows])
+    ranges = np.array([row.P[0] for row in rows])
+    return Signals.assemble(
+        np.array([gps_seconds(row.time) for row in rows]),
+        named[:, 0],
+        named[:, 1],
+        pseudorange_m=np.where(ranges > 0, ranges, np.nan),
+    )

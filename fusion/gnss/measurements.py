@@ -46,6 +46,12 @@ class Measurements:
     warnings: tuple[str, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
     """What was left out or repaired, by reason: for the drive's report."""
+    clock_anew: Bools = field(default_factory=lambda: np.zeros(0, bool))
+    """(m,): epochs where the receiver's clock begins anew, all biases with it; False throughout where not given."""
+
+    def __post_init__(self) -> None:
+        if not len(self.clock_anew):
+            object.__setattr__(self, "clock_anew", np.zeros(len(self.time_s), bool))
 
     def __len__(self) -> int:
         """How many epochs there are."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fusion.gnss.corrections import turned_by_earth
-from fusion.gnss.earth import elevation_azimuth
+from fusion.gnss.earth import ecef, elevation_azimuth
 from fusion.gnss.orbits.satellites import states_at
 from fusion.signals import BEIDOU, GALILEO, GLONASS, GPS, LIGHT_MPS, Navigation, RawGnss, Signals
 from fusion.types import Floats
@@ -19,7 +19,7 @@ from source_tree import REPOSITORY
 
 GNSS_DATA = REPOSITORY.parent / "shared" / "data" / "gnss"
 TOE_S = 1_300_000_000.0 - 1_300_000_000.0 % 7200.0
-BERLIN_M = np.array([3_783_000.0, 902_000.0, 5_038_000.0])
+BERLIN_M = ecef(np.array([13.4]), np.array([52.5]), np.array([80.0]))[0]
 ROOT_AXES = {GPS: 5153.7, GALILEO: 5440.6, BEIDOU: 5282.6}
 PLANES, SATELLITES = 6, 4
 """Of each system, evenly spread."""

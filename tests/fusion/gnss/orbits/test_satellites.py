@@ -9,13 +9,15 @@ import pytest
 from fusion.gnss.orbits.glonass import glonass_states
 from fusion.gnss.orbits.kepler import RATE_RADPS, is_geostationary, kepler_states
 from fusion.gnss.orbits.satellites import states_at, states_when_sent
+from fusion.gnss.orbits.selection import choose_kepler
 from fusion.signals import BEIDOU, GALILEO, GLONASS, GPS, LIGHT_MPS, QZSS, Navigation
-from gnss_support import glonass_row_of, gnss_file, kepler_row_of
+from gnss_support import TOE_S, glonass_row_of, gnss_file, kepler_row_of
 from satellites.library import (
     glonass_records,
     glonass_table,
     kepler_records,
     kepler_table,
+    library_record,
     library_state,
     navigation_of,
 )
@@ -34,6 +36,30 @@ def test_kepler_agrees_with_the_library_all_day(name: str) -> None:
             place, lead = library_state(pyrtklib.eph2pos, record, t)
             assert np.linalg.norm(position[k] - place) < 1e-5
             assert abs(clock[k] - lead) < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("system", "number", "root_a", "eccentricity"),
+    [(GPS, 7, 5153.7, 0.02), (GALILEO, 18, 5291.0, 0.16), (BEIDOU, 3, 6493.4, 0.001), (BEIDOU, 9, 6493.1, 0.01),
+     (BEIDOU, 25, 5282.6, 0.001), (BEIDOU, 60, 6493.4, 0.001), (QZSS, 2, 6493.2, 0.075)],
+)  # fmt: skip
+def test_a_synthetic_day_of_records_agrees_with_the_library(
+    system: int, number: int, root_a: float, eccentricity: float
+) -> None:
+    toes = TOE_S + 3_600.0 * np.arange(24) + np.where(np.arange(24) == 5, -16.0, 0.0)
+    rows = [
+        kepler_row_of(system, number, root_a=root_a, eccentricity=eccentricity, toe_s=toe)
+        | {"m0_rad": 0.26 * k, "omega_rad": 0.1 * k, "af2_per_s": 1e-18}
+        for k, toe in enumerate(toes)
+    ]
+    navigation = Navigation(kepler_table(rows))
+    gps_s = TOE_S + np.arange(0.0, 86_400.0, 450.0)
+    which = choose_kepler(navigation.kepler, np.full(192, system), np.full(192, number), gps_s)
+    ours = states_at(navigation, np.full(192, system), np.full(192, number), gps_s)
+    for k, t in enumerate(gps_s):
+        place, lead = library_state(pyrtklib.eph2pos, library_record(rows[which[k]]), t)
+        assert np.linalg.norm(ours.position_m[k] - place) < 1e-5
+        assert abs(ours.clock_s[k] - lead) < 1e-15
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -1,0 +1,74 @@
+"""Says in sentences which navigation data a log lacks, so that a driver knows what file to add."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import numpy as np
+
+from fusion.gnss.orbits.selection import LIMIT_S
+from fusion.signals import GLONASS, SBAS, WEEK_S, Navigation, Signals, unix_from_gps
+from fusion.types import Floats
+
+NAMES = ("GPS", "GLONASS", "Galileo", "BeiDou", "QZSS", "SBAS")
+ROLL_OVER_S = 1024 * WEEK_S
+"""After so long, week numbers of ten bits begin anew."""
+_NEAR_S = 14 * 86_400.0
+
+
+def navigation_warnings(signals: Signals, navigation: Navigation) -> list[str]:
+    """A sentence for all systems without any record, and one for each whose records are of other times.
+
+    Augmentation satellites are passed over: what they send for ranging is not read.
+    """
+    present = [system for system in np.unique(signals.system).tolist() if system != SBAS]
+    toes = {system: _toe_s(navigation, system) for system in present}
+    said = []
+    without = [system for system in present if not len(toes[system])]
+    if without and len(without) == len(present):
+        said.append(
+            f"There are no navigation data with this log of {_days(signals.gps_s)}: positions from its "
+            f"pseudoranges need a navigation file of that day (RINEX, often called brdc)."
+        )
+    elif without:
+        rows = int(np.isin(signals.system, without).sum())
+        names = " and ".join(NAMES[system] for system in without)
+        said.append(f"There are no navigation data of {names}: {rows} measurements are left out.")
+    for system in present:
+        if system not in without and not _meets(signals.gps_s, toes[system], LIMIT_S[system]):
+            said.append(_of_another_day(NAMES[system], toes[system], signals.gps_s))
+    return said
+
+
+def _toe_s(navigation: Navigation, system: int) -> Floats:
+    """Reference times of a system's records."""
+    if system == GLONASS:
+        return navigation.glonass.toe_s
+    return np.asarray(navigation.kepler.toe_s[navigation.kepler.system == system])
+
+
+def _meets(gps_s: Floats, toe_s: Floats, limit_s: float) -> bool:
+    """Whether any record serves any epoch."""
+    toes = np.sort(toe_s)
+    after = np.clip(np.searchsorted(toes, gps_s), 1, max(len(toes) - 1, 1))
+    away = np.minimum(np.abs(gps_s - toes[after - 1]), np.abs(gps_s - toes[np.minimum(after, len(toes) - 1)]))
+    return bool(np.any(away <= limit_s))
+
+
+def _of_another_day(name: str, toe_s: Floats, gps_s: Floats) -> str:
+    sentence = (
+        f"The navigation data of {name} are of {_days(toe_s)}, the log is of {_days(gps_s)}: its satellites are left "
+        f"out. Add the navigation file of the log's day."
+    )
+    apart = float(np.median(gps_s) - np.median(toe_s))
+    eras = round(apart / ROLL_OVER_S)
+    if eras and abs(apart - eras * ROLL_OVER_S) < _NEAR_S:
+        sentence += f" They are {abs(eras) * 1024} weeks apart: one of the two has lost count of the weeks."
+    return sentence
+
+
+def _days(gps_s: Floats) -> str:
+    """``2023-11-07``, or the first and the last with the time of day where they are of one day and far apart."""
+    ends = [datetime.fromtimestamp(t, UTC) for t in unix_from_gps(np.array([np.min(gps_s), np.max(gps_s)]))]
+    first, last = (f"{end:%Y-%m-%d}" for end in ends)
+    return first if first == last else f"{first} to {last}"
