@@ -79,6 +79,7 @@ class LogLines:
                 f"line {line[first]}: {cells[first] + 1} instead of {usual + 1}",
             )  # fmt: skip
         body = b"\n".join(row for row, kept in zip(rows, keep, strict=True) if kept) + b"\n"
+        body = body.replace(b"\r", b"?")  # one in mid-line would end it
         # the first cell is the kind itself
         places = {name: header.index(name) + 1 for name in wanted if name in header[:usual]}
         return Table(_columns(body, usual + 1, places, int(keep.sum())), line[keep])
@@ -97,7 +98,7 @@ def _columns(body: bytes, width: int, places: dict[str, int], rows: int) -> dict
         if table.num_rows != rows:
             raise pa.ArrowInvalid("a cell holds quotes or the end of a line")
     except pa.ArrowException:
-        cells = [row.split(b",") for row in body.splitlines()]
+        cells = [row.split(b",") for row in body[:-1].split(b"\n")]
         return {
             name: np.array(
                 [_number(row[i], name in WHOLE) for row in cells], np.int64 if name in WHOLE else float
