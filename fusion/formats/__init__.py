@@ -1,24 +1,30 @@
-"""Log formats: bytes in, a ``DriveLog`` out. One file per format, one line in the registry below.
+"""Log formats: bytes in, a ``DriveLog`` out. One file (or folder) per format, one line in the registry below.
 
-Not read yet, each to become one more file and line: FIT, RINEX observations, raw UBX observations
-(RXM-RAWX, one more entry in ``ubx_messages.TYPES``).
+Not read yet, to become one more file and line: FIT.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
-from fusion.errors import MalformedLogError
-from fusion.formats.base import LogFormat, Notes
+from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
+from fusion.formats.archive import Member, is_zip, members, shown_name
+from fusion.formats.base import LogFormat, Notes, PartFormat
 from fusion.formats.container import load, refuse
+from fusion.formats.gnsslogger import GnssLoggerFormat
 from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
+from fusion.formats.pseudoranges_csv import PseudorangesCsvFormat
+from fusion.formats.rinex.log import RinexFormat
+from fusion.formats.together import Part, join, with_navigation_checked
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat
 from fusion.formats.versant_csv import VersantCsvFormat
 from fusion.registry import Registry
+from fusion.signals import Navigation
 from fusion.types import DriveLog, Progress, no_progress
 
 HEAD_BYTES = 4 << 20
@@ -30,37 +36,143 @@ read it fits the memory of a small server."""
 
 FORMATS: Registry[LogFormat] = Registry("log format")
 # asked in this order: the loosest, CSV, comes last
+FORMATS.add("rinex", RinexFormat())
 FORMATS.add("ubx", UbxFormat())
 FORMATS.add("u-center", UCenterFormat())
 FORMATS.add("nmea", NmeaFormat())
 FORMATS.add("gpx", GpxFormat())
+FORMATS.add("gnsslogger", GnssLoggerFormat())
+FORMATS.add("pseudoranges-csv", PseudorangesCsvFormat())
 FORMATS.add("csv", VersantCsvFormat())
 
 
-def read_log(
-    source: bytes | Path | BinaryIO, *, max_bytes: int = MAX_BYTES, progress: Progress = no_progress
-) -> DriveLog:
-    """Read a drive log of any registered format, recognised by content, gzipped or not.
+Source = bytes | Path | BinaryIO
+
+
+def read_log(source: Source, *, max_bytes: int = MAX_BYTES, progress: Progress = no_progress) -> DriveLog:
+    """Read a drive log of any registered format, recognised by content, gzipped or not, or several in a zip.
 
     ``max_bytes`` bounds the unpacked size. Raises ``LogError``: ``UnknownFormatError`` if no format
-    recognises the bytes, ``EmptyLogError`` if there is no usable position, ``MalformedLogError`` if it is
-    too large or broken beyond skipping.
+    recognises the bytes, ``EmptyLogError`` if there is no usable position nor raw data to make one of,
+    ``MalformedLogError`` if it is too large or broken beyond skipping.
     """
     notes = Notes()
     data = load(source, max_bytes, notes, progress)
-    head = data[:HEAD_BYTES]
+    if is_zip(data) and (found := members(data, max_bytes, notes)):
+        del data
+        return _together(found, max_bytes, notes, progress)
+    chosen = _format_of(data[:HEAD_BYTES])
+    return with_navigation_checked(_noted(_guarded(chosen, data, progress, None), notes))
+
+
+def read_logs(
+    sources: Sequence[Source], *, max_bytes: int = MAX_BYTES, progress: Progress = no_progress
+) -> DriveLog:
+    """Read the files of one drive, each as by ``read_log``, and join them (``together``); one alone is that log.
+
+    ``max_bytes`` bounds the unpacked size of all of them. Files that are no logs are left out with a warning, unless
+    there is nothing else. Raises as ``read_log``.
+    """
+    if not sources:
+        raise EmptyLogError("No file was given. Upload the log of a drive.")
+    if len(sources) == 1:
+        return read_log(sources[0], max_bytes=max_bytes, progress=progress)
+    notes, left, found = Notes(), max_bytes, list[Member]()
+    for count, source in enumerate(sources, 1):
+        data = load(source, left, notes, progress)
+        name = shown_name(source.name) if isinstance(source, Path) else f"file {count}"
+        inside = members(data, left, notes) if is_zip(data) else []
+        inside = inside or [Member(name, data)]
+        left -= sum(len(member.data) for member in inside)
+        found += inside
+    return _together(found, max_bytes, notes, progress)
+
+
+def _format_of(head: bytes) -> LogFormat:
     chosen = next((f for _, f in FORMATS.items() if f.recognises(head)), None)
     if chosen is None:
         supported = ", ".join(f"{f.description} ({', '.join(f.suffixes)})" for _, f in FORMATS.items())
-        raise refuse(head, f"{supported}, each also gzipped")
+        raise refuse(head, f"{supported}, each also gzipped, or several of one drive in a zip")
+    return chosen
+
+
+def _guarded(chosen: LogFormat, data: bytes, progress: Progress, navigation: Navigation | None) -> DriveLog:
+    """Read bytes by a format: as a part of a drive if ``navigation``, that of other parts, is given."""
     try:
         progress(f"read {chosen.name}", 0.0)
-        log = chosen.read(data, progress)
+        if navigation is not None and isinstance(chosen, PartFormat):
+            return chosen.read_part(data, progress, navigation)
+        return chosen.read(data, progress)
     except MemoryError as error:
         raise MalformedLogError("The log needs more memory than there is. Split the recording.") from error
+
+
+def _noted(log: DriveLog, notes: Notes) -> DriveLog:
     return replace(
         log,
         skipped=notes.skipped + log.skipped,
         repaired=notes.repaired + log.repaired,
         warnings=(*notes.warnings, *log.warnings),
     )
+
+
+def _together(found: list[Member], max_bytes: int, notes: Notes, progress: Progress) -> DriveLog:
+    """Read files and join them; a file alone is as if it came without the zip."""
+    if len(found) == 1 and not is_zip(found[0].data):
+        data = load(found[0].data, max_bytes, notes, progress)
+        chosen = _format_of(data[:HEAD_BYTES])
+        return with_navigation_checked(_noted(_guarded(chosen, data, progress, None), notes))
+    errors: list[LogError] = []
+    files = _recognised(found, max_bytes, notes, errors, progress)
+    parts: list[Part] = []
+    navigation = Navigation()
+    for file in sorted(files, key=lambda one: not one.comes_first):
+        try:
+            log = _noted(_guarded(file.format, file.data, progress, navigation), file.notes)
+        except (EmptyLogError, MalformedLogError) as error:
+            errors.append(error)
+            notes.skip("files that cannot be used", 1)
+            notes.warn(f"{file.name} was left out. {error}")
+            continue
+        if log.raw is not None:
+            navigation = navigation.joined(log.raw.navigation)
+        parts.append(Part(file.name, log))
+    if not parts:
+        raise errors[-1]
+    try:
+        return with_navigation_checked(join(parts, notes))
+    except EmptyLogError as nothing:
+        broken = [error for error in errors if not isinstance(error, UnknownFormatError)]
+        raise (broken[0] if broken else nothing) from None
+
+
+@dataclass(frozen=True)
+class _File:
+    """A file whose format is known, not read yet; ``notes`` are of its unpacking."""
+
+    name: str
+    format: LogFormat
+    data: bytes
+    notes: Notes
+
+    @property
+    def comes_first(self) -> bool:
+        """Whether others need what it holds."""
+        return isinstance(self.format, PartFormat) and self.format.comes_first(self.data[:HEAD_BYTES])
+
+
+def _recognised(
+    found: list[Member], max_bytes: int, notes: Notes, errors: list[LogError], progress: Progress
+) -> list[_File]:
+    """The files that are logs, unpacked; the others are counted, and their errors kept."""
+    left, out = max_bytes, list[_File]()
+    for member in found:
+        own = Notes()
+        data = load(member.data, left, own, progress)
+        left -= len(data)
+        try:
+            out.append(_File(member.name, _format_of(data[:HEAD_BYTES]), data, own))
+        except UnknownFormatError as error:
+            errors.append(error)
+            notes.skip("files that are no logs", 1, member.name)
+    return out

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from fusion.errors import EmptyLogError
+from fusion.signals import Navigation, RawGnss
 from fusion.types import Bools, DriveLog, Floats, GnssFix, Progress, SensorTable
 
 Data = bytes | memoryview
@@ -61,6 +62,19 @@ class LogFormat(Protocol):
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """Read the whole file; raises ``LogError``, nothing else."""
+        ...
+
+
+@runtime_checkable
+class PartFormat(LogFormat, Protocol):
+    """A format whose files may hold a part of a drive only, to be read together with others."""
+
+    def comes_first(self, head: bytes) -> bool:
+        """Whether other parts of the same drive can be read better once this file has been."""
+        ...
+
+    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
+        """As ``read``, but a log without any position is given too; ``navigation`` is that of the parts before."""
         ...
 
 
@@ -205,10 +219,15 @@ def build_log(
     gaps_s: Floats | None = None,
     geoid: str = "unknown",
     advice: str = "",
+    raw: RawGnss | None = None,
+    part: bool = False,
 ) -> DriveLog:
-    """Put a ``DriveLog`` together, or raise ``EmptyLogError`` naming the first offender."""
-    fix = tables.get("fix")
-    if not isinstance(fix, GnssFix) or not len(fix):
+    """Put a ``DriveLog`` together, or raise ``EmptyLogError`` naming the first offender.
+
+    Without any position it is empty, unless ``raw`` has measurements to make them from, or it is a ``part`` of a drive.
+    """
+    fix = tables.setdefault("fix", GnssFix.empty())
+    if not len(fix) and not (raw is not None and len(raw.signals)) and not part:
         why = f" The first: {notes.first_offender}." if notes.first_offender else ""
         advice = advice or "Check that the recording had satellite reception and upload it again."
         raise EmptyLogError(
@@ -230,5 +249,6 @@ def build_log(
         skipped=notes.skipped,
         repaired=notes.repaired,
         warnings=tuple(notes.warnings),
+        raw=raw,
         **tables,  # type: ignore[arg-type]
     )

@@ -33,6 +33,7 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
     (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive"),
     (b"Rar!", "a RAR archive"),
     (b"BZh", "a bzip2 file"),
+    (b"\x1f\x9d", "a file packed by compress (.Z)"),
     (b"\xfd7zXZ\x00", "an xz file"),
     (b"\x28\xb5\x2f\xfd", "a Zstandard file"),
     (b"SQLite format 3\x00", "an SQLite database"),
@@ -191,8 +192,8 @@ def looks_like(head: bytes) -> str:
     for offset, magic, what in _AT_OFFSET:
         if head[offset : offset + len(magic)] == magic:
             return what
-    if b"RINEX VERSION" in head[:200]:
-        return "a RINEX file, which is not read yet"
+    if re.match(rb"#[a-d][PV]\d{4} ", head):
+        return "an SP3 file of precise orbits, which no drive needs"
     return _text_kind(head[:4096])
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -37,10 +37,22 @@ _BOM = b"\xef\xbb\xbf"
 
 
 @dataclass(frozen=True)
+class Schema:
+    """What a kind of CSV may have: its columns, those of them that hold words, and which of a header are ``lacking``.
+
+    The column ``time``, where there is one, holds RFC 3339 times.
+    """
+
+    columns: tuple[str, ...]
+    lacking: Callable[[list[str]], list[str]]
+    words: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
 class Layout:
     """How the cells lie: ``known`` gives the cell number of each column of ours, ``width`` counts all cells.
 
-    ``body_at`` is the offset of the first row, ``line`` the number of its line.
+    ``body_at`` is the offset of the first row, ``line`` the number of its line; ``words`` as in ``Schema``.
     """
 
     delimiter: str
@@ -49,6 +61,11 @@ class Layout:
     comma: bool
     body_at: int
     line: int
+    words: frozenset[str] = frozenset()
+
+    def is_text(self, name: str) -> bool:
+        """Whether a column is read as it stands."""
+        return name == "time" or name in self.words
 
 
 @dataclass
@@ -63,6 +80,7 @@ class Block:
     first_line: int
     columns: dict[str, Floats]
     ragged: list[int]
+    words: dict[str, list[str]] = field(default_factory=dict)
 
     @cached_property
     def _lines(self) -> Ints:
@@ -100,20 +118,20 @@ def header_cells(line: bytes, delimiter: str) -> list[str]:
     return [c.strip().strip('"').strip().lower() for c in line.decode("utf-8", "replace").split(delimiter)]
 
 
-def layout_of(data: bytes, notes: Notes) -> Layout:
+def layout_of(data: bytes, notes: Notes, schema: Schema) -> Layout:
     """Read the header; raises ``MalformedLogError`` naming the required columns that it lacks."""
     number, at, line = first_line(data)
     delimiter = delimiter_of(line)
     header = header_cells(line, delimiter)
-    _check_header(header, number, notes)
+    _check_header(header, number, notes, schema)
     at += len(line)
     while data[at : at + 1] in (b" ", b"\t"):
         at += 1
     end = _LINE_END.match(data, at)
     at = end.end() if end else at
     comma = delimiter != "," and bool(_DECIMAL_COMMA.search(data[at : at + 65536]))
-    known = {name: header.index(name) for name in COLUMNS if name in header}
-    return Layout(delimiter, len(header), known, comma, at, number + 1)
+    known = {name: header.index(name) for name in schema.columns if name in header}
+    return Layout(delimiter, len(header), known, comma, at, number + 1, schema.words)
 
 
 def read_blocks(data: bytes, layout: Layout, notes: Notes) -> Iterator[tuple[Block, float]]:
@@ -149,6 +167,8 @@ def _parse(body: bytes, line: int, layout: Layout, notes: Notes) -> Block:
         column = cells.column(f"c{index}")
         if name == "time":
             block.columns[name] = _times(column, block, notes)
+        elif name in layout.words:
+            block.words[name] = [(cell or "").strip().strip('"').strip() for cell in column.to_pylist()]
         elif faulty:
             block.columns[name] = _numbers(name, column, layout.comma, block, notes)
         else:
@@ -182,7 +202,9 @@ def _cells_of(body: bytes, layout: Layout, ragged: list[int]) -> tuple[pa.Table,
             csv.ConvertOptions(
                 check_utf8=False,
                 include_columns=[f"c{i}" for i in layout.known.values()],
-                column_types={f"c{i}": pa.string() if n == "time" else kind for n, i in layout.known.items()},
+                column_types={
+                    f"c{i}": pa.string() if layout.is_text(n) else kind for n, i in layout.known.items()
+                },
                 null_values=NOT_MEASURED,
                 strings_can_be_null=True,
                 decimal_point="," if layout.comma else ".",
@@ -198,10 +220,8 @@ def _cells_of(body: bytes, layout: Layout, ragged: list[int]) -> tuple[pa.Table,
         raise MalformedLogError(f"This CSV cannot be split into cells: {error}. Export it again.") from error
 
 
-def _check_header(header: list[str], line: int, notes: Notes) -> None:
-    missing = [name for name in ("lat_deg", "lon_deg") if name not in header]
-    if "time_s" not in header and "time" not in header:
-        missing.insert(0, "time_s (Unix seconds) or time (RFC 3339)")
+def _check_header(header: list[str], line: int, notes: Notes, schema: Schema) -> None:
+    missing = schema.lacking(header)
     if missing:
         shown = ", ".join(c[:40] or "(empty)" for c in header[:30])
         raise MalformedLogError(
@@ -209,11 +229,11 @@ def _check_header(header: list[str], line: int, notes: Notes) -> None:
             f"{shown}. Rename the columns or add them; all others are optional.",
             where=f"line {line}",
         )
-    unknown = [c for c in header if c not in COLUMNS]
+    unknown = [c for c in header if c not in schema.columns]
     if unknown:
         shown = ", ".join(repr(c[:40]) for c in unknown[:20])
         notes.warn(f"The CSV has columns that are not known here and were left out: {shown}.")
-    twice = sorted({c for c in header if c in COLUMNS and header.count(c) > 1})
+    twice = sorted({c for c in header if c in schema.columns and header.count(c) > 1})
     if twice:
         notes.warn(f"The CSV names columns twice, of which the first is used: {', '.join(twice)}.")
 

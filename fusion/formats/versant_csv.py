@@ -10,6 +10,7 @@ from fusion.formats.base import Data, Notes, build_log, ground_velocity, usable_
 from fusion.formats.csv_cells import (
     COLUMNS,
     Block,
+    Schema,
     delimiter_of,
     first_line,
     from_utf16,
@@ -17,6 +18,9 @@ from fusion.formats.csv_cells import (
     layout_of,
     read_blocks,
 )
+from fusion.formats.gnsslogger import has_log_header
+from fusion.formats.pseudoranges_csv import PSEUDORANGE
+from fusion.signals import Navigation
 from fusion.types import (
     AngularRate,
     Attitude,
@@ -51,21 +55,47 @@ class VersantCsvFormat:
         if not line or line.startswith(_OTHER_KINDS) or re.search(rb"[\x00-\x08\x0e-\x1f\x7f]", head[:4096]):
             return False
         cells = header_cells(line, delimiter_of(line))
+        if PSEUDORANGE in cells or has_log_header(head):
+            return False
         return any(c in COLUMNS for c in cells) or (len(cells) > 1 and _is_text(line))
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""
+        return self._read(data, progress, SCHEMA)
+
+    def comes_first(self, head: bytes) -> bool:
+        """See ``PartFormat``."""
+        return False
+
+    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
+        """See ``PartFormat``: a CSV of sensors alone needs no columns of positions."""
+        return self._read(data, progress, SCHEMA_OF_A_PART)
+
+    def _read(self, data: Data, progress: Progress, schema: Schema) -> DriveLog:
         notes = Notes()
         text = from_utf16(bytes(data))
         parts: dict[str, list[SensorTable]] = {}
-        for block, share in read_blocks(text, layout_of(text, notes), notes):
+        for block, share in read_blocks(text, layout_of(text, notes, schema), notes):
             for name, table in _assemble(block, notes).items():
                 if len(table):
                     parts.setdefault(name, []).append(table)
             progress("read rows", share)
         tables = {name: _joined(parts.pop(name), notes) for name in list(parts)}
         progress("read rows", 1.0)
-        return build_log("csv", "Versant CSV", notes, tables)
+        return build_log("csv", "Versant CSV", notes, tables, part=schema is SCHEMA_OF_A_PART)
+
+
+def _lacking_time(header: list[str]) -> list[str]:
+    return [] if "time_s" in header or "time" in header else ["time_s (Unix seconds) or time (RFC 3339)"]
+
+
+def _lacking(header: list[str]) -> list[str]:
+    return _lacking_time(header) + [name for name in ("lat_deg", "lon_deg") if name not in header]
+
+
+SCHEMA = Schema(COLUMNS, _lacking)
+SCHEMA_OF_A_PART = Schema(COLUMNS, _lacking_time)
+"""Where positions come from another file."""
 
 
 def _is_text(line: bytes) -> bool:

@@ -11,6 +11,10 @@ from typing import Any
 import pytest
 from pyubx2 import GET, UBXMessage
 
+from fusion.signals import Signals, satellite_name
+from fusion.simulate.write import rinex_file
+from gnss_tables import some_signals
+
 START = datetime(2018, 5, 4, 15, 34, 20, tzinfo=UTC)
 LEAP_S = 18
 WEEK_START = datetime(2018, 4, 29, tzinfo=UTC)  # a Sunday
@@ -199,7 +203,79 @@ def csv(rows: int = 20) -> bytes:
     return ("\n".join(out) + "\n").encode()
 
 
+RAW_COLUMNS = (
+    "utcTimeMillis,TimeNanos,LeapSecond,TimeUncertaintyNanos,FullBiasNanos,BiasNanos,BiasUncertaintyNanos,"
+    "DriftNanosPerSecond,DriftUncertaintyNanosPerSecond,HardwareClockDiscontinuityCount,Svid,TimeOffsetNanos,State,"
+    "ReceivedSvTimeNanos,ReceivedSvTimeUncertaintyNanos,Cn0DbHz,PseudorangeRateMetersPerSecond,"
+    "PseudorangeRateUncertaintyMetersPerSecond,AccumulatedDeltaRangeState,AccumulatedDeltaRangeMeters,"
+    "AccumulatedDeltaRangeUncertaintyMeters,CarrierFrequencyHz,CarrierCycles,CarrierPhase,CarrierPhaseUncertainty,"
+    "MultipathIndicator,SnrInDb,ConstellationType,AgcDb"
+)
+FIX_COLUMNS = (
+    "Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,AccuracyMeters,BearingDegrees,UnixTimeMillis,"
+    "SpeedAccuracyMps,BearingAccuracyDegrees,elapsedRealtimeNanos,VerticalAccuracyMeters"
+)
+FULL_BIAS_NANOS = -1_209_483_250_123_456_789
+"""Of a phone whose own clock began some days before START."""
+ANDROID_SYSTEM = {"G": 1, "S": 2, "R": 3, "J": 4, "C": 5, "E": 6}
+
+
+def raw_line(letter: str, number: int, clock_ns: int, flight_ns: int, **cells: object) -> str:
+    """A Raw line of a satellite (its letter and number in RINEX) whose signal took ``flight_ns`` to come."""
+    received = clock_ns - FULL_BIAS_NANOS
+    sent = received - flight_ns
+    if letter == "R":
+        sent = (sent + (10_800 - LEAP_S) * 10**9) % (86_400 * 10**9)
+    else:
+        sent = (sent - (14 * 10**9 if letter == "C" else 0)) % (604_800 * 10**9)
+    values = dict.fromkeys(RAW_COLUMNS.split(","), "")
+    values |= {
+        "utcTimeMillis": "1525448060000", "TimeNanos": str(clock_ns), "FullBiasNanos": str(FULL_BIAS_NANOS),
+        "BiasNanos": "0.0", "HardwareClockDiscontinuityCount": "3", "TimeOffsetNanos": "0.0",
+        "Svid": str(number + {"S": 100, "J": 192}.get(letter, 0)), "State": "32911" if letter == "R" else "16399",
+        "ReceivedSvTimeNanos": str(sent), "ReceivedSvTimeUncertaintyNanos": "20", "Cn0DbHz": "40.5",
+        "PseudorangeRateMetersPerSecond": "-321.5", "CarrierFrequencyHz": "1575420030",
+        "ConstellationType": str(ANDROID_SYSTEM[letter]),
+    }  # fmt: skip
+    values |= {name: str(value) for name, value in cells.items()}
+    return "Raw," + ",".join(values.values())
+
+
+def gnsslogger(lines: list[str]) -> bytes:
+    """A GnssLogger text with its header."""
+    head = f"# \n# Header Description:\n# \n# Version: v3.0.6.4 Platform: 14\n# \n# Raw,{RAW_COLUMNS}\n# \n"
+    head += f"# Accel,utcTimeMillis,elapsedRealtimeNanos,AccelXMps2\n# Fix,{FIX_COLUMNS}\n# \n"
+    return (head + "\n".join(lines) + "\n").encode()
+
+
+def drive_gnsslogger(epochs: int = 20) -> bytes:
+    """A phone's drive at 1 Hz: a fix, and four satellites."""
+    lines = []
+    for k in range(epochs):
+        ms = round((START.timestamp() + k) * 1000)
+        lines.append(f"Fix,GPS,{50.95 + 6e-5 * k:.7f},1.88,158.2,7.1,3.8,348,{ms},0.2,,{k},5.0")
+        lines.append(f"Fix,FLP,{51.95 + 6e-5 * k:.7f},1.88,158.2,7.1,3.8,348,{ms},0.2,,{k},5.0")
+        lines.append(f"Accel,{ms},1,0.1,9.8,0.2")
+        for letter, number in (("G", 7), ("R", 2), ("E", 11), ("C", 21)):
+            lines.append(raw_line(letter, number, (1000 + k) * 10**9, 70_000_000 + 1_000_000 * number))
+    return gnsslogger(lines)
+
+
+def pseudoranges_csv(signals: Signals) -> bytes:
+    """Raw measurements as a CSV."""
+    out = ["time_s,sv,pseudorange_m,cn0_dbhz"]
+    for r, k in enumerate(signals.epoch):
+        name = satellite_name(signals.system[r], signals.number[r])
+        out.append(
+            f"{float(signals.time_s[k])!r},{name},{signals.pseudorange_m[r]:.3f},{signals.cn0_dbhz[r]:.2f}"
+        )
+    return ("\n".join(out) + "\n").encode()
+
+
 SAMPLES = {
+    "rinex": rinex_file.observations(some_signals(1, 6)).encode(),
+    "gnsslogger": drive_gnsslogger(),
+    "pseudoranges-csv": pseudoranges_csv(some_signals(1, 4)),
     "ubx": drive_ubx(),
     "u-center": THESIS_DUMP.encode(),
     "nmea": drive_nmea(),
@@ -220,5 +296,5 @@ def make() -> Iterator[SimpleNamespace]:
     yield SimpleNamespace(
         pvt=pvt, att=att, eoe=eoe, esf_meas=esf_meas, esf_raw=esf_raw, nmea=nmea, burst=burst, gpx=gpx,
         drive_ubx=drive_ubx, drive_nmea=drive_nmea, itow_ms=itow_ms, start=START, start_s=START.timestamp(),
-        csv=csv, thesis_dump=THESIS_DUMP,
+        csv=csv, thesis_dump=THESIS_DUMP, raw_line=raw_line, gnsslogger=gnsslogger,
     )  # fmt: skip

@@ -1,0 +1,165 @@
+"""A CSV of pseudoranges: one header, one row per satellite and epoch, perhaps with the satellites' positions."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+import numpy as np
+
+from fusion.errors import EmptyLogError
+from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Data, Notes, build_log
+from fusion.formats.csv_cells import (
+    Block,
+    Schema,
+    delimiter_of,
+    first_line,
+    from_utf16,
+    header_cells,
+    layout_of,
+    read_blocks,
+)
+from fusion.signals import (
+    BEIDOU,
+    GLONASS,
+    SYSTEMS,
+    WEEK_S,
+    RawGnss,
+    Signals,
+    gps_from_unix,
+    unix_from_gps,
+)
+from fusion.types import DriveLog, Floats, Ints, Progress
+
+PSEUDORANGE = "pseudorange_m"
+PLACE = ("sat_x_m", "sat_y_m", "sat_z_m")
+MOTION = ("sat_vx_mps", "sat_vy_mps", "sat_vz_mps")
+_STATED = ("range_rate_mps", "cn0_dbhz", "sigma_m", "frequency_hz")
+COLUMNS = (
+    "time_s", "gps_week", "tow_s", "system", "satellite", "sv", PSEUDORANGE, *PLACE, *MOTION, *_STATED,
+)  # fmt: skip
+LARGEST_M = 1e9
+L1_HZ, B1I_HZ = 1_575_420_000.0, 1_561_098_000.0
+"""The carriers that are taken where none is stated; GLONASS has one for every channel, so there it stays unknown."""
+_NEAREST_SATELLITE_M = 6e6
+_MOST_SATELLITES = 1000
+
+
+def _lacking(header: list[str]) -> list[str]:
+    out = []
+    if "time_s" not in header and not {"gps_week", "tow_s"} <= set(header):
+        out.append("time_s (Unix seconds) or gps_week and tow_s")
+    if "sv" not in header and not {"system", "satellite"} <= set(header):
+        out.append("sv (such as G07) or system and satellite")
+    out += [name for name in (PSEUDORANGE,) if name not in header]
+    for triple in (PLACE, MOTION):
+        some = [name for name in triple if name in header]
+        out += [name for name in triple if name not in header] if some else []
+    return out
+
+
+SCHEMA = Schema(COLUMNS, _lacking, frozenset({"system", "sv"}))
+
+
+class PseudorangesCsvFormat:
+    """Recognised by ``pseudorange_m`` in the header line."""
+
+    name = "pseudoranges-csv"
+    description = "CSV of pseudoranges"
+    suffixes = (".csv",)
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        head = from_utf16(head[: len(head) // 2 * 2]) if head[:1] in (b"\xff", b"\xfe") else head
+        line = first_line(head)[2]
+        return PSEUDORANGE.encode() in line.lower() and PSEUDORANGE in header_cells(line, delimiter_of(line))
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        notes = Notes()
+        text = from_utf16(bytes(data))
+        parts: list[dict[str, Floats]] = []
+        for block, share in read_blocks(text, layout_of(text, notes, SCHEMA), notes):
+            parts.append(_columns(block, notes))
+            progress("read rows", share)
+        progress("read rows", 1.0)
+        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} if parts else {}
+        signals = _signals(joined, notes) if joined else Signals.empty()
+        if not len(signals):
+            why = f" The first fault: {notes.first_offender}." if notes.first_offender else ""
+            raise EmptyLogError(
+                f"This {self.description} holds no usable pseudorange.{why} Check its times, satellites and numbers.",
+                where=notes.first_offender.split(":")[0] or None,
+            )
+        return build_log(self.name, self.description, notes, {}, raw=RawGnss(signals))
+
+
+def _columns(block: Block, notes: Notes) -> dict[str, Floats]:
+    """The rows of a block that can be used, as numbers: system and satellite as well, and GPS seconds."""
+    rows = len(block.columns[PSEUDORANGE])
+    unknown = np.full(rows, np.nan)
+    col = {name: block.columns.get(name, unknown) for name in COLUMNS}
+    stated = np.isfinite(col["time_s"])
+    gps_s = np.where(stated, gps_from_unix(np.where(stated, col["time_s"], 0)), np.nan)
+    with np.errstate(over="ignore"):
+        of_week = col["gps_week"] * WEEK_S + col["tow_s"]
+    gps_s = np.where(np.isfinite(gps_s), gps_s, of_week)
+    system, number = _satellites(block, col["satellite"])
+    with np.errstate(invalid="ignore"):
+        time_s = unix_from_gps(np.nan_to_num(gps_s, nan=-1e12))
+        faults = (
+            ("rows at no possible time", ~((time_s > MIN_TIME_S) & (time_s < MAX_TIME_S))),
+            ("rows of satellites that are not known", (system < 0) | ~((number >= 1) & (number < _MOST_SATELLITES))),
+            ("pseudoranges that are missing or cannot be", ~((col[PSEUDORANGE] > 0) & (col[PSEUDORANGE] < LARGEST_M))),
+        )  # fmt: skip
+    good = np.ones(rows, bool)
+    for reason, bad in faults:
+        hit = np.flatnonzero(bad & good)
+        good &= ~bad
+        if len(hit):
+            notes.skip(reason, len(hit), block.place(int(hit[0])), position=True)
+    names = (PSEUDORANGE, *PLACE, *MOTION, *_STATED)
+    out = {name: col[name][good] for name in names}
+    return out | {"gps_s": gps_s[good], "system": system[good].astype(float), "number": number[good]}
+
+
+def _satellites(block: Block, numbers: Floats) -> tuple[Ints, Floats]:
+    """System (-1 if unknown) and number of each row, from ``sv`` where it is filled, else from the two columns."""
+    rows = len(numbers)
+    named = [_satellite(name) for name in block.words.get("sv", [""] * rows)]
+    letters = [SYSTEMS.find(c.upper()) if c else -1 for c in block.words.get("system", [""] * rows)]
+    system, number = np.array(named, np.int64).reshape(-1, 2).T
+    by_name = number > 0
+    return np.where(by_name, system, letters), np.where(by_name, number, numbers)
+
+
+@cache
+def _satellite(name: str) -> tuple[int, int]:
+    """System and number of ``G07``; -1 and 0 of what is no such name."""
+    found = re.fullmatch(r"([A-Za-z]) ?(\d{1,2})", name[:8])
+    return (SYSTEMS.find(found.group(1).upper()), int(found.group(2))) if found else (-1, 0)
+
+
+def _signals(col: dict[str, Floats], notes: Notes) -> Signals:
+    place = np.column_stack([col[name] for name in PLACE])
+    motion = np.column_stack([col[name] for name in MOTION])
+    with np.errstate(invalid="ignore", over="ignore"):
+        known = np.linalg.norm(place, axis=1) > _NEAREST_SATELLITE_M
+    keep = known if known.any() else np.ones(len(known), bool)
+    if not keep.all():
+        notes.skip("rows without the position of their satellite", int((~keep).sum()))
+        notes.warn(
+            f"{int((~keep).sum())} rows have no position of their satellite, as others have: left out."
+        )
+    system = col["system"].astype(np.int64)
+    usual = np.select([system == BEIDOU, system == GLONASS], [B1I_HZ, np.nan], L1_HZ)
+    carrier = np.where(np.isfinite(col["frequency_hz"]), col["frequency_hz"], usual)
+    sigma = np.where(col["sigma_m"] > 0, col["sigma_m"], np.nan)
+    signals = Signals.assemble(
+        col["gps_s"][keep], system[keep], col["number"][keep].astype(np.int64),
+        pseudorange_m=col[PSEUDORANGE][keep], range_rate_mps=col["range_rate_mps"][keep],
+        cn0_dbhz=col["cn0_dbhz"][keep], sigma_m=sigma[keep], frequency_hz=carrier[keep],
+        position_m=np.where(known[:, None], place, np.nan)[keep], velocity_mps=motion[keep],
+    )  # fmt: skip
+    notes.skip("repeated rows of one satellite and time", int(keep.sum()) - len(signals.system))
+    return signals

@@ -1,0 +1,195 @@
+"""Navigation files of versions 2, 3 and 4: broadcast ephemerides of GPS, GLONASS, Galileo, BeiDou and QZSS.
+
+Fields as in RINEX 3.05, tables A5 to A14, and 2.11, tables A3 to A10; those of version 4 lie alike.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fusion.formats.base import Notes
+from fusion.formats.rinex.header import Header
+from fusion.formats.rinex.lines import Lines
+from fusion.formats.rinex.records import Records, find_records, ionosphere_4
+from fusion.signals import (
+    BEIDOU,
+    BEIDOU_LATE_S,
+    GALILEO,
+    GLONASS,
+    GPS_EPOCH_S,
+    QZSS,
+    SBAS,
+    WEEK_S,
+    GlonassEphemerides,
+    KeplerEphemerides,
+    Navigation,
+    gps_from_unix,
+)
+from fusion.types import Bools, Floats, Ints
+
+_KEPLER_LINES, _GLONASS_LINES = 7, 4
+_PLACES = {
+    "af0_s": (0, 1), "af1": (0, 2), "af2_per_s": (0, 3),
+    "crs_m": (1, 1), "delta_n_radps": (1, 2), "m0_rad": (1, 3),
+    "cuc_rad": (2, 0), "eccentricity": (2, 1), "cus_rad": (2, 2), "root_a": (2, 3),
+    "cic_rad": (3, 1), "omega0_rad": (3, 2), "cis_rad": (3, 3),
+    "i0_rad": (4, 0), "crc_m": (4, 1), "omega_rad": (4, 2), "omega_dot_radps": (4, 3),
+    "i_dot_radps": (5, 0),
+}  # fmt: skip
+_ISSUE, _TOE, _SOURCES, _ACCURACY, _HEALTH, _SENT = (1, 0), (3, 0), (5, 1), (6, 0), (6, 1), (7, 0)
+_GROUP_DELAY, _GROUP_DELAY_E5B = (6, 2), (6, 3)
+
+_FNAV_CLOCK, _INAV_CLOCK, _FNAV_SOURCE = 1 << 8, 1 << 9, 1 << 1
+"""Data sources of Galileo: whether clock and accuracy are for the pair E1/E5a or E1/E5b; message from E5a."""
+_E1_BAD, _E5A_BAD = 0b111, 0b111 << 3
+"""Bits of Galileo's health: data validity and status of E1-B, and of E5a."""
+_LEX_HEALTH = 1
+"""QZSS's lowest health bit is that of LEX, which has nothing to do with L1."""
+_NO_TIME_S = 9e8
+_LARGEST_FIELD = 1e9
+_PLAUSIBLE_ROOT_A = (4500.0, 7500.0)
+_LARGEST_ECCENTRICITY = 0.5
+_LARGEST_CLOCK_S = 1.0
+_GLONASS_RADIUS_M = (2.3e7, 2.8e7)
+_FASTEST_MPS = 1e4
+_CHANNELS = (-7, 13)
+
+
+def read_navigation(lines: Lines, header: Header, notes: Notes) -> Navigation:
+    """All ephemerides after the header; records that are not whole or cannot be are counted in ``notes``."""
+    records = find_records(lines, header, notes)
+    other = (records.system < 0) | (records.system == SBAS)
+    notes.skip("navigation records of systems that are not read", int(other.sum()))
+    is_glonass = records.system == GLONASS
+    ionosphere = header.klobuchar
+    if header.version >= 4:
+        ionosphere = ionosphere_4(lines, header) or ionosphere
+    return Navigation(
+        _kepler(_whole(records.take(~other & ~is_glonass), _KEPLER_LINES, notes), notes),
+        _glonass(_whole(records.take(is_glonass), _GLONASS_LINES, notes), notes),
+        ionosphere,
+    )
+
+
+def _whole(records: Records, least: int, notes: Notes) -> Records:
+    """Those that have all their lines."""
+    short = records.count < least
+    if short.any():
+        notes.skip("navigation records with lines missing", int(short.sum()), _where(records, short))
+    return records.take(~short)
+
+
+def _where(records: Records, bad: Bools) -> str:
+    return f"line {records.line[np.flatnonzero(bad)[0]] + 1}"
+
+
+def _kepler(records: Records, notes: Notes) -> KeplerEphemerides:
+    column = {name: records.value[:, line, place] for name, (line, place) in _PLACES.items()}
+    toe, toc = records.value[:, *_TOE], records.time_s
+    with np.errstate(invalid="ignore", over="ignore"):
+        fine = np.all([np.isfinite(c) for c in column.values()], axis=0) & (toe >= 0) & (toe <= WEEK_S)
+        low, high = _PLAUSIBLE_ROOT_A
+        fine &= (column["root_a"] > low) & (column["root_a"] < high) & (column["eccentricity"] >= 0)
+        fine &= (column["eccentricity"] < _LARGEST_ECCENTRICITY) & (
+            np.abs(column["af0_s"]) < _LARGEST_CLOCK_S
+        )
+    if not fine.all():
+        notes.skip(
+            "navigation records with numbers that cannot be", int((~fine).sum()), _where(records, ~fine)
+        )
+    records, column = records.take(fine), {name: c[fine] for name, c in column.items()}
+    toe, toc = toe[fine], toc[fine]
+    late = np.where(records.system == BEIDOU, BEIDOU_LATE_S, 0.0)
+    sent = records.value[:, *_SENT]
+    sent = np.where(np.abs(sent) < _NO_TIME_S, sent, np.nan)
+    delay, is_fnav = _group_delay(records, notes)
+    accuracy = records.value[:, *_ACCURACY]
+    out = KeplerEphemerides(
+        system=records.system,
+        number=records.number,
+        toe_s=_near(toe, toc) + late,
+        toc_s=toc + late,
+        sent_s=_near(sent, toc) + late,
+        healthy=_healthy(records, is_fnav),
+        accuracy_m=np.where(accuracy > 0, accuracy, np.nan),
+        issue=_whole_numbers(records.value[:, *_ISSUE], -1),
+        group_delay_s=delay,
+        **column,
+    )
+    return _without(out, _doubled(out, is_fnav))
+
+
+def _near(of_week_s: Floats, near_s: Floats) -> Floats:
+    """The time of a second of the week in the week that brings it nearest to another time.
+
+    So that neither a week's end between the two nor a week counted modulo 1024 does harm.
+    """
+    return of_week_s + WEEK_S * np.round((near_s - of_week_s) / WEEK_S)
+
+
+def _whole_numbers(value: Floats, missing: int) -> Ints:
+    """Values as whole numbers; ``missing`` for blanks, and for what is too large to be one of the fields read so."""
+    return np.where(np.abs(value) < _LARGEST_FIELD, value, missing).astype(np.int64)
+
+
+def _group_delay(records: Records, notes: Notes) -> tuple[Floats, Bools]:
+    """What belongs to the L1 band, and which records are Galileo's F/NAV: their clock is that of the pair E1/E5a."""
+    sources = _whole_numbers(records.value[:, *_SOURCES], 0)
+    stated = (sources & (_FNAV_CLOCK | _INAV_CLOCK)) != 0
+    is_fnav = np.where(stated, (sources & _INAV_CLOCK) == 0, (sources & _FNAV_SOURCE) != 0)
+    is_fnav &= records.system == GALILEO
+    by_e5b = (records.system == GALILEO) & ~is_fnav
+    delay = np.where(by_e5b, records.value[:, *_GROUP_DELAY_E5B], records.value[:, *_GROUP_DELAY])
+    blank = np.isnan(delay)
+    if blank.any():
+        notes.repaired["group delays left blank, taken as 0"] += int(blank.sum())
+    return np.where(blank, 0.0, delay), is_fnav
+
+
+def _healthy(records: Records, is_fnav: Bools) -> Bools:
+    health = _whole_numbers(records.value[:, *_HEALTH], -1)
+    relevant = np.full(len(health), -1, np.int64)
+    relevant[records.system == GALILEO] = _E1_BAD
+    relevant[is_fnav] = _E1_BAD | _E5A_BAD
+    relevant[records.system == QZSS] = ~_LEX_HEALTH
+    usable: Bools = (health & relevant) == 0
+    return usable
+
+
+def _doubled(kepler: KeplerEphemerides, is_fnav: Bools) -> Bools:
+    """Records of Galileo's F/NAV beside which there is one of I/NAV for the same satellite and time."""
+    better = (kepler.system == GALILEO) & ~is_fnav
+    known = set(zip(kepler.number[better].tolist(), kepler.toe_s[better].tolist(), strict=True))
+    rows = zip(is_fnav.tolist(), kepler.number.tolist(), kepler.toe_s.tolist(), strict=True)
+    return np.array([fnav and (number, toe) in known for fnav, number, toe in rows], bool)
+
+
+def _without(kepler: KeplerEphemerides, drop: Bools) -> KeplerEphemerides:
+    return KeplerEphemerides(**{name: column[~drop] for name, column in vars(kepler).items()})
+
+
+def _glonass(records: Records, notes: Notes) -> GlonassEphemerides:
+    states = records.value[:, 1:4, :3] * 1000.0  # km, km/s and km/s2, by axis
+    clock, rate = records.value[:, 0, 1], records.value[:, 0, 2]
+    health, channel = records.value[:, 1, 3], records.value[:, 2, 3]
+    channel = np.where(channel > 128, channel - 256, channel)  # written as an unsigned byte
+    with np.errstate(invalid="ignore", over="ignore"):
+        fine = np.isfinite(clock) & np.isfinite(rate) & (np.abs(clock) < _LARGEST_CLOCK_S)
+        radius, speed = np.linalg.norm(states[:, :, 0], axis=1), np.linalg.norm(states[:, :, 1], axis=1)
+        fine &= (radius > _GLONASS_RADIUS_M[0]) & (radius < _GLONASS_RADIUS_M[1]) & (speed < _FASTEST_MPS)
+        fine &= np.isfinite(states).all(axis=(1, 2)) & (channel >= _CHANNELS[0]) & (channel <= _CHANNELS[1])
+    if not fine.all():
+        notes.skip(
+            "navigation records with numbers that cannot be", int((~fine).sum()), _where(records, ~fine)
+        )
+    return GlonassEphemerides(
+        number=records.number[fine],
+        channel=channel[fine].astype(np.int64),
+        toe_s=gps_from_unix(records.time_s[fine] + GPS_EPOCH_S),
+        healthy=health[fine] == 0,
+        clock_s=clock[fine],
+        clock_rate=rate[fine],
+        position_m=states[fine, :, 0],
+        velocity_mps=states[fine, :, 1],
+        acceleration_mps2=states[fine, :, 2],
+    )

@@ -1,0 +1,226 @@
+"""Observation files of versions 2, 3 and 4: pseudorange, Doppler and C/N0 of one L1-band signal a satellite.
+
+The receiver clock's offset in epoch lines is not applied: RINEX wants epochs, pseudoranges and phases to agree with or
+without it, and whoever computes positions estimates it anyway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fusion.errors import MalformedLogError
+from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Notes
+from fusion.formats.rinex.codes import MOST_CODES, Columns, columns_of, frequencies_hz
+from fusion.formats.rinex.header import Header
+from fusion.formats.rinex.lines import Lines, seconds_of
+from fusion.formats.rinex.scan import (
+    EPOCHS,
+    LINE,
+    MOST_NUMBERS,
+    PER_LINE_2,
+    ROWS,
+    SHORT,
+    STRAY,
+    count_codes,
+    scan_2,
+    scan_3,
+    take_values,
+)
+from fusion.signals import (
+    BEIDOU_LATE_S,
+    GPS,
+    GPS_EPOCH_S,
+    LIGHT_MPS,
+    SYSTEMS,
+    Signals,
+    gps_from_unix,
+    unix_from_gps,
+)
+from fusion.types import Bools, Floats, Ints, Progress
+
+MOST_EVENTS = 20_000
+"""Headers in mid-file; a survey has some dozens."""
+_ALL_IN_ONE_LINE = 1 << 30
+_DATE_3 = ((2, 4), (6, 3), (9, 3), (12, 3), (15, 3), (18, 11))
+_DATE_2 = ((1, 2), (3, 3), (6, 3), (9, 3), (12, 3), (15, 11))
+_FLAG_AT = {3: 31, 2: 28}
+_USUAL_SHARE = 0.9
+"""A code is taken if its satellite has it in this share of the epochs that it has any in: else another fits better."""
+
+
+@dataclass
+class _Rows:
+    """What a walk over the file found; rows and epochs as in ``scan``, ``part`` counts the stretches between events."""
+
+    epoch_line: Ints
+    line: Ints
+    epoch: Ints
+    name: Ints
+    part: Ints
+    columns: list[Columns]
+    state: Ints = field(default_factory=lambda: np.zeros(5, np.int64))
+
+
+def read_observations(
+    lines: Lines, header: Header, notes: Notes, progress: Progress, channels: Mapping[int, int]
+) -> tuple[Signals, Floats]:
+    """Read the rows after the header; gives the signals, and times (UTC) before which the receiver had lost power.
+
+    ``channels`` are those of GLONASS slots from elsewhere; the header's own are preferred.
+    """
+    rows = _walk(lines, header, notes)
+    progress("read observations", 0.4)
+    gps_s, good = _epochs(lines, header, rows, notes)
+    modern = header.version >= 3
+    lead, per = (3, _ALL_IN_ONE_LINE) if modern else (0, PER_LINE_2)
+    index = np.array([c.index for c in rows.columns])
+    factor = np.array([c.factor for c in rows.columns])
+    counts = np.zeros((len(SYSTEMS) * MOST_NUMBERS, MOST_CODES), np.int64)
+    satellite = np.empty(len(rows.line), np.int64)
+    places = (lines.text, lines.start, lines.end, rows.line)
+    otherwise = max(GPS, SYSTEMS.find(header.system))  # a name without a letter, in version 2
+    count_codes(*places, rows.name, rows.part, index, factor, lead, per, otherwise, counts, satellite)
+    progress("read observations", 0.7)
+    chosen = np.argmax(counts >= _USUAL_SHARE * counts.max(axis=1, keepdims=True), axis=1)
+    values = take_values(*places, rows.part, index, factor, lead, per, satellite, chosen)
+    _count_rows(lines, rows, satellite, values, notes)
+    keep = (satellite >= 0) & np.isfinite(values[:, 0]) & good[rows.epoch]
+    satellite, values = satellite[keep], values[keep]
+    system, number = satellite // MOST_NUMBERS, satellite % MOST_NUMBERS
+    channel = {**channels, **header.channel}
+    carrier = frequencies_hz(header.version, system, number, chosen[satellite], channel)
+    signals = Signals.assemble(
+        gps_s[rows.epoch[keep]], system, number, pseudorange_m=values[:, 0],
+        range_rate_mps=-LIGHT_MPS / carrier * values[:, 1], cn0_dbhz=values[:, 2], frequency_hz=carrier,
+    )  # fmt: skip
+    _say_of_channels(signals, notes)
+    repeated = len(values) - len(signals.system)
+    notes.skip("repeated rows of one satellite and time", repeated)
+    return signals, _power_failures(lines, header, rows, gps_s, good, notes)
+
+
+def _walk(lines: Lines, header: Header, notes: Notes) -> _Rows:
+    """Find epochs and rows, and take what events say into the header."""
+    n = len(lines)  # no more rows nor epochs than lines
+    tables = {name: np.empty(n, np.int64) for name in ("epoch_line", "line", "epoch", "name", "part")}
+    rows = _Rows(**tables, columns=[columns_of(header)])
+    rows.state[LINE] = header.lines
+    for _event in range(MOST_EVENTS):
+        before = rows.state[ROWS]
+        count = _scan(lines, header, rows)
+        rows.part[before : rows.state[ROWS]] = len(rows.columns) - 1
+        if count < 0:
+            break
+        _take_event(lines, header, rows, count)
+    else:
+        raise MalformedLogError(
+            f"This RINEX file has over {MOST_EVENTS} headers in mid-file. Export it again without them.",
+            where=f"line {rows.state[LINE] + 1}",
+        )
+    found = rows.state[ROWS]
+    rows.epoch_line = rows.epoch_line[: rows.state[EPOCHS]]
+    for name in ("line", "epoch", "name", "part"):
+        setattr(rows, name, getattr(rows, name)[:found])
+    if header.version >= 3:
+        rows.name = lines.start[rows.line]
+    notes.skip("lines of no epoch", int(rows.state[STRAY]))
+    notes.skip("epochs with fewer lines than they announce", int(rows.state[SHORT]))
+    if rows.state[SHORT]:
+        notes.warn(
+            "Some epochs have fewer lines than they announce, as at the end of a file that is not whole."
+        )
+    return rows
+
+
+def _scan(lines: Lines, header: Header, rows: _Rows) -> int:
+    places = (lines.text, lines.start, lines.end, rows.state)
+    if header.version >= 3:
+        return int(scan_3(*places, rows.epoch_line, rows.line, rows.epoch))
+    per = max(1, -(-len(header.types.get(" ", [])) // PER_LINE_2))
+    return int(scan_2(*places, per, rows.epoch_line, rows.line, rows.epoch, rows.name))
+
+
+def _take_event(lines: Lines, header: Header, rows: _Rows, count: int) -> None:
+    """Read the header lines of an event, and go on behind them; another epoch among them ends them."""
+    at = int(rows.state[LINE]) + 1
+    stop = min(at + count, len(lines))
+    before = {system: list(types) for system, types in header.types.items()}
+    while at < stop and not (header.version >= 3 and lines.line(at).startswith(">")):
+        header.take(lines.line(at))
+        at += 1
+    rows.state[LINE] = at
+    if header.types != before:
+        rows.columns.append(columns_of(header))
+
+
+def _epochs(lines: Lines, header: Header, rows: _Rows, notes: Notes) -> tuple[Floats, Bools]:
+    """GPS seconds of the epochs, and which are times at all."""
+    seconds, good = seconds_of(lines, rows.epoch_line, _DATE_3 if header.version >= 3 else _DATE_2)
+    if header.scale == "GLO":  # UTC, whatever its name
+        seconds = gps_from_unix(seconds + GPS_EPOCH_S)
+    elif header.scale == "BDT":
+        seconds = seconds + BEIDOU_LATE_S
+    unix_s = unix_from_gps(seconds)
+    good &= (unix_s > MIN_TIME_S) & (unix_s < MAX_TIME_S)
+    bad = np.flatnonzero(~good)
+    if len(bad):
+        line = int(rows.epoch_line[bad[0]])
+        notes.skip(
+            "epochs at no possible time", len(bad), f"line {line + 1}: {lines.line(line)[:30].strip()!r}",
+            position=True,
+        )  # fmt: skip
+    kept = seconds[good]
+    backwards = int(np.count_nonzero(np.diff(kept) < 0))
+    repeated = len(kept) - len(np.unique(kept)) if len(kept) else 0
+    if backwards:
+        notes.repaired["epochs out of order"] += backwards
+        notes.warn(f"{backwards} of the epochs stand before an earlier one: they were sorted by time.")
+    if repeated:
+        notes.repaired["epochs given twice"] += repeated
+        notes.warn(f"{repeated} epochs are given more than once: their satellites were put together.")
+    return seconds, good
+
+
+def _count_rows(lines: Lines, rows: _Rows, satellite: Ints, values: Floats, notes: Notes) -> None:
+    def example(r: int) -> str:
+        name = lines.text[rows.name[r] : rows.name[r] + 3].tobytes().decode("ascii", "replace")
+        return f"line {rows.line[r] + 1}: {name!r}"
+
+    for reason, mask in (
+        ("satellites of systems that are not read", satellite == -1),
+        ("rows without the name of a satellite", satellite == -2),
+        ("rows without a pseudorange on the L1 band", (satellite >= 0) & np.isnan(values[:, 0])),
+    ):
+        hit = np.flatnonzero(mask)
+        if len(hit):
+            # satellites without L1 are usual; they are counted, and no warning
+            say = "" if reason.endswith("band") else example(int(hit[0]))
+            notes.skip(reason, len(hit), say)
+
+
+def _say_of_channels(signals: Signals, notes: Notes) -> None:
+    unknown = np.isnan(signals.frequency_hz)
+    if unknown.any():
+        slots = ", ".join(f"R{k:02d}" for k in np.unique(signals.number[unknown]))
+        notes.warn(
+            f"The frequency channels of {slots} are neither in the header (GLONASS SLOT / FRQ #) nor in navigation "
+            "data beside: their Doppler is not used."
+        )
+
+
+def _power_failures(
+    lines: Lines, header: Header, rows: _Rows, gps_s: Floats, good: NDArray[np.bool_], notes: Notes
+) -> Floats:
+    flag = lines.column(rows.epoch_line, _FLAG_AT[3 if header.version >= 3 else 2])
+    failed = np.flatnonzero((flag == ord("1")) & good)
+    failed = failed[failed > 0]  # that the receiver was off before the first epoch is no gap
+    if len(failed):
+        notes.repaired["power failures between epochs"] += len(failed)
+        notes.warn(
+            f"The receiver lost power {len(failed)} times between epochs: these are gaps of the recording."
+        )
+    return unix_from_gps(gps_s[failed])
