@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.formats.base import Notes
+from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Notes
 from fusion.formats.log_lines import ABSENT, Table
 from fusion.signals import (
     BEIDOU,
@@ -79,9 +79,11 @@ def measured(table: Table, notes: Notes) -> Signals:
     sent_ns, period_ns = _sent(col, system, received_ns)
     flight_ns = (received_ns - sent_ns + period_ns // 2) % period_ns - period_ns // 2
     pseudorange_m = (flight_ns + part_ns) * 1e-9 * LIGHT_MPS
-    sane = (pseudorange_m > _SHORTEST_M) & (pseudorange_m < _LONGEST_M)
-    notes.skip("raw measurements whose pseudorange cannot be", int((~sane).sum()))
     gps_s = np.floor_divide(received_ns, _NANO) + (received_ns % _NANO + part_ns) * 1e-9
+    time_s = unix_from_gps(gps_s)
+    sane = (pseudorange_m > _SHORTEST_M) & (pseudorange_m < _LONGEST_M)
+    sane &= (time_s > MIN_TIME_S) & (time_s < MAX_TIME_S)
+    notes.skip("raw measurements whose pseudorange or time cannot be", int((~sane).sum()))
     carrier = col.carrier_hz(system)
     # of two signals of one satellite the first is taken: B1I before B1C
     order = np.argsort((system == BEIDOU) & (carrier > _B1I_BELOW_HZ), kind="stable")
@@ -174,16 +176,13 @@ def _received(col: _Columns, notes: Notes) -> tuple[Ints, Floats]:
     clock_ns, bias_ns = col.ints("TimeNanos"), col.ints("FullBiasNanos")
     small_ns = np.nan_to_num(col.floats("BiasNanos"))
     run = col.ints("HardwareClockDiscontinuityCount")
-    _, first, which = np.unique(run, return_index=True, return_inverse=True)
-    if len(first) > 1:
-        notes.repaired["restarts of the phone's clock"] += len(first) - 1
-    bias, small = np.empty_like(bias_ns), np.empty_like(small_ns)
-    for k in range(len(first)):
-        own = np.flatnonzero(which == k)
-        middle = own[np.argsort(bias_ns[own], kind="stable")[len(own) // 2]]
-        bias[own], small[own] = bias_ns[middle], small_ns[middle]
+    _, which, count = np.unique(run, return_inverse=True, return_counts=True)
+    if len(count) > 1:
+        notes.repaired["restarts of the phone's clock"] += len(count) - 1
+    by_run = np.lexsort((bias_ns, which))
+    middle = by_run[np.cumsum(count) - count + count // 2][which]
     offset_ns = np.nan_to_num(col.floats("TimeOffsetNanos"))
-    return clock_ns - bias, offset_ns - small
+    return clock_ns - bias_ns[middle], offset_ns - small_ns[middle]
 
 
 def _sent(col: _Columns, system: Ints, received_ns: Ints) -> tuple[Ints, Ints]:

@@ -29,7 +29,7 @@ _FIX: dict[str, tuple[str, ...]] = {
     "v_acc_m": ("VerticalAccuracyMeters",),
 }
 """Ours -> the names that versions 1.4 to 3 have for it."""
-_OWN_PROVIDER = re.compile(rb"(?im)^Fix,GPS,")
+_OWN_PROVIDER = "GPS"
 _HEADER = re.compile(rb"(?m)^# ?(?:Raw,[^\r\n]*\bReceivedSvTimeNanos\b|Fix,Provider,)")
 
 

@@ -43,6 +43,7 @@ class LogLines:
 
     def __init__(self, text: bytes) -> None:
         self._text = text
+        self._lines = text.split(b"\n")
         self.has_kinds = re.search(rb"(?m)^[A-Z]\w*,", text) is not None
 
     def header(self, kind: str) -> list[str]:
@@ -52,42 +53,31 @@ class LogLines:
             [name.strip() for name in found.group(1).decode("ascii", "replace").split(",")] if found else []
         )
 
-    def table(
-        self, kind: str, wanted: tuple[str, ...], notes: Notes, lead: re.Pattern[bytes] | None = None
-    ) -> Table | None:
-        """The wanted columns of the lines of a kind (that begin with ``lead``); None if its header is missing.
+    def table(self, kind: str, wanted: tuple[str, ...], notes: Notes, first_cell: str = "") -> Table | None:
+        """The wanted columns of the lines of a kind, or those with that first cell; None without a header.
 
         Lines with another number of cells than most are left out, and so counted.
         """
         header = self.header(kind)
         if not header:
             return None
-        found = list((lead or re.compile(rf"(?m)^{kind},".encode())).finditer(self._text))
-        starts = np.array([m.start() for m in found], np.int64)
-        text = self._text
-        rows = [text[at : _end(text, at)] for at in starts.tolist()]
+        lead = f"{kind},".encode()
+        found = [(row, k) for k, row in enumerate(self._lines, 1) if row.startswith(lead)]
+        if first_cell:
+            lead += f"{first_cell},".encode()
+            found = [(row, k) for row, k in found if row[: len(lead)].lower() == lead.lower()]
+        rows, line = [row.rstrip(b"\r") for row, _ in found], np.array([k for _, k in found], np.int64)
         cells = np.array([row.count(b",") for row in rows], np.int64)
-        if not rows:
-            return Table({}, np.empty(0, np.int64))
-        usual = int(np.bincount(cells).argmax())
-        line = np.searchsorted(np.flatnonzero(np.frombuffer(text, np.uint8) == 10), starts) + 1
-        keep = cells == usual
-        if not keep.all():
-            first = int(np.flatnonzero(~keep)[0])
-            notes.skip(
-                f"{kind} lines with another number of cells", int((~keep).sum()),
-                f"line {line[first]}: {cells[first] + 1} instead of {usual + 1}",
-            )  # fmt: skip
-        body = b"\n".join(row for row, kept in zip(rows, keep, strict=True) if kept) + b"\n"
+        usual = int(np.bincount(cells).argmax()) if rows else 0
+        odd = np.flatnonzero(cells != usual)
+        if len(odd):
+            example = f"line {line[odd[0]]}: {cells[odd[0]] + 1} instead of {usual + 1}"
+            notes.skip(f"{kind} lines with another number of cells", len(odd), example)
+            rows = [row for row, count in zip(rows, cells, strict=True) if count == usual]
+        body = b"\n".join(rows).replace(b"\r", b"?") + b"\n"  # one in mid-line would end it
         # the first cell is the kind itself
         places = {name: header.index(name) + 1 for name in wanted if name in header[:usual]}
-        return Table(_columns(body, usual + 1, places, int(keep.sum())), line[keep])
-
-
-def _end(text: bytes, at: int) -> int:
-    stop = text.find(b"\n", at)
-    stop = len(text) if stop < 0 else stop
-    return stop - 1 if text[stop - 1 : stop] == b"\r" else stop
+        return Table(_columns(body, usual + 1, places, len(rows)) if rows else {}, line[cells == usual])
 
 
 def _columns(body: bytes, width: int, places: dict[str, int], rows: int) -> dict[str, NDArray[Any]]:
@@ -97,7 +87,7 @@ def _columns(body: bytes, width: int, places: dict[str, int], rows: int) -> dict
         if table.num_rows != rows:
             raise pa.ArrowInvalid("a cell holds quotes or the end of a line")
     except pa.ArrowException:
-        cells = [row.split(b",") for row in body.splitlines()]
+        cells = [row.split(b",") for row in body[:-1].split(b"\n")]
         return {
             name: np.array(
                 [_number(row[i], name in WHOLE) for row in cells], np.int64 if name in WHOLE else float

@@ -42,6 +42,7 @@ LARGEST_M = 1e9
 L1_HZ, B1I_HZ = 1_575_420_000.0, 1_561_098_000.0
 """The carriers that are taken where none is stated; GLONASS has one for every channel, so there it stays unknown."""
 _NEAREST_SATELLITE_M = 6e6
+_MOST_SATELLITES = 1000
 
 
 def _lacking(header: list[str]) -> list[str]:
@@ -100,14 +101,15 @@ def _columns(block: Block, notes: Notes) -> dict[str, Floats]:
     col = {name: block.columns.get(name, unknown) for name in COLUMNS}
     stated = np.isfinite(col["time_s"])
     gps_s = np.where(stated, gps_from_unix(np.where(stated, col["time_s"], 0)), np.nan)
-    of_week = col["gps_week"] * WEEK_S + col["tow_s"]
+    with np.errstate(over="ignore"):
+        of_week = col["gps_week"] * WEEK_S + col["tow_s"]
     gps_s = np.where(np.isfinite(gps_s), gps_s, of_week)
     system, number = _satellites(block, col["satellite"])
     with np.errstate(invalid="ignore"):
         time_s = unix_from_gps(np.nan_to_num(gps_s, nan=-1e12))
         faults = (
             ("rows at no possible time", ~((time_s > MIN_TIME_S) & (time_s < MAX_TIME_S))),
-            ("rows of satellites that are not known", (system < 0) | ~(number > 0)),
+            ("rows of satellites that are not known", (system < 0) | ~((number >= 1) & (number < _MOST_SATELLITES))),
             ("pseudoranges that are missing or cannot be", ~((col[PSEUDORANGE] > 0) & (col[PSEUDORANGE] < LARGEST_M))),
         )  # fmt: skip
     good = np.ones(rows, bool)
@@ -141,7 +143,7 @@ def _satellite(name: str) -> tuple[int, int]:
 def _signals(col: dict[str, Floats], notes: Notes) -> Signals:
     place = np.column_stack([col[name] for name in PLACE])
     motion = np.column_stack([col[name] for name in MOTION])
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         known = np.linalg.norm(place, axis=1) > _NEAREST_SATELLITE_M
     keep = known if known.any() else np.ones(len(known), bool)
     if not keep.all():

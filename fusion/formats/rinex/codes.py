@@ -37,6 +37,7 @@ _PREFERRED_2: dict[str, tuple[str, ...]] = {
     "S": ("C1",),
 }
 MOST_CODES = 8
+MOST_SLOTS = 100
 B1_AS_BAND_1 = 3.03
 """Before this version, the attributes I, Q and X of BeiDou's band 1 mean B1I (RINEX 3.03, table 9, note)."""
 
@@ -80,9 +81,10 @@ def frequencies_hz(
     channel: dict[int, int],
 ) -> NDArray[np.float64]:  # fmt: skip
     """The carriers (n,) of the candidates at ``place``; NaN for GLONASS satellites without a known channel."""
-    slots = np.full(int(max([0, *number, *channel])) + 1, np.nan)
+    slots = np.full(MOST_SLOTS, np.nan)
     for slot, k in channel.items():
-        slots[slot] = G1_HZ + k * G1_STEP_HZ
+        if slot < MOST_SLOTS:
+            slots[slot] = G1_HZ + k * G1_STEP_HZ
     out = np.full(len(system), L1_HZ)
     out[system == GLONASS] = slots[number[system == GLONASS]]
     codes = _candidates(version)["C"]

@@ -25,7 +25,7 @@ from fusion.signals import (
     Navigation,
     gps_from_unix,
 )
-from fusion.types import Bools, Floats
+from fusion.types import Bools, Floats, Ints
 
 _KEPLER_LINES, _GLONASS_LINES = 7, 4
 _PLACES = {
@@ -46,6 +46,7 @@ _E1_BAD, _E5A_BAD = 0b111, 0b111 << 3
 _LEX_HEALTH = 1
 """QZSS's lowest health bit is that of LEX, which has nothing to do with L1."""
 _NO_TIME_S = 9e8
+_LARGEST_FIELD = 1e9
 _PLAUSIBLE_ROOT_A = (4500.0, 7500.0)
 _LARGEST_ECCENTRICITY = 0.5
 _LARGEST_CLOCK_S = 1.0
@@ -85,7 +86,7 @@ def _where(records: Records, bad: Bools) -> str:
 def _kepler(records: Records, notes: Notes) -> KeplerEphemerides:
     column = {name: records.value[:, line, place] for name, (line, place) in _PLACES.items()}
     toe, toc = records.value[:, *_TOE], records.time_s
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         fine = np.all([np.isfinite(c) for c in column.values()], axis=0) & (toe >= 0) & (toe <= WEEK_S)
         low, high = _PLAUSIBLE_ROOT_A
         fine &= (column["root_a"] > low) & (column["root_a"] < high) & (column["eccentricity"] >= 0)
@@ -111,7 +112,7 @@ def _kepler(records: Records, notes: Notes) -> KeplerEphemerides:
         sent_s=_near(sent, toc) + late,
         healthy=_healthy(records, is_fnav),
         accuracy_m=np.where(accuracy > 0, accuracy, np.nan),
-        issue=np.nan_to_num(records.value[:, *_ISSUE], nan=-1).astype(np.int64),
+        issue=_whole_numbers(records.value[:, *_ISSUE], -1),
         group_delay_s=delay,
         **column,
     )
@@ -126,9 +127,14 @@ def _near(of_week_s: Floats, near_s: Floats) -> Floats:
     return of_week_s + WEEK_S * np.round((near_s - of_week_s) / WEEK_S)
 
 
+def _whole_numbers(value: Floats, missing: int) -> Ints:
+    """Values as whole numbers; ``missing`` for blanks, and for what is too large to be one of the fields read so."""
+    return np.where(np.abs(value) < _LARGEST_FIELD, value, missing).astype(np.int64)
+
+
 def _group_delay(records: Records, notes: Notes) -> tuple[Floats, Bools]:
     """What belongs to the L1 band, and which records are Galileo's F/NAV: their clock is that of the pair E1/E5a."""
-    sources = np.nan_to_num(records.value[:, *_SOURCES]).astype(np.int64)
+    sources = _whole_numbers(records.value[:, *_SOURCES], 0)
     stated = (sources & (_FNAV_CLOCK | _INAV_CLOCK)) != 0
     is_fnav = np.where(stated, (sources & _INAV_CLOCK) == 0, (sources & _FNAV_SOURCE) != 0)
     is_fnav &= records.system == GALILEO
@@ -141,8 +147,7 @@ def _group_delay(records: Records, notes: Notes) -> tuple[Floats, Bools]:
 
 
 def _healthy(records: Records, is_fnav: Bools) -> Bools:
-    stated = records.value[:, *_HEALTH]
-    health = np.nan_to_num(stated, nan=-1).astype(np.int64)
+    health = _whole_numbers(records.value[:, *_HEALTH], -1)
     relevant = np.full(len(health), -1, np.int64)
     relevant[records.system == GALILEO] = _E1_BAD
     relevant[is_fnav] = _E1_BAD | _E5A_BAD
@@ -168,7 +173,7 @@ def _glonass(records: Records, notes: Notes) -> GlonassEphemerides:
     clock, rate = records.value[:, 0, 1], records.value[:, 0, 2]
     health, channel = records.value[:, 1, 3], records.value[:, 2, 3]
     channel = np.where(channel > 128, channel - 256, channel)  # written as an unsigned byte
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         fine = np.isfinite(clock) & np.isfinite(rate) & (np.abs(clock) < _LARGEST_CLOCK_S)
         radius, speed = np.linalg.norm(states[:, :, 0], axis=1), np.linalg.norm(states[:, :, 1], axis=1)
         fine &= (radius > _GLONASS_RADIUS_M[0]) & (radius < _GLONASS_RADIUS_M[1]) & (speed < _FASTEST_MPS)

@@ -70,7 +70,7 @@ def find_records(lines: Lines, header: Header, notes: Notes) -> Records:
     if not modern and lettered.any():  # mixed files of version 2 are in no standard, but they exist
         shifted, fine = seconds_of(lines, head, _DATE_2_LETTER)
         time_s, good = np.where(lettered, shifted, time_s), np.where(lettered, fine, good)
-    good &= np.isfinite(number) & (number > 0)
+    good &= np.isfinite(number) & (number >= 1)
     bad = np.flatnonzero(~good)
     if len(bad):
         say = f"line {head[bad[0]] + 1}: {lines.line(int(head[bad[0]]))[:23]!r}"
@@ -119,7 +119,7 @@ def _values(lines: Lines, head: Ints, count: Ints, lead: Ints) -> Floats:
 def ionosphere_4(lines: Lines, header: Header) -> tuple[float, ...] | None:
     """Klobuchar's parameters of the first such message of GPS (else QZSS) in a file of version 4."""
     body = np.arange(header.lines, len(lines))
-    at = body[lines.column(body, 0) == ord(">")]
+    at = body[(lines.column(body, 0) == ord(">")) & (lines.column(body, 2) == ord("I"))]
     found: dict[str, tuple[float, ...]] = {}
     for i in at:
         words = lines.line(int(i)).split()

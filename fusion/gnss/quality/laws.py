@@ -74,7 +74,7 @@ def _laplace(mean: float, sigma: float) -> FittedLaw:
 
     def cdf(x: Floats) -> Floats:
         tail = 0.5 * np.exp(-np.abs(x - mean) / scale)
-        return np.where(x < mean, tail, 1.0 - tail)
+        return np.asarray(np.where(x < mean, tail, 1.0 - tail))
 
     def quantile(p: Floats) -> Floats:
         return np.asarray(mean - scale * np.sign(p - 0.5) * np.log1p(-2 * np.abs(p - 0.5)))

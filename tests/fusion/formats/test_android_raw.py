@@ -51,7 +51,7 @@ def test_every_system_at_any_time_of_week_and_day(
         ({"ConstellationType": 3, "Svid": 97, "State": 32911}, "of other systems"),
         ({"FullBiasNanos": ""}, "with numbers missing"),
         ({"TimeNanos": "noon"}, "with numbers missing"),
-        ({"ReceivedSvTimeNanos": 17}, "whose pseudorange cannot be"),
+        ({"ReceivedSvTimeNanos": 17}, "whose pseudorange or time cannot be"),
     ],
 )
 def test_measurements_that_say_too_little_are_counted(

@@ -27,7 +27,7 @@ def test_columns_are_found_by_their_names() -> None:
 def test_a_cell_that_is_no_number_costs_itself_only(end: bytes) -> None:
     rows = [b"Raw,%d,%d.5,C,3" % (k + 2**60, k) for k in range(5)]
     clean = LogLines(HEAD + end.join(rows)).table("Raw", WANTED, Notes())
-    rows[2] = b"Raw,noon,high,C,3.5"
+    rows[2] = b"Raw,noon,hi\rgh,C,3.5"
     spoilt = LogLines(HEAD + end.join(rows)).table("Raw", WANTED, Notes())
     assert clean is not None
     assert spoilt is not None
