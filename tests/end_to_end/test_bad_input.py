@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import io
 import re
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -25,6 +27,18 @@ def rows(count: int, *, time_s: float = START_S, lat_deg: float = 47.99, lon_deg
     return HEADER + "".join(f"{time_s + k},{lat_deg + k * 1e-5},{lon_deg},250\n" for k in range(count))
 
 
+def _zipped(bundle: Bundle | None, *, encrypted: bool = False) -> bytes:
+    """A zip of a drive, or of pictures."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for k in range(2):
+            archive.writestr(f"{k}", bundle.drives[k].read_bytes() if bundle else b"\x89PNG\r\n\x1a\n%d" % k)
+    data = bytearray(out.getvalue())
+    if encrypted:
+        data[data.index(b"PK\x01\x02") + 8] |= 1
+    return bytes(data)
+
+
 BAD: dict[str, tuple[Callable[[Bundle], bytes], str]] = {
     "empty.csv": (lambda bundle: b"", "empty|no byte"),
     "cut.ubx": (lambda bundle: bundle.drives[1].read_bytes()[:61], "position|truncated|cut"),
@@ -34,6 +48,9 @@ BAD: dict[str, tuple[Callable[[Bundle], bytes], str]] = {
     "far.csv": (lambda bundle: rows(60, lat_deg=-30, lon_deg=-120).encode(), "road"),
     "three.csv": (lambda bundle: rows(3).encode(), "3"),
     "bomb.csv.gz": (lambda bundle: gzip.compress(HEADER.encode() + bytes(200 * 2**20), 9), "bomb|decompress"),
+    "cut.zip": (lambda bundle: _zipped(bundle)[:-500], "zip cannot be read"),
+    "locked.zip": (lambda bundle: _zipped(bundle, encrypted=True), "password"),
+    "pictures.zip": (lambda bundle: _zipped(None), "format|PNG|recogni|log"),
     "picture.png": (lambda bundle: b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20, "format|PNG|recogni"),
 }
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -194,3 +196,21 @@ def test_upload_command_makes_one_drive_of_a_folder_and_of_files_together(sent: 
     none = CliRunner().invoke(app, ["upload", str(tmp_path / "empty"), "--server", SERVER])
     assert none.exit_code == 1
     assert none.stderr == f"versant: {tmp_path / 'empty'}: The folder holds no file to upload.\n"
+
+
+def test_a_folder_its_files_together_and_a_zip_of_them_are_one_drive_of_a_real_service(
+    web: Any, tmp_path: Path
+) -> None:
+    folder = tmp_path / "monday"
+    folder.mkdir()
+    files = [folder / name for name in ("a.obs", "b.nav")]
+    for path in files:
+        path.write_text(path.name * 1000)
+    with zipfile.ZipFile(tmp_path / "all.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in files:
+            archive.write(path, path.name)
+    for names in ([folder], [*reversed(files), "--together"], [tmp_path / "all.zip"]):
+        result = CliRunner().invoke(app, ["upload", *map(str, names), "--server", web.base])
+        assert result.exit_code == 0, result.output
+    (drive,) = web.client.get("/v1/drives").json()["drives"]
+    assert (drive["filename"], drive["status"]) == ("a.obs, b.nav", "queued")

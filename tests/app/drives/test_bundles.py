@@ -99,6 +99,7 @@ def test_other_files_are_something_else() -> None:
         {name: FILES[name] for name in names[:2]},
         {**FILES, "a.nav": b"other"},
         {**FILES, "more": b"more"},
+        {**FILES, ".hidden": b"no system adds this"},
     ]
     digests = b"".join(sorted(hashlib.sha256(data).digest() for data in FILES.values()))
     contents = [content(zipped(files)) for files in (FILES, *others)]
