@@ -5,8 +5,8 @@
                                     [--skip-blocks] [--skip-service] [--json FILE]
 
 ``--drives`` made-up drives of 10 km on random routes through the map (default: Heidelberg, beside the repository), with
-what receivers measured on them (``adjustment_drives``). Seconds are of processor time, all threads together; memory is
-the peak of what Python and numpy hold beyond roads and factors (tracemalloc, in a run of its own).
+what receivers measured on them (``accuracy.adjustment_drives``). Seconds are of processor time, all threads together;
+memory is the peak of what Python and numpy hold beyond roads and factors (tracemalloc, in a run of its own).
 
     update    a further drive: window, passes from their bytes, what is said elsewhere, solution. What a service reads
               from its database is at hand: roads around, passes as bytes, and what each drive says of its constants
@@ -33,7 +33,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from adjustment_drives import Synthetic
+from accuracy.adjustment_drives import Synthetic
 from fusion.network.adjust import adjust
 from fusion.network.blocks import Partition, bisected
 from fusion.network.elsewhere import ConstantsSaid

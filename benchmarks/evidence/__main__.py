@@ -2,7 +2,7 @@
 
     PYTHONPATH=.:benchmarks python -m evidence [--most 1000] [--without 300] [--json FILE]
 
-Made-up drives (``adjustment_drives``: Doppler, pitch, force, altitudes, some barometers) along a street of two
+Made-up drives (``accuracy.adjustment_drives``: Doppler, pitch, force, altitudes, some barometers) along a street of two
 kilometres and 25 segments, stored and solved in an embedded PostgreSQL as the service does it. At 10, 100, 300, 1,000
 and 10,000 passes a segment, up to ``--most``: what a solution of the whole street reads and takes, with sums and, up to
 ``--without``, in a second database in which all passes are read; there also how far slopes and sigmas with sums are
@@ -26,9 +26,9 @@ from unittest.mock import patch
 import numpy as np
 from sqlalchemy import Engine, text
 
+from accuracy.adjustment_drives import Synthetic
 from accuracy.road_draws import PLANE, road_through
 from accuracy.scoring import show_progress, text_table, write_json
-from adjustment_drives import Synthetic
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from sqlalchemy import text
 
-from adjustment_drives import Synthetic
+from accuracy.adjustment_drives import Synthetic
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import store as drives

@@ -17,6 +17,7 @@ from fusion.errors import BadOptionsError, EmptyLogError, LogError, MissingSenso
 from fusion.gnss.aids import aids_of, with_heights
 from fusion.gnss.doppler import doppler_velocities
 from fusion.gnss.earth import geodetic, local_axes
+from fusion.gnss.measure import measure
 from fusion.gnss.measurements import Aids, Measurements, Solution, Solver, SolverOptions
 from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Progress
 
@@ -162,8 +163,6 @@ class SolverPositioning:
                 "lines, or a CSV of pseudoranges), and this log has none. Record them, or choose 'receiver'.",
                 where="gnss",
             )
-        from fusion.gnss.measure import measure  # noqa: PLC0415
-
         measured = measure(log.raw, lambda stage, share: progress("positioning", 0.3 * share))
         return self._solve(log, measured, aids_of(log, measured.time_s), options, progress)
 

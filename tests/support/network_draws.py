@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from adjustment_drives import PLACE_M, Synthetic
+from accuracy.adjustment_drives import PLACE_M, Synthetic
 from fusion.frames import LocalProjection
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
