@@ -69,6 +69,10 @@ COMMANDS = {
     "track": Command(
         "app.cli.track", "Write the positions of logs, with their heights and stated accuracies."
     ),
+    "gnss-study": Command(
+        "app.cli.gnss_study",
+        "Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow.",
+    ),
     "simulate": Command(
         "app.cli.simulate",
         "Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv).",

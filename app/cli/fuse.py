@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Bars, Console, write_json
+from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
-    from app.cli.fuse_files import FusedLog, Fusion, Together
+    from app.cli.fuse_files import Combined, FusedLog, Fusion
     from app.map.segment import Segment
     from fusion.methods.base import Options
 
@@ -30,9 +31,7 @@ RASTER_SUFFIXES = (".hgt", ".tif", ".tiff", ".vrt")
 @app.command("fuse")
 def fuse(
     ctx: typer.Context,
-    logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG...", help="Drive logs; several are put together.")
-    ],
+    logs: LogNames,
     roads: Annotated[
         Path, typer.Option(metavar="FILE", help="OpenStreetMap roads: .osm, .osm.gz, .osm.pbf.")
     ],
@@ -51,6 +50,7 @@ def fuse(
     ] = None,
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
+    together: Together = False,
     control: Annotated[
         Path | None,
         typer.Option(
@@ -118,16 +118,17 @@ def fuse(
         terrain = stack.enter_context(Dem.open(dem)) if dem else None
         table = read_roads(roads, bars.work(roads.name))
         fusion = Fusion(method, chosen, table, terrain, points)
-        outcomes = [_one(fusion, path, console, bars) for path in logs]
-        together = fusion.solve(gaps=gaps)
-    features, datum = together.features, together.height_datum
-    _agreement(fusion, together, outcomes, console)
+        drives = drives_of(logs, together)
+        outcomes = [_one(fusion, source, console, bars) for source in drives]
+        said = fusion.solve(gaps=gaps)
+    features, datum = said.features, said.height_datum
+    _agreement(fusion, said, outcomes, console)
     source = attribution(terrain.names if terrain else ())
     if fusion.fused and out is None:
         sys.stdout.writelines(collection_chunks(features, stated(source, datum)))
     elif fusion.fused and out is not None:
         write(features, out, source=source, height_datum=datum)
-        console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(logs)} logs.")
+        console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(drives)} logs.")
     if fusion.fused and map_file is not None:
         _map(fusion, features, map_file, source, console)
     for number, one in enumerate(fusion.fused, 1):
@@ -136,7 +137,7 @@ def fuse(
         "method": method,
         "segments": len(features),
         "height_datum": datum,
-        "remarks": together.remarks,
+        "remarks": said.remarks,
     }
     write_json(json_file, {**figures, "logs": outcomes})
     if any(outcome["status"] == "failed" for outcome in outcomes):
@@ -166,35 +167,35 @@ def _usable(method: str, option: list[str], gnss: str, gnss_option: list[str], o
         raise typer.BadParameter(str(error)) from error
 
 
-def _one(fusion: Fusion, path: Path, console: Console, bars: Bars) -> dict[str, Any]:
+def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict[str, Any]:
     from app.cli.fuse_files import summary
 
     try:
-        twin = fusion.twin(path)
+        twin = fusion.twin(source)
         if twin is not None:
-            console.note(f"{path}: the same bytes as {twin}, counted once.")
+            console.note(f"{source.name}: the same bytes as {twin}, counted once.")
             return {
-                "file": str(path),
+                "file": source.name,
                 "status": "repeated",
                 "reason": f"the same bytes as {twin}",
                 "segments": 0,
             }
-        return summary(fusion.add(path, bars.work(path.name)))
+        return summary(fusion.add(source, bars.work(source.short_name)))
     except (FusionError, OSError) as error:
         if console.debug:
             raise
-        reason = console.complain_of(path, error)
-        return {"file": str(path), "status": "failed", "reason": reason, "segments": 0}
+        reason = console.complain_of(source.name, error)
+        return {"file": source.name, "status": "failed", "reason": reason, "segments": 0}
 
 
-def _agreement(fusion: Fusion, together: Together, outcomes: list[dict[str, Any]], console: Console) -> None:
+def _agreement(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]], console: Console) -> None:
     """Say of each log how it agrees with the others, in its outcome and, where a person must know it, aloud."""
     done = [outcome for outcome in outcomes if outcome["status"] == "done"]
     for k, (outcome, count) in enumerate(zip(done, together.rejected, strict=True)):
         outcome["rejected_segments"] = count
         if k in together.repeated:
-            said = f"The same drive as {fusion.fused[together.repeated[k]].path}: heard once, from that log."
-            console.note(f"{fusion.fused[k].path}: {said}")
+            said = f"The same drive as {fusion.fused[together.repeated[k]].source.name}: heard once, from that log."
+            console.note(f"{fusion.fused[k].source.name}: {said}")
             outcome["report"]["warnings"].append(said)
     for remark in together.remarks:
         console.note(remark)
@@ -205,7 +206,9 @@ def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, c
     from app.map.slope_picture import slope_map_png
 
     count = len(fusion.fused)
-    title = f"Slopes from {fusion.fused[0].path.name}" if count == 1 else f"Slopes from {count} drives"
+    title = (
+        f"Slopes from {fusion.fused[0].source.short_name}" if count == 1 else f"Slopes from {count} drives"
+    )
     slope_map_png(path, fusion.surroundings(), features, title=printable(title), credit=source)
     console.note(f"{path}: map of the slopes.")
 
@@ -224,13 +227,13 @@ def _pictures(
         facts = table_facts(one.network.table, estimated.segment)
         columns = build_profile(estimated, estimated.segment, slopes, facts)
         path = _numbered(profile, number)
-        path.write_bytes(profile_png(columns, one.path.name, one.result.measurements))
-        console.note(f"{path}: profile of {one.path.name}.")
+        path.write_bytes(profile_png(columns, one.source.short_name, one.result.measurements))
+        console.note(f"{path}: profile of {one.source.short_name}.")
     if track is not None:
         path = _numbered(track, number)
         with path.open("w", encoding="utf-8") as file:
             file.writelines(track_chunks(estimated, estimated.segment, {"attribution": attribution()}))
-        console.note(f"{path}: track of {one.path.name}.")
+        console.note(f"{path}: track of {one.source.short_name}.")
 
 
 def _numbered(path: Path, number: int | None) -> Path:

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from app.cli.logs import LogFiles
 from app.map.segment import Segment
-from fusion.formats import read_log
 from fusion.methods.base import OF_TERRAIN, DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 from fusion.network.control import ControlPoint
@@ -30,7 +30,7 @@ class FusedLog:
     """One log's result; ``rows`` are those of the road file that the result's segment indices refer to, ``epoch_s`` the
     times of its positions."""
 
-    path: Path
+    source: LogFiles
     network: RoadNetwork
     rows: Ints
     result: DriveResult
@@ -38,7 +38,7 @@ class FusedLog:
     seconds: float
 
 
-class Together(NamedTuple):
+class Combined(NamedTuple):
     """What the logs of a ``Fusion`` say together."""
 
     features: list[Segment]
@@ -62,24 +62,24 @@ class Fusion:
     dem: Dem | None
     control: Sequence[ControlPoint] = ()
     fused: list[FusedLog] = field(default_factory=list)
-    _seen: dict[str, Path] = field(default_factory=dict)
+    _seen: dict[tuple[str, ...], LogFiles] = field(default_factory=dict)
 
-    def twin(self, path: Path) -> Path | None:
-        """The earlier log with the same bytes, if there is one: the service counts such a drive once, too."""
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        earlier = self._seen.setdefault(digest, path)
-        return None if earlier == path else earlier
+    def twin(self, source: LogFiles) -> str | None:
+        """The earlier log of the same bytes, if there is one: the service counts such a drive once, too."""
+        digests = sorted(_digest(path) for path in source.files())
+        earlier = self._seen.setdefault(tuple(digests), source)
+        return None if earlier == source else earlier.name
 
-    def add(self, path: Path, progress: Progress = no_progress) -> FusedLog:
+    def add(self, log: Path | LogFiles, progress: Progress = no_progress) -> FusedLog:
         """Read and fuse one log; raises ``FusionError`` or ``OSError`` and leaves the others untouched."""
         started = time.perf_counter()
-        found = positions_of(read_log(path, progress=progress), self.options, progress)
+        source = LogFiles((log,)) if isinstance(log, Path) else log
+        found = positions_of(source.read(progress), self.options, progress)
         network, result = run_drive(
             found, self.roads, self.dem, method=self.method, options=self.options, progress=progress
         )
-        log, rows = found.log, rows_of(self.roads, network.table)
-        fused = FusedLog(path, network, rows, result, log.fix.time_s, time.perf_counter() - started)
+        rows, seconds = rows_of(self.roads, network.table), time.perf_counter() - started
+        fused = FusedLog(source, network, rows, result, found.log.fix.time_s, seconds)
         self.fused.append(fused)
         return fused
 
@@ -90,7 +90,7 @@ class Fusion:
         """
         return self.solve(now, gaps=gaps).features
 
-    def solve(self, now: datetime | None = None, *, gaps: bool = False) -> Together:
+    def solve(self, now: datetime | None = None, *, gaps: bool = False) -> Combined:
         """The ``features``, and how the logs agree."""
         solved = solve_network(self.roads, self.dem, self.fused, self.control)
         parts = solved.parts
@@ -107,11 +107,16 @@ class Fusion:
         now = now or datetime.now(UTC)
         features = [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
         datum = network_datum(self.dem, self.fused, self.control)
-        return Together(features, solved.rejected, solved.repeated, solved.remarks, datum)
+        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
         return self.roads.subset(surroundings(self.fused))
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _feature(
@@ -147,7 +152,7 @@ def _feature(
 def summary(fused: FusedLog) -> dict[str, Any]:
     """What ``--json`` says of one log."""
     return {
-        "file": str(fused.path),
+        "file": fused.source.name,
         "status": "done",
         "reason": None,
         "segments": len(fused.result.slopes),

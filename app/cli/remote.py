@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-import errno
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.console import Bars, Console, write_json
+from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import GnssOption, JsonFile, parse_assignments
 from fusion.errors import FusionError
 
@@ -36,17 +35,8 @@ GnssChoice = Annotated[
 @app.command("upload")
 def upload(
     ctx: typer.Context,
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...",
-            help="Drive logs, gzipped or not, each a drive; a folder or a zip is one drive of the files in it.",
-        ),
-    ],
-    together: Annotated[
-        bool,
-        typer.Option("--together", help="All of them are one drive, such as observations and navigation."),
-    ] = False,
+    files: LogNames,
+    together: Together = False,
     server: Server = None,
     method: Annotated[str | None, typer.Option(help="Estimator; without it the service's default.")] = None,
     option: Annotated[
@@ -67,7 +57,7 @@ def upload(
     if gnss_option:
         options["gnss_options"] = parse_assignments(gnss_option)
     chosen = Chosen(method, options, gnss)
-    uploads = [Upload(tuple(files))] if together else [Upload((path,)) for path in files]
+    uploads = [Upload(source) for source in drives_of(files, together)]
     with service_client(server) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         for one in uploads:
@@ -106,29 +96,12 @@ class Chosen:
 
 @dataclass
 class Upload:
-    """One drive on its way: a file, a folder of files, or several of them."""
+    """One drive on its way."""
 
-    paths: tuple[Path, ...]
+    source: LogFiles
     drive: RemoteDrive | None = None
     reason: str | None = None
     segments: int | None = None
-
-    @property
-    def name(self) -> str:
-        """What it is called: as it was named, several separated by commas."""
-        return ", ".join(map(str, self.paths))
-
-    @property
-    def short_name(self) -> str:
-        """The same without folders."""
-        return ", ".join(path.name for path in self.paths)
-
-    def files(self) -> list[Path]:
-        """The files to send: in a folder those that are not hidden, by name, none of folders in it.
-
-        ``OSError`` for a folder that holds none.
-        """
-        return [file for path in self.paths for file in (_files_in(path) if path.is_dir() else [path])]
 
     @property
     def status(self) -> str:
@@ -143,7 +116,7 @@ class Upload:
     def figures(self) -> dict[str, Any]:
         """What the table and ``--json`` say."""
         return {
-            "file": self.name,
+            "file": self.source.name,
             "drive": self.drive.id if self.drive else None,
             "status": self.status,
             "segments": self.segments,
@@ -151,22 +124,15 @@ class Upload:
         }
 
 
-def _files_in(folder: Path) -> list[Path]:
-    found = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
-    if not found:
-        raise FileNotFoundError(errno.ENOENT, "The folder holds no file to upload", str(folder))
-    return found
-
-
 def _send(client: Client, one: Upload, chosen: Chosen, bars: Bars, console: Console) -> None:
     try:
-        files = one.files()
-        advance = bars.count(f"sending {one.short_name}", sum(path.stat().st_size for path in files))
+        files = one.source.files()
+        advance = bars.count(f"sending {one.source.short_name}", sum(path.stat().st_size for path in files))
         one.drive = client.upload(
             *files, method=chosen.method, options=chosen.options, gnss=chosen.gnss, sent=advance
         )
     except (FusionError, OSError) as error:
-        one.reason = console.complain_of(one.name, error)
+        one.reason = console.complain_of(one.source.name, error)
     else:
         one.reason = one.drive.reason
 
@@ -176,10 +142,10 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
 
     if one.drive is None:
         return
-    show = bars.work(f"fusing {one.short_name}")
+    show = bars.work(f"fusing {one.source.short_name}")
     one.drive = client.wait(one.drive.id, seen=shown(show))
     one.reason = one.drive.reason
     if one.drive.status == "done":
         one.segments = len(client.drive_segments(one.drive.id))
     elif one.failed:
-        console.complain(f"{one.name}: {one.reason or one.status}")
+        console.complain(f"{one.source.name}: {one.reason or one.status}")

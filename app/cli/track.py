@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Console, write_json
+from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import DEFAULT_POSITIONING
@@ -25,12 +26,13 @@ app = typer.Typer(add_completion=False)
 @app.command("track")
 def track(
     ctx: typer.Context,
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Drive logs.")],
+    logs: LogNames,
     out: Annotated[
         Path, typer.Option("-o", "--out", help="Positions: .csv or .geojson.", callback=in_a_folder)
     ],
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
+    together: Together = False,
     json_file: JsonFile = None,
 ) -> None:
     """Write the positions of logs, with their heights and stated accuracies.
@@ -53,30 +55,30 @@ def track(
     tracks: list[Positions] = []
     outcomes = []
     with console.progress() as bars:
-        for path in logs:
+        drives = drives_of(logs, together)
+        for source in drives:
             reason = None
             try:
-                tracks.append(_read(path, gnss, chosen, bars.work(path.name)))
+                tracks.append(_read(source, gnss, chosen, bars.work(source.short_name)))
             except (FusionError, OSError) as error:
-                reason = console.complain_of(path, error)
+                reason = console.complain_of(source.name, error)
             found = 0 if reason else len(tracks[-1].fix)
             report = {} if reason else tracks[-1].report
-            outcomes.append({"file": str(path), "positions": found, "reason": reason, "gnss": report})
+            outcomes.append({"file": source.name, "positions": found, "reason": reason, "gnss": report})
     if tracks:
         TRACK_WRITERS[out.suffix.lower()](tracks, out)
         typer.echo(
-            f"{out}: {sum(len(t.fix) for t in tracks)} positions from {len(tracks)} of {len(logs)} logs."
+            f"{out}: {sum(len(t.fix) for t in tracks)} positions from {len(tracks)} of {len(drives)} logs."
         )
     write_json(json_file, {"gnss": gnss, "logs": outcomes})
-    if len(tracks) < len(logs):
+    if len(tracks) < len(drives):
         raise typer.Exit(1)
 
 
-def _read(path: Path, gnss: str, options: Mapping[str, Any], progress: Progress) -> Positions:
+def _read(source: LogFiles, gnss: str, options: Mapping[str, Any], progress: Progress) -> Positions:
     from app.cli.positions import Positions
-    from fusion.formats import read_log
     from fusion.gnss import positioned
 
-    found = positioned(read_log(path, progress=progress), gnss, options, progress)
+    found = positioned(source.read(progress), gnss, options, progress)
     log = found.log
-    return Positions(path.name, log.fix, log.gaps_s, log.geoid, found.report, found.solved_epochs())
+    return Positions(source.short_name, log.fix, log.gaps_s, log.geoid, found.report, found.solved_epochs())
