@@ -46,6 +46,7 @@ def test_pictures_are_drawn_in_another_process(drawing: Drawing, profile: Profil
     assert pid_of(drawing) != os.getpid()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
 def test_one_that_was_ended_is_started_again(drawing: Drawing, profile: Profile, how: signal.Signals) -> None:
     drawing.profile(profile, "", None)
@@ -64,6 +65,7 @@ def test_a_fault_while_drawing_ends_no_process(drawing: Drawing, profile: Profil
     assert pid_of(drawing) == former
 
 
+@pytest.mark.slow
 def test_one_that_stays_silent_is_ended(
     drawing: Drawing, profile: Profile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
