@@ -195,7 +195,7 @@ def test_upload_command_makes_one_drive_of_a_folder_and_of_files_together(sent: 
     ]
     none = CliRunner().invoke(app, ["upload", str(tmp_path / "empty"), "--server", SERVER])
     assert none.exit_code == 1
-    assert none.stderr == f"versant: {tmp_path / 'empty'}: The folder holds no file to upload.\n"
+    assert none.stderr == f"versant: {tmp_path / 'empty'}: The folder holds no file.\n"
 
 
 def test_a_folder_its_files_together_and_a_zip_of_them_are_one_drive_of_a_real_service(
