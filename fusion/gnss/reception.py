@@ -38,7 +38,7 @@ class Reception(NamedTuple):
 
 def open_sky_dbhz(elevation_rad: Floats) -> Floats:
     """The mean C/N0 of a satellite under open sky by elevation, any shape: the three segments of Table 3.2."""
-    return np.interp(np.degrees(elevation_rad), _OPEN_SKY_DEG, _OPEN_SKY_DBHZ)
+    return np.asarray(np.interp(np.degrees(elevation_rad), _OPEN_SKY_DEG, _OPEN_SKY_DBHZ))
 
 
 def states_by_threshold(cn0_dbhz: Floats, threshold_dbhz: float | Floats) -> Ints:
@@ -82,7 +82,7 @@ def transitions(states: Ints, pseudo_count: float = PSEUDO_COUNT) -> Floats:
     """The matrix (3, 3) of P(next = y | now = x), rows x, counted over states (t,) with ``pseudo_count`` added."""
     counts = np.full((3, 3), float(pseudo_count))
     np.add.at(counts, (states[:-1], states[1:]), 1.0)
-    return counts / counts.sum(axis=1, keepdims=True)
+    return np.asarray(counts / counts.sum(axis=1, keepdims=True))
 
 
 @compiled

@@ -18,7 +18,7 @@ from fusion.filters.resampling import normalised, systematic
 from fusion.gnss.error_models.base import Series
 from fusion.gnss.error_models.law import ErrorLaw
 from fusion.gnss.reception import LOS
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 
 class BaseMeasure(NamedTuple):
@@ -39,8 +39,8 @@ LOS_SIMULATED = BaseMeasure(500.0, 2.0, 3.0, 1.0, False)
 NLOS_BASE = BaseMeasure(3000.0, 1.0, 5.0, 10.0, True)
 """Table 3.9, for simulated and for real data."""
 LOS_REAL = BaseMeasure(500.0, 0.1, 10.0, 1.0, False)
-"""Table 3.11, but about 0. The print centres it on the residual: each satellite then explains its own innovation, and
-the filter runs free."""
+"""Table 3.11, but about 0. The print centres it on the residual: each satellite then explains its own
+innovation, and the filter runs free."""
 LOS_PRINTED = LOS_REAL._replace(follows=True)
 """Table 3.11 as printed."""
 
@@ -51,8 +51,8 @@ class Urns(NamedTuple):
     """What particles drew for satellites, in a ring of the last rows (epochs): ``mean_m`` and ``variance_m2`` (k, s, n).
 
     ``line`` (k, n) names for each particle the place that its ancestor had in a row, so that resampling copies one
-    table of numbers and no draws. ``queue`` (s, k), ``head`` and ``count`` (s,) hold the rows in which a satellite was
-    seen, oldest first.
+    table of numbers and no draws. ``queue`` (s, k), ``head`` and ``seen`` (s,): the rows that have a satellite, oldest
+    first, where they begin and how many they are.
     """
 
     mean_m: Floats
@@ -60,15 +60,19 @@ class Urns(NamedTuple):
     line: Ints
     queue: Ints
     head: Ints
-    count: Ints
+    seen: Ints
 
     @classmethod
     def empty(cls, rows: int, satellites: int, particles: int) -> Urns:
         """Before the first draw; ``rows`` epochs are remembered."""
-        pairs = (np.zeros((rows, satellites, particles)) for _ in range(2))
-        whole = (np.zeros(shape, np.int64) for shape in ((rows, particles), (satellites, rows)))
-        ends = (np.zeros(satellites, np.int64) for _ in range(2))
-        return cls(*pairs, *whole, *ends)
+        return cls(
+            mean_m=np.zeros((rows, satellites, particles)),
+            variance_m2=np.zeros((rows, satellites, particles)),
+            line=np.zeros((rows, particles), np.int64),
+            queue=np.zeros((satellites, rows), np.int64),
+            head=np.zeros(satellites, np.int64),
+            seen=np.zeros(satellites, np.int64),
+        )
 
     def resample(self, ancestors: Ints) -> None:
         """Let each particle go on with the draws of its ancestor, (n,)."""
@@ -79,10 +83,10 @@ class Urns(NamedTuple):
 def open_row(urns: Urns, row: int) -> None:
     """Forget what a row held, and begin it anew."""
     rows = urns.queue.shape[1]
-    for s in range(len(urns.count)):
-        if urns.count[s] and urns.queue[s, urns.head[s]] == row:
+    for s in range(len(urns.seen)):
+        if urns.seen[s] and urns.queue[s, urns.head[s]] == row:
             urns.head[s] = (urns.head[s] + 1) % rows
-            urns.count[s] -= 1
+            urns.seen[s] -= 1
     urns.line[row] = np.arange(urns.line.shape[1])
 
 
@@ -94,7 +98,7 @@ def draw_pairs(
 
     ``centre_m`` (n,) are the residuals that a base measure follows.
     """
-    count, rows = urns.count[satellite], urns.queue.shape[1]
+    count, rows = urns.seen[satellite], urns.queue.shape[1]
     for i in range(urns.line.shape[1]):
         ball = int(rng.random() * (base.alpha + count))
         if ball < count:
@@ -110,7 +114,40 @@ def draw_pairs(
         urns.mean_m[row, satellite, i] = mean
         urns.variance_m2[row, satellite, i] = variance
     urns.queue[satellite, (urns.head[satellite] + count) % rows] = row
-    urns.count[satellite] += 1
+    urns.seen[satellite] += 1
+
+
+@compiled
+def draw_all(
+    urns: Urns,
+    row: int,
+    satellites: Ints,
+    direct: Bools,
+    los: BaseMeasure,
+    nlos: BaseMeasure,
+    centre_m: Floats,
+    rng: np.random.Generator,
+) -> tuple[Floats, Floats]:
+    """Means and variances (n, r) that each particle draws for the satellites (r,) of an epoch.
+
+    ``direct`` (r,) says which are in line of sight; ``centre_m`` (n, r) are the residuals.
+    """
+    particles = urns.line.shape[1]
+    mean, variance = (
+        np.full((particles, len(satellites)), np.nan),
+        np.full((particles, len(satellites)), np.nan),
+    )
+    for j in range(len(satellites)):
+        if not np.isfinite(centre_m[0, j]):
+            continue
+        # Two calls: the base measures are chosen by branches that numba can tell apart.
+        if direct[j]:
+            draw_pairs(urns, row, satellites[j], los, centre_m[:, j], rng)
+        else:
+            draw_pairs(urns, row, satellites[j], nlos, centre_m[:, j], rng)
+        mean[:, j] = urns.mean_m[row, satellites[j]]
+        variance[:, j] = urns.variance_m2[row, satellites[j]]
+    return mean, variance
 
 
 @dataclass(frozen=True)

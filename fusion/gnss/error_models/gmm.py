@@ -1,4 +1,7 @@
-"""A mixture of normals fitted to the last 40 seconds by expectation and maximisation (Viandier 2011, 3.3.4.1, annex B)."""
+"""A mixture of normals fitted to the last 40 seconds by expectation and maximisation.
+
+Viandier 2011, 3.3.4.1, Algorithm 12, annex B.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The extended Kalman filter over pseudoranges, and range rates and odometer where they are (Viandier 2011, 2.2.2, 4.12).
+"""The extended Kalman filter over pseudoranges, range rates and odometer (Viandier 2011, 2.2.2, (4.12)).
 
 Errors of pseudoranges stay for seconds where a street reflects: taken as new at each epoch they would be averaged away
 on paper only. Their variance is multiplied by the time that they last over the time between epochs.
@@ -202,27 +202,36 @@ def correct_ranges(
 
     One that contradicts the prediction is widened. Where half of them do, the prediction is wrong: it is widened.
     """
-    begin, end = rows.first[epoch], rows.first[epoch + 1]
+    begin = rows.first[epoch]
     row = np.zeros(len(mean))
-    variance, square = np.full(end - begin, np.nan), np.full(end - begin, np.nan)
-    for turn in range(2):
-        for j in range(end - begin):
-            r = begin + j
-            innovation = rows.range_m[r] - range_row(mean, rows.place_m[r], rows.group[r], row)
-            variance[j] = rows.variance_m2[r] * repeats
-            reach = row @ covariance @ row
-            square[j] = innovation**2 / (reach + variance[j])
-            if square[j] > SURPRISE**2:
-                variance[j] = max(variance[j], innovation**2 / SURPRISE**2 - reach)
-        usual = np.nanmedian(square)
-        if turn > 0 or usual <= SURPRISE**2:
-            break
+    variance, usual = surprises(rows, epoch, mean, covariance, repeats)
+    if usual > SURPRISE**2:
         covariance *= usual
-    for j in range(end - begin):
+        variance, usual = surprises(rows, epoch, mean, covariance, repeats)
+    for j in range(len(variance)):
         r = begin + j
         innovation = rows.range_m[r] - range_row(mean, rows.place_m[r], rows.group[r], row)
         if np.isfinite(innovation) and np.isfinite(variance[j]):
             correct(mean, covariance, moved_by, innovation, row, variance[j], rows.satellite[r])
+
+
+@compiled
+def surprises(
+    rows: Rows, epoch: int, mean: Floats, covariance: Floats, repeats: float
+) -> tuple[Floats, float]:
+    """Variances (r,) of an epoch's rows, wider where one contradicts, and the median squared normalised innovation."""
+    begin, end = rows.first[epoch], rows.first[epoch + 1]
+    row = np.zeros(len(mean))
+    variance, square = np.empty(end - begin), np.empty(end - begin)
+    for j in range(end - begin):
+        r = begin + j
+        innovation = rows.range_m[r] - range_row(mean, rows.place_m[r], rows.group[r], row)
+        variance[j] = rows.variance_m2[r] * repeats
+        reach = row @ (covariance @ row)
+        square[j] = innovation**2 / (reach + variance[j])
+        if square[j] > SURPRISE**2:
+            variance[j] = max(variance[j], innovation**2 / SURPRISE**2 - reach)
+    return variance, float(np.nanmedian(square))
 
 
 @compiled

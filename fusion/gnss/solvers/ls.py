@@ -10,7 +10,7 @@ from fusion.compiled import compiled
 from fusion.gnss.error_models.one_sided import OneSidedModel
 from fusion.gnss.measurements import Aids, Measurements, Solution, SolverOptions
 from fusion.gnss.solvers.state import BIASES, CLOCK, Frame, Rows, cn0_variance, invert, range_row, states
-from fusion.types import Bools, Floats, Progress
+from fusion.types import Bools, Floats, Ints, Progress
 
 EVEN_SIGMA_M = 5.0
 """The least that an unweighted pseudorange in a town is off by; what the epoch's misfit says is taken where larger."""
@@ -143,7 +143,6 @@ def _solve(
 
     Groups without a clock of the reference take its place: the first that has one is the reference then.
     """
-    n = len(mean)
     reference = 0
     while not clocks[reference]:
         reference += 1
@@ -152,22 +151,9 @@ def _solve(
         if clocks[g]:
             known.append(BIASES + g - 1)
     size = len(known)
-    row = np.zeros(n)
     mean[3:] = 0.0
     for _ in range(_STEPS):
-        normal, middle, right = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-        for j in range(len(used)):
-            if not used[j]:
-                continue
-            r = begin + j
-            group = rows.group[r] if rows.group[r] != reference else 0
-            residual = rows.range_m[r] - range_row(mean, rows.place_m[r], group, row)
-            for a in range(size):
-                weighed = row[known[a]] / rows.variance_m2[r]
-                right[a] += weighed * residual
-                for b in range(size):
-                    normal[a, b] += weighed * row[known[b]]
-                    middle[a, b] += weighed * row[known[b]] * unseen_m2[r] / rows.variance_m2[r]
+        normal, middle, right = _equations(rows, unseen_m2, begin, used, reference, np.array(known), mean)
         inverse = np.empty((size, size))
         if not invert(normal, inverse):
             return False
@@ -181,6 +167,29 @@ def _solve(
     spread[:3, :3] = inverse[:3, :3]
     delays[:3, :3] = (inverse @ middle @ inverse)[:3, :3]
     return bool(max(inverse[0, 0], inverse[1, 1], inverse[2, 2]) <= _WIDEST_M**2)
+
+
+@compiled
+def _equations(
+    rows: Rows, unseen_m2: Floats, begin: int, used: Bools, reference: int, known: Ints, mean: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """H'PH (2.6), H'P V P H with V of ``unseen_m2``, and H'P residual, for the ``known`` (j,) places of the state."""
+    size = len(known)
+    normal, middle, right = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    row = np.zeros(len(mean))
+    for j in range(len(used)):
+        if not used[j]:
+            continue
+        r = begin + j
+        group = rows.group[r] if rows.group[r] != reference else 0
+        residual = rows.range_m[r] - range_row(mean, rows.place_m[r], group, row)
+        for a in range(size):
+            weighed = row[known[a]] / rows.variance_m2[r]
+            right[a] += weighed * residual
+            for b in range(size):
+                normal[a, b] += weighed * row[known[b]]
+                middle[a, b] += weighed * row[known[b]] * unseen_m2[r] / rows.variance_m2[r]
+    return normal, middle, right
 
 
 @compiled
