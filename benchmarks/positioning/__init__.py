@@ -1,0 +1,1 @@
+"""What ``pseudorange.py`` measures: real logs as measurements, estimators from the literature, and tables."""
