@@ -168,7 +168,7 @@ def rate_row(mean: Floats, place_m: Floats, speed_mps: Floats, row: Floats) -> f
 
 @compiled
 def start(rows: Rows, epoch: int, mean: Floats, covariance: Floats) -> bool:
-    """Begin at an epoch, by least squares with Cauchy weights; ``mean`` (n,) and ``covariance`` (n, n) are filled.
+    """Begin at an epoch, by least squares with Huber's weights; ``mean`` (n,) and ``covariance`` (n, n) are filled.
 
     False, and nothing is known, where satellites or geometry do not suffice. The covariance grows with the misfit of
     the epoch. Velocity and drift come from range rates where there are any, else from what a car may do.
@@ -239,7 +239,9 @@ def _add_rows(
             residual = rows.range_m[r] - range_row(mean, rows.place_m[r], rows.group[r], row)
         if not np.isfinite(residual) or not np.isfinite(variance):
             continue
-        weight = 1 / (variance + residual * residual / 4) if robust else 1 / variance
+        weight = 1 / variance
+        if robust:  # Huber's, which has one optimum only
+            weight /= max(1.0, abs(residual) / np.sqrt(variance))
         right += weight * residual * row
         for i in range(len(row)):
             if row[i] != 0.0:
@@ -297,12 +299,12 @@ def _factor(matrix: Floats, scale: Floats, lower: Floats) -> bool:
 
 @compiled
 def _misfit(rows: Rows, epoch: int, mean: Floats) -> float:
-    """Mean square of the normalised residuals, per redundant row; each counts for at most nine."""
+    """Mean square of the normalised residuals, per redundant row; each counts for at most a hundred."""
     row = np.zeros(len(mean))
     total, count = 0.0, 0
     for r in range(rows.first[epoch], rows.first[epoch + 1]):
         residual = rows.range_m[r] - range_row(mean, rows.place_m[r], rows.group[r], row)
         if np.isfinite(residual):
-            total += min(residual * residual / rows.variance_m2[r], 9.0)
+            total += min(residual * residual / rows.variance_m2[r], 100.0)
             count += 1
     return total / max(count - 4, 1)
