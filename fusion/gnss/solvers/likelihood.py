@@ -22,7 +22,7 @@ _BISECTIONS = 30
 
 
 class Errors(NamedTuple):
-    """The law for each row, (n,): share of reflected, variance of noise (m2), mean delay (m), and the law's mode (m)."""
+    """The law for each row, (n,): share of reflected, variance of noise (m2), mean delay (m), mode (m)."""
 
     share: Floats
     variance_m2: Floats

@@ -77,13 +77,11 @@ def forward(problem: Problem, about: Floats, out: Pass) -> None:
             mean = moves @ mean
             _without_bias(problem.drive.gyro, bias, moves, mean)
             covariance = moves @ covariance @ moves.T + noise
-            _free_jumped_clock(problem, k, mean, covariance)
+            if _lost(problem, k, mean, covariance) and state.start(problem.rows, k, mean, covariance):
+                motions.begin(problem.drive, k, mean, covariance)
+                out.begins[k] = True
         out.ahead[k], out.ahead_covariance[k] = mean, covariance
-        if out.begins[k] and not np.isfinite(about[k, 0]):
-            given = mean.copy()
-        else:
-            given = about[k]
-        mean, covariance = _correct(problem, k, given, mean, covariance)
+        mean, covariance = _correct(problem, k, about[k], mean, covariance)
         out.mean[k], out.covariance[k] = mean, covariance
         out.known[k] = True
         out.predicted[k] = count < ENOUGH_SATELLITES
@@ -99,12 +97,15 @@ def _without_bias(gyro: int, bias: float, moves: Floats, mean: Floats) -> None:
 
 
 @compiled
-def _free_jumped_clock(problem: Problem, epoch: int, mean: Floats, covariance: Floats) -> None:
-    """Where all satellites agree that the clock is another, as after a restart, let it be."""
+def _lost(problem: Problem, epoch: int, mean: Floats, covariance: Floats) -> bool:
+    """Whether the satellites contradict the place by kilometres, so that only a new start helps.
+
+    Where they all agree that only the clock is another, as after a restart of the receiver, it is let free.
+    """
     rows = problem.rows
     low, high = rows.first[epoch], rows.first[epoch + 1]
-    if high - low < ENOUGH_SATELLITES:
-        return
+    if high - low <= ENOUGH_SATELLITES:
+        return False
     row = np.empty(len(mean))
     off = np.empty(high - low)
     for r in range(low, high):
@@ -118,6 +119,8 @@ def _free_jumped_clock(problem: Problem, epoch: int, mean: Floats, covariance: F
             covariance[i, :] = 0.0
             covariance[:, i] = 0.0
         covariance[CLOCK, CLOCK], covariance[DRIFT, DRIFT] = _FREE_CLOCK_M**2, _FREE_DRIFT_MPS**2
+        return False
+    return bool(spread > _LOST_M + 5 * sigma)
 
 
 @compiled

@@ -29,7 +29,7 @@ _SLOWEST_MPS = 1.0  # below, a velocity tells no direction
 
 
 class Drive(NamedTuple):
-    """What moves the state, (m,): seconds since the epoch before, S with its sigma, yaw rate, and whether S is known."""
+    """What moves the state, (m,): seconds since the epoch before, S with its sigma, yaw rate, whether S is known."""
 
     dt_s: Floats
     speed_mps: Floats
@@ -146,4 +146,3 @@ def velocity(motion: Drive, epoch: int, mean: Floats, covariance: Floats) -> Non
             covariance[j, i] *= speed
         if motion.led[epoch]:
             covariance[i, i] += motion.sigma_mps[epoch] ** 2
-
