@@ -23,7 +23,8 @@ TAU_S = 4.0
 _STANDING_TAU_S, _LIKE_WAY_M = 60.0, 30.0  # standing, reflections stay; moving, as long as a house is beside
 _RATE_TAU_S = 1.0
 _RATE_SIGMA_MPS, _RATE_CN0_DBHZ = 0.2, 40.0  # notes 6; below, the sigma doubles every 6 dB
-_PASSES = 5
+_PASSES_WIDER = (4.0, 2.0, 1.0, 1.0, 1.0)
+"""What sigmas of range rates are multiplied by in each pass of the smoother: from coarse to fine."""
 _LOUDER = 1.05  # less more noise is not worth a new pass
 
 
@@ -119,6 +120,7 @@ def _problem(
         bent_per_m=np.array([0.5 * flat / (radius * (1 - 0.00669438)), 0.5 / radius]),
         inflation=_inflation(measured.time_s, tau_s),
         rate_inflation=_inflation(measured.time_s, np.full(len(measured), _RATE_TAU_S)),
+        rate_wider=1.0,
         longest_gap_s=LONGEST_BRIDGED_GAP_S,
     )
 
@@ -136,10 +138,10 @@ def _solve(problem: Problem, n: int, smoothed: bool) -> _Result:
     track = empty_pass(len(problem.drive.dt_s), n)
     forward(problem, np.full_like(track.mean, np.nan), track)
     mean, covariance = track.mean, track.covariance
-    for _ in range(_PASSES if smoothed else 0):
+    for wider in _PASSES_WIDER if smoothed else ():
         mean, covariance = np.empty_like(track.mean), np.empty_like(track.covariance)
         smooth(track, mean, covariance)
-        forward(problem, mean, track)
+        forward(problem._replace(rate_wider=wider), mean, track)
     return _Result(track, mean, covariance)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from fusion.compiled import compiled
 from fusion.gnss.solvers import one_sided_motion as motions
 from fusion.gnss.solvers import state
-from fusion.gnss.solvers.likelihood import Errors, variance_at
+from fusion.gnss.solvers.likelihood import Errors, reflected, variance_at
 from fusion.gnss.solvers.one_sided_motion import Drive
 from fusion.gnss.solvers.smoother import Pass
 from fusion.gnss.solvers.state import CLOCK, DRIFT, Rows
@@ -23,6 +23,8 @@ from fusion.types import Floats
 ITERATIONS = 3
 ENOUGH_SATELLITES = 4
 
+_STEP_WIDER = 3.0
+_LEAST_DIRECT = 0.02
 _SCALE_SIGMA, _SCALE_KNOWN = 0.03, 0.05
 _SCALE_TAU_S = 60.0  # an odometer's scale wanders with tyres and turns
 _JUMP_M, _JUMP_SPREAD_M = 200.0, 150.0
@@ -34,7 +36,7 @@ class Problem(NamedTuple):
     """All that a pass looks at: rows of satellites and what their errors are like, the motion, heights, and limits.
 
     ``inflation`` (m,) multiplies variances of pseudoranges and heights, ``rate_inflation`` (m,) those of range rates:
-    errors of neighbouring epochs are alike. ``rate_sigma_mps`` (n,), NaN where the rate is not used; ``height_m`` (m,)
+    errors of neighbouring epochs are alike. ``rate_wider`` multiplies ``rate_sigma_mps`` while a track is still searched. ``rate_sigma_mps`` (n,), NaN where the rate is not used; ``height_m`` (m,)
     above the ellipsoid's tangent plane at the origin. ``bent`` are 1 / (2 radius) to north and to east, by which the
     ellipsoid falls away from that plane.
     """
@@ -48,6 +50,7 @@ class Problem(NamedTuple):
     bent_per_m: Floats
     inflation: Floats
     rate_inflation: Floats
+    rate_wider: float
     longest_gap_s: float
 
 
@@ -131,13 +134,15 @@ def _correct(
     fixed = np.isfinite(given[0])
     at = given.copy() if fixed else mean.copy()
     after, spread = mean, covariance
+    wider = problem.rate_wider if fixed else problem.rate_wider * _STEP_WIDER ** (ITERATIONS - 1)
     for _ in range(1 if fixed else ITERATIONS):
         after, spread = mean.copy(), covariance.copy()
         _ranges(problem, epoch, at, after, spread)
-        _rates(problem, epoch, at, after, spread)
+        _rates(problem, epoch, at, wider, after, spread)
         _height(problem, epoch, at, after, spread)
         _scale(problem, epoch, at, after, spread)
         at = after.copy()
+        wider /= _STEP_WIDER
     return after, spread
 
 
@@ -152,19 +157,25 @@ def _ranges(problem: Problem, epoch: int, at: Floats, mean: Floats, covariance: 
 
 
 @compiled
-def _rates(problem: Problem, epoch: int, at: Floats, mean: Floats, covariance: Floats) -> None:
-    """Range rates under Cauchy's law: those of reflected signals are wrong too, to either side."""
-    rows, speed = problem.rows, problem.drive.speed_mps[epoch]
+def _rates(problem: Problem, epoch: int, at: Floats, wider: float, mean: Floats, covariance: Floats) -> None:
+    """Range rates under Cauchy's law, ``wider`` at first: a turn may not look as if all satellites were wrong.
+
+    Those of reflected signals are wrong too, to either side: they count as far as the pseudorange looks direct.
+    """
+    rows, errors, speed = problem.rows, problem.errors, problem.drive.speed_mps[epoch]
     row, gain = np.empty(len(mean)), np.empty(len(mean))
     moving = at.copy()
     moving[3:6] *= speed
     for r in range(rows.first[epoch], rows.first[epoch + 1]):
-        sigma = problem.rate_sigma_mps[r]
+        sigma = wider * problem.rate_sigma_mps[r]
         if not np.isfinite(sigma):
             continue
+        late = rows.range_m[r] - state.range_row(at, rows.place_m[r], rows.group[r], row)
+        direct = 1 - reflected(late, errors.share[r], errors.variance_m2[r], errors.delay_m[r])
         error = rows.rate_mps[r] - state.rate_row(moving, rows.place_m[r], rows.speed_mps[r], row)
         row[3:6] *= speed
         variance = 0.5 * (sigma * sigma + error * error) * problem.rate_inflation[epoch]
+        variance /= max(direct, _LEAST_DIRECT)
         _add(row, error, variance, at, mean, covariance, gain)
 
 
