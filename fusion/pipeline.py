@@ -16,8 +16,10 @@ from pydantic import ValidationError
 
 from fusion.errors import BadOptionsError, EmptyLogError, MethodError, NoMatchError
 from fusion.frames import LocalProjection
+from fusion.gnss import POSITIONINGS, Positioned, options_of, positioned
 from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
+from fusion.methods.epochs.road_heights import above_ellipsoid, heights_under
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
 from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
@@ -48,7 +50,7 @@ def parse_options(method: str, options: Mapping[str, Any] | None = None) -> Opti
     """Validate ``options`` for ``method``; raises ``UnknownNameError`` or ``BadOptionsError``."""
     model = METHODS[method].options_model
     try:
-        return model(**(options or {}))
+        chosen = model(**(options or {}))
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
@@ -57,10 +59,12 @@ def parse_options(method: str, options: Mapping[str, Any] | None = None) -> Opti
             f"Option {name!r} of method {method!r} is not usable: {first['msg']}. Its options are: {known}.",
             where=name,
         ) from None
+    options_of(POSITIONINGS[chosen.gnss], chosen.gnss_options)
+    return chosen
 
 
 def run_drive(
-    log: DriveLog,
+    log: DriveLog | Positioned,
     roads: RoadTable,
     dem: Dem | None,
     *,
@@ -70,12 +74,16 @@ def run_drive(
 ) -> tuple[RoadNetwork, DriveResult]:
     """Estimate the slopes of the segments that one drive went over.
 
+    Positions are computed first, as the options say, unless the log comes with them (``positions_of``); where a
+    solver made them and there is an elevation model, the heights of the matched road help to compute them again.
     Takes the roads along the log (``road_boxes``), so a whole country may be handed in. Returns
     the network that the result's segment indices refer to. Raises ``FusionError`` with a sentence for the
     person who supplied the log.
     """
     estimator = METHODS[method]
     chosen = options if isinstance(options, Options) else parse_options(method, options)
+    found = log if isinstance(log, Positioned) else positions_of(log, chosen, progress)
+    log = found.log
     if len(log.fix) < MIN_FIXES:
         raise EmptyLogError(
             f"The log holds {len(log.fix)} position(s); at least {MIN_FIXES} are needed for a slope. "
@@ -91,12 +99,28 @@ def run_drive(
     if not len(near):
         raise NoMatchError(_far_message(log))
     network = RoadNetwork.project(near, _plane(log))
+    if found.with_heights and dem:
+        found = _helped(found, network, dem)
+        log = found.log
     result = estimator.estimate(log, network, dem, chosen, progress)
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))
     progress("filter", 1.0)
-    report = _report(log, result, method, chosen, dem)
+    report = _report(log, result, method, chosen, dem) | {"gnss": found.report}
     return network, replace(result, report=report)
+
+
+def positions_of(log: DriveLog, options: Options, progress: Progress = no_progress) -> Positioned:
+    """The log with positions computed as the options of a method say; raises ``FusionError``."""
+    return positioned(log, options.gnss, options.gnss_options, progress)
+
+
+def _helped(found: Positioned, network: RoadNetwork, dem: Dem) -> Positioned:
+    """The positions again, helped by the heights of the road that they lead along, where they do."""
+    if found.with_heights is None:
+        return found
+    height = above_ellipsoid(heights_under(found.log, network, dem), found.height_ell_m)
+    return found.with_heights(height) if np.isfinite(height).any() else found
 
 
 def road_boxes(log: DriveLog) -> Floats:

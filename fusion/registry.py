@@ -22,7 +22,7 @@ METHOD_NAMES = (
     "dem",
 )
 """What ``fusion.methods.METHODS`` holds (a test holds them equal)."""
-DEFAULT_POSITIONING = "receiver"
+DEFAULT_POSITIONING = "auto"
 """How positions are computed from a log; one of ``fusion.gnss.POSITIONINGS``."""
 
 

@@ -29,7 +29,7 @@ LIBRARY = {
     "terrain": {"roads"},
     "matching": {"roads"},
     "network": {"roads", "filters"},
-    "methods": {"filters", "roads", "terrain", "matching", "network"},
+    "methods": {"filters", "gnss", "roads", "terrain", "matching", "network"},
     "pipeline": {"gnss", "methods", "network", "roads", "terrain"},
     "simulate": {"gnss", "roads"},
 }
@@ -55,7 +55,6 @@ FRAGMENTS: Mapping[str, str] = {
     "app/drives/outputs/draughtsman.py": "a program of its own",
     "app/map/outputs/csv_table.py": "one output, one file",
     "fusion/formats/nmea.py": "one log format, one file",
-    "fusion/gnss/receiver.py": "one positioning, one file",
 }
 """Short files with one importer that stay by themselves, each with the reason."""
 

@@ -27,7 +27,7 @@ from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
 from fusion.gnss import POSITIONINGS
 from fusion.methods import METHODS
-from fusion.methods.base import option_facts
+from fusion.methods.base import Options, option_facts
 from fusion.registry import DEFAULT_METHOD
 from fusion.terrain.windows import WINDOWS
 
@@ -109,12 +109,17 @@ def methods() -> str:
 
 def options() -> str:
     parts = []
-    for name, method in METHODS.items():
+    models = {
+        "every method": Options,
+        **{code(name): method.options_model for name, method in METHODS.items()},
+    }
+    for name, model in models.items():
         rows = [
             (code(option), plain(fact.default), fact.allowed, fact.description)
-            for option, fact in option_facts(method.options_model).items()
+            for option, fact in option_facts(model).items()
+            if model is Options or option not in Options.model_fields
         ]
-        parts.append(f"<details><summary>Options of {code(name)}</summary>\n\n")
+        parts.append(f"<details><summary>Options of {name}</summary>\n\n")
         parts.append(table(("option", "default", "allowed", "meaning"), rows) + "\n</details>\n\n")
     return "".join(parts).rstrip("\n") + "\n"
 

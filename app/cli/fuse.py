@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Bars, Console, write_json
-from app.cli.options import JsonFile, in_a_folder, parse_assignments
+from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
-from fusion.registry import DEFAULT_METHOD
+from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
     from app.cli.fuse_files import FusedLog, Fusion, Together
@@ -49,6 +49,8 @@ def fuse(
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="Option of the method; may be given several times."),
     ] = None,
+    gnss: GnssName = DEFAULT_POSITIONING,
+    gnss_option: GnssOption = None,
     control: Annotated[
         Path | None,
         typer.Option(
@@ -108,7 +110,7 @@ def fuse(
     from fusion.terrain.dem import Dem
 
     console: Console = ctx.obj
-    chosen = _usable(method, option or [], out)
+    chosen = _usable(method, option or [], gnss, gnss_option or [], out)
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
         points = read_control(control) if control else []
@@ -150,7 +152,7 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
     return rest, dem + more
 
 
-def _usable(method: str, option: list[str], out: Path | None) -> Options:
+def _usable(method: str, option: list[str], gnss: str, gnss_option: list[str], out: Path | None) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
     from app.map.outputs import output_for
     from fusion.pipeline import parse_options
@@ -158,7 +160,8 @@ def _usable(method: str, option: list[str], out: Path | None) -> Options:
     try:
         if out is not None:
             output_for(out)
-        return parse_options(method, parse_assignments(option))
+        positioning = {"gnss": gnss, "gnss_options": parse_assignments(gnss_option)}
+        return parse_options(method, {**positioning, **parse_assignments(option)})
     except (UnknownNameError, BadOptionsError) as error:
         raise typer.BadParameter(str(error)) from error
 

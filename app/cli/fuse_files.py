@@ -17,7 +17,7 @@ from fusion.formats import read_log
 from fusion.methods.base import OF_TERRAIN, DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 from fusion.network.control import ControlPoint
-from fusion.pipeline import network_datum, run_drive, solve_network, surroundings
+from fusion.pipeline import network_datum, positions_of, run_drive, solve_network, surroundings
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
@@ -74,11 +74,11 @@ class Fusion:
     def add(self, path: Path, progress: Progress = no_progress) -> FusedLog:
         """Read and fuse one log; raises ``FusionError`` or ``OSError`` and leaves the others untouched."""
         started = time.perf_counter()
-        log = read_log(path, progress=progress)
+        found = positions_of(read_log(path, progress=progress), self.options, progress)
         network, result = run_drive(
-            log, self.roads, self.dem, method=self.method, options=self.options, progress=progress
+            found, self.roads, self.dem, method=self.method, options=self.options, progress=progress
         )
-        rows = rows_of(self.roads, network.table)
+        log, rows = found.log, rows_of(self.roads, network.table)
         fused = FusedLog(path, network, rows, result, log.fix.time_s, time.perf_counter() - started)
         self.fused.append(fused)
         return fused

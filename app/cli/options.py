@@ -27,6 +27,21 @@ JsonFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Write the figures as JSON as well.", show_default=False),
 ]
+GnssOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--gnss-option",
+        metavar="NAME=VALUE",
+        help="Option of the positioning; may be given several times.",
+        show_default=False,
+    ),
+]
+GnssName = Annotated[
+    str,
+    typer.Option(
+        "--gnss", metavar="NAME", help="How positions are computed; `versant methods` lists the ways."
+    ),
+]
 
 
 def in_a_folder(path: Path | None) -> Path | None:

@@ -4,19 +4,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import JsonFile, in_a_folder
-from fusion.errors import FusionError, UnknownNameError
+from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
+from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
     from app.cli.positions import Positions
-    from fusion.gnss import Positioning
     from fusion.types import Progress
 
 app = typer.Typer(add_completion=False)
@@ -29,10 +29,8 @@ def track(
     out: Annotated[
         Path, typer.Option("-o", "--out", help="Positions: .csv or .geojson.", callback=in_a_folder)
     ],
-    gnss: Annotated[
-        str,
-        typer.Option(metavar="NAME", help="How positions are computed; `versant methods` lists the ways."),
-    ] = DEFAULT_POSITIONING,
+    gnss: GnssName = DEFAULT_POSITIONING,
+    gnss_option: GnssOption = None,
     json_file: JsonFile = None,
 ) -> None:
     """Write the positions of logs, with their heights and stated accuracies.
@@ -40,7 +38,7 @@ def track(
     A log that fails is reported, and the others go on.
     """
     from app.cli.positions import TRACK_WRITERS
-    from fusion.gnss import POSITIONINGS
+    from fusion.gnss import POSITIONINGS, options_of
 
     console: Console = ctx.obj
     if out.suffix.lower() not in TRACK_WRITERS:
@@ -48,8 +46,9 @@ def track(
             f"No track is written to files ending in {out.suffix!r}. Choose .csv or .geojson."
         )
     try:
-        positioning = POSITIONINGS[gnss]
-    except UnknownNameError as error:
+        chosen = parse_assignments(gnss_option or [])
+        options_of(POSITIONINGS[gnss], chosen)
+    except (UnknownNameError, BadOptionsError) as error:
         raise typer.BadParameter(str(error)) from error
     tracks: list[Positions] = []
     outcomes = []
@@ -57,11 +56,12 @@ def track(
         for path in logs:
             reason = None
             try:
-                tracks.append(_read(path, positioning, bars.work(path.name)))
+                tracks.append(_read(path, gnss, chosen, bars.work(path.name)))
             except (FusionError, OSError) as error:
                 reason = console.complain_of(path, error)
             found = 0 if reason else len(tracks[-1].fix)
-            outcomes.append({"file": str(path), "positions": found, "reason": reason})
+            report = {} if reason else tracks[-1].report
+            outcomes.append({"file": str(path), "positions": found, "reason": reason, "gnss": report})
     if tracks:
         TRACK_WRITERS[out.suffix.lower()](tracks, out)
         typer.echo(
@@ -72,9 +72,11 @@ def track(
         raise typer.Exit(1)
 
 
-def _read(path: Path, positioning: Positioning, progress: Progress) -> Positions:
+def _read(path: Path, gnss: str, options: Mapping[str, Any], progress: Progress) -> Positions:
     from app.cli.positions import Positions
     from fusion.formats import read_log
+    from fusion.gnss import positioned
 
-    log = read_log(path, progress=progress)
-    return Positions(path.name, positioning.positions(log, progress), log.gaps_s, log.geoid)
+    found = positioned(read_log(path, progress=progress), gnss, options, progress)
+    log = found.log
+    return Positions(path.name, log.fix, log.gaps_s, log.geoid, found.report, found.solved_epochs())

@@ -1,33 +1,48 @@
-"""How positions are computed from a log, by name. Solvers of raw pseudoranges will stand beside ``receiver``.
+"""How positions are computed from a log, by name: as logged, or by solvers of its raw pseudoranges.
 
-A new one is one file with a class that follows ``Positioning``, and one line here. Knows no road and no elevation.
+A new solver is one file with a class that follows ``Solver``, and one line here. Knows no road and no elevation.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any
 
-from fusion.gnss.receiver import ReceiverPositioning
-from fusion.registry import Registry
-from fusion.types import DriveLog, GnssFix, Progress
+from fusion.gnss.measurements import Solver
+from fusion.gnss.positioning import (
+    AutomaticPositioning,
+    Positioned,
+    Positioning,
+    ReceiverPositioning,
+    SolverPositioning,
+    options_of,
+)
+from fusion.registry import DEFAULT_POSITIONING, Registry
+from fusion.types import DriveLog, Progress, no_progress
 
-
-class Positioning(Protocol):
-    """A named way from what a receiver logged to positions."""
-
-    name: str
-    source: str
-    """Where it comes from: author, year, chapter."""
-    description: str
-    """One sentence for a person who chooses."""
-
-    def positions(self, log: DriveLog, progress: Progress) -> GnssFix:
-        """The positions of the log, with their accuracies where known.
-
-        Raises ``MissingSensorError`` where the log lacks what it takes.
-        """
-        ...
-
+SOLVERS: Registry[Solver] = Registry("solver")
 
 POSITIONINGS: Registry[Positioning] = Registry("positioning")
-POSITIONINGS.add(ReceiverPositioning.name, ReceiverPositioning())
+_receiver = ReceiverPositioning()
+_computed = {name: SolverPositioning(solver) for name, solver in SOLVERS.items()}
+POSITIONINGS.add(AutomaticPositioning.name, AutomaticPositioning(_receiver, _computed.get("one-sided")))
+POSITIONINGS.add(_receiver.name, _receiver)
+for _name, _positioning in _computed.items():
+    POSITIONINGS.add(_name, _positioning)
+
+__all__ = ["POSITIONINGS", "SOLVERS", "Positioned", "Positioning", "options_of", "positioned"]
+
+
+def positioned(
+    log: DriveLog,
+    name: str = DEFAULT_POSITIONING,
+    options: Mapping[str, Any] | None = None,
+    progress: Progress = no_progress,
+) -> Positioned:
+    """The log with positions by the positioning called ``name``.
+
+    Raises ``UnknownNameError``, ``BadOptionsError``, ``MissingSensorError`` or ``EmptyLogError``, each with a sentence
+    for the person who supplied the log.
+    """
+    chosen = POSITIONINGS[name]
+    return chosen.positions(log, options_of(chosen, options), progress)

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from fusion.errors import UnknownNameError
+from fusion.gnss import POSITIONINGS
 from fusion.network.pass_factor import PassFactor
-from fusion.registry import Registry
+from fusion.registry import DEFAULT_POSITIONING, Registry
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.types import DrawnMeasurements, DriveLog, Progress, SegmentSlope, Track
@@ -85,12 +86,6 @@ class DriveResult:
     """The factors anew if the log's altimeter is so many seconds late, where it has one"""
 
 
-class Options(BaseModel):
-    """Base of every method's options: immutable, unknown names refused, each field described with its unit."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
 @dataclass(frozen=True)
 class Registered:
     """Marks a string option, in ``Annotated``, as a name that ``registry`` holds; the refusal lists those."""
@@ -113,6 +108,23 @@ class Registered:
         except UnknownNameError as error:
             raise ValueError(str(error)) from None
         return name
+
+
+class Options(BaseModel):
+    """Base of every method's options: immutable, unknown names refused, each field described with its unit.
+
+    How positions are computed is every method's to be told; it is done before the method sees the log.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    gnss: Annotated[str, Registered(POSITIONINGS)] = Field(
+        default=DEFAULT_POSITIONING,
+        description="How positions are computed; all but receiver and auto need raw pseudoranges.",
+    )
+    gnss_options: dict[str, Any] = Field(
+        default_factory=dict, description="Options of that positioning, by name."
+    )
 
 
 @dataclass(frozen=True)
