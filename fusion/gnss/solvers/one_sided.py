@@ -66,20 +66,18 @@ class OneSided:
         Epochs with fewer than four satellites are marked predicted, though what there is helps. Covariances hold what
         the log itself tells of how alike errors are in time, and errors that stay with a satellite.
         """
+        if not len(measured.satellite):
+            return _nothing(len(measured))
         frame = state.Frame.around(measured)
-        n = state.states(measured)
-        if not len(measured):
-            return _solution(frame, None, np.empty((0, n)), np.empty((0, n, n)), measured, {})
         progress("positions", 0.0)
-        odometer = bool(options.odometer and np.isfinite(aids.speed_mps).any())
         law = learning.receiver_law(measured)
-        problem = _problem(frame, measured, aids, options, law, n if odometer else -1)
-        result = _solve(problem, n + odometer, options.smooth)
+        problem, n = problem_of(frame, measured, aids, options, law)
+        result = _solve(problem, n, options.smooth)
         level = learning.noise_level(problem.errors, learning.residuals(problem.rows, result.mean))
         if level > _LOUDER:
             law = replace(law, noise=level)
             problem = problem._replace(errors=law.errors(measured.cn0_dbhz))
-            result = _solve(problem, n + odometer, options.smooth)
+            result = _solve(problem, n, options.smooth)
         progress("positions", 0.5)
         mean, covariance, like_s = _honest(problem, measured, result, options.smooth)
         progress("positions", 1.0)
@@ -90,14 +88,18 @@ class OneSided:
             "noise": round(law.noise, 3),
             "errors_alike_s": round(like_s, 2),
             "runs": int(result.track.begins.sum()),
-            "odometer": odometer,
+            "odometer": problem.drive.gyro >= 0,
         }
         return _solution(frame, problem, mean, covariance, measured, report)
 
 
-def _problem(
-    frame: state.Frame, measured: Measurements, aids: Aids, options: OneSidedOptions, law: Law, gyro: int
-) -> Problem:
+def problem_of(
+    frame: state.Frame, measured: Measurements, aids: Aids, options: OneSidedOptions, law: Law | None = None
+) -> tuple[Problem, int]:
+    """What a pass looks at, and how many numbers the state has, under a law (that of notes 6 if none is given)."""
+    law = law or Law()
+    n = state.states(measured)
+    gyro = n if options.odometer and np.isfinite(aids.speed_mps).any() else -1
     drive = motions.drive(measured.time_s, aids, gyro >= 0, gyro)
     tau_s = np.where(
         drive.led, 1 / (1 / _STANDING_TAU_S + drive.speed_mps / _LIKE_WAY_M), np.full(len(measured), TAU_S)
@@ -110,7 +112,7 @@ def _problem(
     sine = np.sin(np.radians(latitude_deg[0]))
     flat = 1 - 0.00669438 * sine * sine  # first eccentricity squared, WGS 84
     radius = 6_378_137.0 / np.sqrt(flat)
-    return Problem(
+    problem = Problem(
         rows=frame.rows(measured, state.cn0_variance(measured.cn0_dbhz, measured.elevation_rad)),
         errors=law.errors(measured.cn0_dbhz),
         drive=drive,
@@ -123,6 +125,7 @@ def _problem(
         rate_wider=1.0,
         longest_gap_s=LONGEST_BRIDGED_GAP_S,
     )
+    return problem, n + (gyro >= 0)
 
 
 def _inflation(time_s: Floats, tau_s: Floats) -> Floats:
@@ -169,29 +172,34 @@ def _honest(
         mean, covariance = np.empty_like(track.mean), np.empty_like(track.covariance)
         smooth(track, mean, covariance)
     covariance[:, :3, :3] += learning.common_errors(wider, track, mean, len(measured.names))
-    result.track.predicted[:] = track.predicted
     return mean, covariance, like_s
 
 
 def _solution(
     frame: state.Frame,
-    problem: Problem | None,
+    problem: Problem,
     mean: Floats,
     covariance: Floats,
     measured: Measurements,
     report: dict[str, Any],
 ) -> Solution:
     position, velocity, spread = frame.to_ecef(mean, covariance)
-    nothing = np.empty(0)
-    residual = learning.residuals(problem.rows, mean) if problem else nothing
+    residual = learning.residuals(problem.rows, mean)
     few = np.diff(measured.first) < ENOUGH_SATELLITES
     return Solution(
         position_m=position,
         velocity_mps=velocity,
         covariance=spread,
         clock_m=mean[:, state.CLOCK],
-        nlos=learning.posterior(problem.errors, residual) if problem else nothing,
+        nlos=learning.posterior(problem.errors, residual),
         residual_m=residual,
         predicted=few & np.isfinite(mean[:, 0]),
         report=report,
     )
+
+
+def _nothing(epochs: int) -> Solution:
+    """For a log without any row."""
+    place, rows = np.full((epochs, 3), np.nan), np.empty(0)
+    square = np.full((epochs, 6, 6), np.nan)
+    return Solution(place, place.copy(), square, place[:, 0].copy(), rows, rows, np.zeros(epochs, bool))

@@ -36,9 +36,10 @@ class Problem(NamedTuple):
     """All that a pass looks at: rows of satellites and what their errors are like, the motion, heights, and limits.
 
     ``inflation`` (m,) multiplies variances of pseudoranges and heights, ``rate_inflation`` (m,) those of range rates:
-    errors of neighbouring epochs are alike. ``rate_wider`` multiplies ``rate_sigma_mps`` while a track is still searched. ``rate_sigma_mps`` (n,), NaN where the rate is not used; ``height_m`` (m,)
-    above the ellipsoid's tangent plane at the origin. ``bent`` are 1 / (2 radius) to north and to east, by which the
-    ellipsoid falls away from that plane.
+    errors of neighbouring epochs are alike. ``rate_wider`` multiplies ``rate_sigma_mps`` while a track is searched.
+    ``rate_sigma_mps`` (n,) is NaN where the rate is not used. ``height_m`` (m,) is above the ellipsoid at the height of
+    the frame's origin, which falls away from the frame's plane by ``bent_per_m`` (to north, to east) times the square
+    of the way.
     """
 
     rows: Rows
@@ -87,7 +88,6 @@ def forward(problem: Problem, about: Floats, out: Pass) -> None:
         mean, covariance = _correct(problem, k, about[k], mean, covariance)
         out.mean[k], out.covariance[k] = mean, covariance
         out.known[k] = True
-        out.predicted[k] = count < ENOUGH_SATELLITES
 
 
 @compiled

@@ -18,7 +18,7 @@ class Pass(NamedTuple):
     """A forward pass, (m,) epochs of n numbers: what was predicted, what was estimated, and how it moved there.
 
     ``moves`` (m, n, n) leads from the epoch before. ``begins`` marks epochs where a run begins; ``known`` those that
-    have an estimate. ``predicted`` marks epochs without a measurement that counts.
+    have an estimate.
     """
 
     ahead: Floats
@@ -28,20 +28,13 @@ class Pass(NamedTuple):
     moves: Floats
     begins: Bools
     known: Bools
-    predicted: Bools
-
-    def copy(self) -> Pass:
-        """With arrays of its own."""
-        return Pass(*(array.copy() for array in self))
 
 
 def empty_pass(epochs: int, n: int) -> Pass:
     """Nothing known yet."""
     table, square = np.full((epochs, n), np.nan), np.full((epochs, n, n), np.nan)
     no = np.zeros(epochs, bool)
-    return Pass(
-        table, square, table.copy(), square.copy(), np.zeros((epochs, n, n)), no, no.copy(), no.copy()
-    )
+    return Pass(table, square, table.copy(), square.copy(), np.zeros((epochs, n, n)), no, no.copy())
 
 
 @compiled
