@@ -1,8 +1,8 @@
 """Robust estimators from the literature, on the same measurements with the same motion as ``one-sided``.
 
 Only the model of errors differs: each turns residuals into weights (and offsets), and the same Kalman filter or
-smoother is run about the track before, ten times. A filter's weights come from its own estimates, a smoother's from
-the whole drive.
+smoother is run about the track before, ten times, thrice of them with Huber's weights. A filter's weights come from its
+own estimates, a smoother's from the whole drive.
 Nominal variances are those of notes 6 for WLS, EKF and Huber, inflated by the same correlation in time.
 
 Huber 1964; Cauchy and Geman-McClure as in Zhang 1997 (c for 95 % efficiency; 1); dynamic covariance scaling: Agarwal et
@@ -25,7 +25,7 @@ from fusion.gnss.solvers.one_sided_learning import residuals
 from fusion.gnss.solvers.smoother import empty_pass, smooth
 from fusion.types import Floats
 
-ROUNDS = 10
+ROUNDS, BEGUN = 10, 3
 WINDOW_S, RENEWED_S = 60.0, 5.0
 _COMPONENTS, _EM_ROUNDS = 3, 15
 
@@ -63,7 +63,7 @@ def track(
     out = empty_pass(len(measured), n)
     mean, covariance = np.full_like(out.mean, np.nan), np.full_like(out.covariance, np.nan)
     weights, offset = np.ones(len(ranges)), np.zeros(len(ranges))
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         rows = problem.rows._replace(range_m=ranges - offset)
         forward(problem._replace(rows=rows, errors=_normal(variance / weights)), mean, out)
         if smoothed:
@@ -71,7 +71,8 @@ def track(
         else:
             mean, covariance = out.mean.copy(), out.covariance.copy()
         off = residuals(problem.rows, mean)
-        weigh = ESTIMATORS[name]
+        # Laws with several optima begin from Huber's, which has one.
+        weigh = ESTIMATORS["huber" if name not in ("gaussian", "huber") and turn < BEGUN else name]
         if weigh is None:
             weights, offset = _self_tuned(measured, off, variance, smoothed)
         else:

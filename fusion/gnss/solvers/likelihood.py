@@ -76,19 +76,25 @@ def densities(error_m: float, variance_m2: float, delay_m: float) -> tuple[float
 
 
 @compiled
+def _part(share: float, log: float) -> float:
+    """share exp(log), 0 for no share: without any, the density of late signals may be as large as it likes."""
+    return share * math.exp(log) if share > 0.0 else 0.0
+
+
+@compiled
 def log_density(error_m: float, share: float, variance_m2: float, delay_m: float) -> float:
     """Logarithm of the law's density (1/m)."""
     clear, late = densities(error_m, variance_m2, delay_m)
-    top = max(clear, late)
-    return top + math.log((1 - share) * math.exp(clear - top) + share * math.exp(late - top))
+    top = max(clear, late) if share > 0.0 else clear
+    return top + math.log((1 - share) * math.exp(clear - top) + _part(share, late - top))
 
 
 @compiled
 def reflected(error_m: float, share: float, variance_m2: float, delay_m: float) -> float:
     """Probability that a pseudorange with this error was reflected."""
     clear, late = densities(error_m, variance_m2, delay_m)
-    top = max(clear, late)
-    direct, delayed = (1 - share) * math.exp(clear - top), share * math.exp(late - top)
+    top = max(clear, late) if share > 0.0 else clear
+    direct, delayed = (1 - share) * math.exp(clear - top), _part(share, late - top)
     return delayed / (direct + delayed)
 
 
@@ -96,8 +102,8 @@ def reflected(error_m: float, share: float, variance_m2: float, delay_m: float) 
 def pull(error_m: float, share: float, variance_m2: float, delay_m: float) -> float:
     """Minus the slope of the logarithm of the density (1/m): 0 at the mode, and 1/mean delay far on the late side."""
     clear, late = densities(error_m, variance_m2, delay_m)
-    top = max(clear, late)
-    noise, delayed = math.exp(clear - top), share * math.exp(late - top)
+    top = max(clear, late) if share > 0.0 else clear
+    noise, delayed = math.exp(clear - top), _part(share, late - top)
     # The delayed density's slope is (noise - itself) / mean delay.
     total = (1 - share) * noise + delayed
     return ((1 - share) * noise * error_m / variance_m2 + (delayed - share * noise) / delay_m) / total

@@ -118,7 +118,7 @@ def problem_of(
         drive=drive,
         rate_sigma_mps=rate_sigma,
         height_m=aids.height_m - height[0] if options.height else np.full(len(measured), np.nan),
-        height_sigma_m=np.asarray(aids.height_sigma_m, float),
+        height_sigma_m=np.array(aids.height_sigma_m, float),
         bent_per_m=np.array([0.5 * flat / (radius * (1 - 0.00669438)), 0.5 / radius]),
         inflation=_inflation(measured.time_s, tau_s),
         rate_inflation=_inflation(measured.time_s, np.full(len(measured), _RATE_TAU_S)),

@@ -45,7 +45,9 @@ def drive(time_s: Floats, aids: Aids, odometer: bool, gyro: int) -> Drive:
     dt = np.diff(time_s, prepend=time_s[:1])
     led = np.isfinite(aids.speed_mps) & odometer
     sigma = np.where(np.isfinite(aids.speed_sigma_mps), aids.speed_sigma_mps, 0.1)
-    return Drive(dt, np.where(led, np.abs(aids.speed_mps), 1.0), sigma, aids.yaw_rate_radps, led, gyro)
+    return Drive(
+        dt, np.where(led, np.abs(aids.speed_mps), 1.0), sigma, np.array(aids.yaw_rate_radps), led, gyro
+    )
 
 
 @compiled
