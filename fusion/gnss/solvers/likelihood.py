@@ -133,4 +133,4 @@ def variance_at(error_m: float, errors: Errors, row: int) -> float:
     least = 0.05 * math.sqrt(variance)
     if abs(off) < least:
         off = least
-    return max(off / pull(errors.mode_m[row] + off, share, variance, delay), 0.25 * variance)
+    return float(max(off / pull(errors.mode_m[row] + off, share, variance, delay), 0.25 * variance))
