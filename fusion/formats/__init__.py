@@ -37,11 +37,11 @@ read it fits the memory of a small server."""
 FORMATS: Registry[LogFormat] = Registry("log format")
 # asked in this order: the loosest, CSV, comes last
 FORMATS.add("rinex", RinexFormat())
+FORMATS.add("gnsslogger", GnssLoggerFormat())
 FORMATS.add("ubx", UbxFormat())
 FORMATS.add("u-center", UCenterFormat())
 FORMATS.add("nmea", NmeaFormat())
 FORMATS.add("gpx", GpxFormat())
-FORMATS.add("gnsslogger", GnssLoggerFormat())
 FORMATS.add("pseudoranges-csv", PseudorangesCsvFormat())
 FORMATS.add("csv", VersantCsvFormat())
 
