@@ -37,11 +37,11 @@ read it fits the memory of a small server."""
 FORMATS: Registry[LogFormat] = Registry("log format")
 # asked in this order: the loosest, CSV, comes last
 FORMATS.add("rinex", RinexFormat())
+FORMATS.add("gnsslogger", GnssLoggerFormat())
 FORMATS.add("ubx", UbxFormat())
 FORMATS.add("u-center", UCenterFormat())
 FORMATS.add("nmea", NmeaFormat())
 FORMATS.add("gpx", GpxFormat())
-FORMATS.add("gnsslogger", GnssLoggerFormat())
 FORMATS.add("pseudoranges-csv", PseudorangesCsvFormat())
 FORMATS.add("csv", VersantCsvFormat())
 
@@ -66,10 +66,15 @@ def read_log(source: Source, *, max_bytes: int = MAX_BYTES, progress: Progress =
 
 
 def read_logs(
-    sources: Sequence[Source], *, max_bytes: int = MAX_BYTES, progress: Progress = no_progress
+    sources: Sequence[Source],
+    *,
+    names: Sequence[str] = (),
+    max_bytes: int = MAX_BYTES,
+    progress: Progress = no_progress,
 ) -> DriveLog:
     """Read the files of one drive, each as by ``read_log``, and join them (``together``); one alone is that log.
 
+    ``names`` are what messages call them, for want of which paths have their own and others are numbered.
     ``max_bytes`` bounds the unpacked size of all of them. Files that are no logs are left out with a warning, unless
     there is nothing else. Raises as ``read_log``.
     """
@@ -80,7 +85,8 @@ def read_logs(
     notes, left, found = Notes(), max_bytes, list[Member]()
     for count, source in enumerate(sources, 1):
         data = load(source, left, notes, progress)
-        name = shown_name(source.name) if isinstance(source, Path) else f"file {count}"
+        name = source.name if isinstance(source, Path) else f"file {count}"
+        name = shown_name(names[count - 1] if count <= len(names) else name)
         inside = members(data, left, notes) if is_zip(data) else []
         inside = inside or [Member(name, data)]
         left -= sum(len(member.data) for member in inside)

@@ -15,7 +15,7 @@ import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Notes
-from fusion.signals import SYSTEMS, Navigation, RawGnss, Signals, unix_from_gps
+from fusion.signals import SBAS, SYSTEMS, Navigation, RawGnss, Signals, unix_from_gps
 from fusion.types import DriveLog, Floats, SensorTable
 
 SYSTEM_NAMES = ("GPS", "GLONASS", "Galileo", "BeiDou", "QZSS", "SBAS")
@@ -151,7 +151,7 @@ def _faults(raw: RawGnss) -> list[str]:
     of = np.concatenate([navigation.kepler.system, np.full(len(navigation.glonass), SYSTEMS.index("R"))])
     lacking: list[int] = []
     out: list[str] = []
-    for system in np.unique(signals.system):
+    for system in np.unique(signals.system[signals.system != SBAS]):  # SBAS is never used
         own = toe_s[of == system]
         if not len(own):
             lacking.append(int(system))

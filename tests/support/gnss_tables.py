@@ -88,3 +88,11 @@ def agree(a: object, b: object, **tolerance: float) -> bool:
         )
         for name in vars(a)
     )
+
+
+def rinex_head(
+    version: str, *lines: tuple[str, str], kind: str = "OBSERVATION DATA", system: str = "M"
+) -> list[str]:
+    """A header from contents and labels."""
+    first = (f"{version:>9}{'':11}{kind:20}{system:20}", "RINEX VERSION / TYPE")
+    return [f"{content:60}{label}" for content, label in (first, *lines, ("", "END OF HEADER"))]

@@ -132,4 +132,4 @@ def test_real_pseudoranges_agree_with_the_phones_own_rinex_file(shared_data: Pat
     assert np.isfinite(error).sum() > 200
     assert np.nanmedian(np.abs(error)) < 5
     by_system = [np.nanmedian(error[ours.system == s]) for s in np.unique(ours.system)]
-    assert np.all(np.abs(by_system) < 5)
+    assert np.all(np.abs(by_system) < 1)  # scales of time differ by 300 m for each microsecond

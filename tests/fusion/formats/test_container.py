@@ -42,6 +42,8 @@ def test_gzipped_once_or_twice_in_members_or_streamed_equals_plain(
         (b"\x89PNG\r\n\x1a\n" + bytes(50), "PNG"),
         (b"PK\x03\x04" + bytes(50), "ZIP"),
         (b"%PDF-1.7\n%\xe2\xe3", "PDF"),
+        (b"\x1f\x9d\x90" + bytes(50), "compress"),
+        (b"#cP2023  3 14  0  0  0.00000000     288 d+D   IGS14 FIT AIUB\n", "SP3"),
         (b'{"type": "FeatureCollection", "features": []}', "JSON"),
         (b'<?xml version="1.0"?><kml xmlns="x"><Document/></kml>', "KML"),
         (b"<!DOCTYPE html><html><body>no</body></html>", "HTML"),

@@ -10,6 +10,7 @@ import pytest
 
 from fusion.errors import EmptyLogError, LogError, MalformedLogError
 from fusion.formats import read_log
+from log_support import same
 
 
 def test_positions_are_those_of_the_satellite_receiver(samples: dict[str, bytes]) -> None:
@@ -33,6 +34,11 @@ def test_old_names_of_columns_are_known() -> None:
     assert (log.fix.time_s[0], log.fix.lat_deg[0], log.fix.height_ell_m[0]) == (1525448060, 50.95, 100.5)
     assert np.isnan(log.fix.h_acc_m[0])
     assert len(log.fix) == 1
+
+
+def test_sentences_among_the_lines_change_nothing(samples: dict[str, bytes]) -> None:
+    sentences = b"".join(b"NMEA," + line + b",1525448060000\n" for line in samples["nmea"].splitlines())
+    assert same(read_log(samples["gnsslogger"] + sentences), read_log(samples["gnsslogger"]))
 
 
 def test_damaged_lines_cost_themselves_only(make: SimpleNamespace) -> None:

@@ -102,6 +102,8 @@ def test_tables_follow_each_other_or_the_fuller_is_used() -> None:
     log = read_logs([OBSERVATIONS, sensors(10, 5.0), sensors(15)])
     assert len(log.odometry) == 15
     assert any("the 15 of file 3 are used, the 10 of file 2 are not" in w for w in log.warnings)
+    log = read_logs([OBSERVATIONS, sensors(10, 5.0), sensors(15)], names=["a", "dir/b.csv"])
+    assert any("the 15 of file 3 are used, the 10 of b.csv are not" in w for w in log.warnings)
 
 
 def test_signals_follow_each_other_or_the_fuller_are_used() -> None:

@@ -7,23 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fusion.errors import EmptyLogError, LogError, MalformedLogError
+from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.rinex import observations as rinex_observations
 from fusion.formats.rinex.log import RinexFormat
 from fusion.signals import BEIDOU, GALILEO, GLONASS, GPS, LIGHT_MPS, Navigation, Signals, gps_from_unix
 from fusion.simulate.write import rinex_file
 from fusion.types import DriveLog, no_progress
-from gnss_tables import agree, some_navigation, some_signals
+from gnss_tables import agree, rinex_head, some_navigation, some_signals
 
 L1_M = LIGHT_MPS / 1575.42e6
-
-
-def head(
-    version: str, *lines: tuple[str, str], kind: str = "OBSERVATION DATA", system: str = "M"
-) -> list[str]:
-    """A header from contents and labels."""
-    first = (f"{version:>9}{'':11}{kind:20}{system:20}", "RINEX VERSION / TYPE")
-    return [f"{content:60}{label}" for content, label in (first, *lines, ("", "END OF HEADER"))]
 
 
 def read(lines: list[str], navigation: Navigation | None = None) -> DriveLog:
@@ -49,7 +41,7 @@ EPOCH = "> 2023 11 07 23 43 15.0000000  0"
 
 def test_an_epoch_of_version_3() -> None:
     rows = [row("G07", 2e7, 1e8, -1000.5, 40.25), row("G 9", 2.1e7, None, 0.0)]
-    log = read([*head("3.04", GPS_3), f"{EPOCH}  2", *rows])
+    log = read([*rinex_head("3.04", GPS_3), f"{EPOCH}  2", *rows])
     s = signals_of(log)
     assert s.gps_s.tolist() == [gps_from_unix(np.array([1699400595.0]))[0] - 18]
     assert s.number.tolist() == [7, 9]
@@ -66,7 +58,7 @@ def test_an_epoch_of_version_3() -> None:
 )
 def test_epochs_of_every_scale_become_gps_seconds(scale: str, late_s: float) -> None:
     first = ("  2023    11    07    23    43   15.0000000     " + scale, "TIME OF FIRST OBS")
-    s = signals_of(read([*head("3.04", GPS_3, first), f"{EPOCH}  1", row("G07", 2e7)]))
+    s = signals_of(read([*rinex_head("3.04", GPS_3, first), f"{EPOCH}  1", row("G07", 2e7)]))
     assert s.gps_s[0] == 1383435795.0 + late_s
 
 
@@ -75,7 +67,7 @@ def test_a_file_of_one_system_alone_is_on_its_scale(system: str, late_s: float) 
     types = (f"{system}    1 C1C", "SYS / # / OBS TYPES")
     if system == "C":
         types = ("C    1 C2I", "SYS / # / OBS TYPES")
-    s = signals_of(read([*head("3.04", types, system=system), f"{EPOCH}  1", row(f"{system}07", 2e7)]))
+    s = signals_of(read([*rinex_head("3.04", types, system=system), f"{EPOCH}  1", row(f"{system}07", 2e7)]))
     assert s.gps_s[0] == 1383435795.0 + late_s
 
 
@@ -95,7 +87,7 @@ def test_beidou_gives_b1i_before_b1c_whatever_the_version_calls_it(
     version: str, codes: str, value: int, hz: float
 ) -> None:
     lines = [
-        *head(version, (f"C    2 {codes}", "SYS / # / OBS TYPES")),
+        *rinex_head(version, (f"C    2 {codes}", "SYS / # / OBS TYPES")),
         f"{EPOCH}  1",
         row("C21", 2e7 + 1, 2e7 + 2),
     ]
@@ -106,7 +98,7 @@ def test_beidou_gives_b1i_before_b1c_whatever_the_version_calls_it(
 
 def test_a_satellite_keeps_one_code_and_takes_doppler_of_the_same() -> None:
     types = ("G    6 C1C D1C S1C C1W D1W S1W", "SYS / # / OBS TYPES")
-    lines = head("3.04", types)
+    lines = rinex_head("3.04", types)
     for k in range(12):
         lines += [f"> 2023 11 07 23 43 {15 + k:2}.0000000  0  2"]
         # G01 has C/A nearly always, G02 has P(Y) alone
@@ -125,17 +117,19 @@ def test_glonass_channels_come_from_the_header_or_from_navigation_else_doppler_i
     slots = ("  2 R01  1 R02 -4", "GLONASS SLOT / FRQ #")
     body = [f"{EPOCH}  2", row("R01", 2e7, 100.0), row("R02", 2e7, 100.0)]
     wanted = -100.0 * LIGHT_MPS / np.array([1602e6 + 562.5e3, 1602e6 - 4 * 562.5e3])
-    stated = signals_of(read([*head("3.04", types, slots), *body]))
+    stated = signals_of(read([*rinex_head("3.04", types, slots), *body]))
     assert stated.range_rate_mps == pytest.approx(wanted)
-    beside = signals_of(read([*head("3.04", types), *body], some_navigation(1, 60)))
+    beside = signals_of(read([*rinex_head("3.04", types), *body], some_navigation(1, 60)))
     assert beside.range_rate_mps == pytest.approx(wanted)
-    alone = read([*head("3.04", types), *body])
+    alone = read([*rinex_head("3.04", types), *body])
     assert np.isnan(signals_of(alone).range_rate_mps).all()
     assert any("R01, R02" in w for w in alone.warnings)
 
 
 def test_scale_factors_are_divided_by() -> None:
-    lines = head("3.04", ("G    2 C1C S1C", "SYS / # / OBS TYPES"), ("G   10   1 S1C", "SYS / SCALE FACTOR"))
+    lines = rinex_head(
+        "3.04", ("G    2 C1C S1C", "SYS / # / OBS TYPES"), ("G   10   1 S1C", "SYS / SCALE FACTOR")
+    )
     s = signals_of(read([*lines, f"{EPOCH}  1", row("G01", 2e7, 400.0)]))
     assert (s.pseudorange_m[0], s.cn0_dbhz[0]) == (2e7, 40.0)
 
@@ -147,7 +141,7 @@ def test_types_of_observation_may_take_lines_and_change_in_mid_file() -> None:
         + " ".join(f"L{k}X" for k in (1, 2, 5, 6, 7, 8, 9))
     )
     types = [(f"G   14 {many}", "SYS / # / OBS TYPES"), ("       C1C", "SYS / # / OBS TYPES")]
-    lines = [*head("3.04", *types), f"{EPOCH}  1", row("G01", *[None] * 13, 2e7)]
+    lines = [*rinex_head("3.04", *types), f"{EPOCH}  1", row("G01", *[None] * 13, 2e7)]
     lines += [
         "> 2023 11 07 23 43 16.0000000  4  2",
         f"{'G    1 C1C':60}SYS / # / OBS TYPES",
@@ -161,7 +155,7 @@ def test_types_of_observation_may_take_lines_and_change_in_mid_file() -> None:
 
 def test_events_without_a_date_and_cycle_slips_are_passed_over() -> None:
     lines = [
-        *head("3.04", GPS_3),
+        *rinex_head("3.04", GPS_3),
         f"{EPOCH}  1",
         row("G01", 2e7),
         ">" + " " * 30 + "2  1",
@@ -175,7 +169,7 @@ def test_events_without_a_date_and_cycle_slips_are_passed_over() -> None:
 
 
 def test_power_failures_are_gaps() -> None:
-    lines = head("3.04", GPS_3)
+    lines = rinex_head("3.04", GPS_3)
     for second, flag in ((15, 1), (16, 0), (50, 1)):
         lines += [f"> 2023 11 07 23 43 {second:2}.0000000  {flag}  1", row("G01", 2e7)]
     log = read(lines)
@@ -184,7 +178,7 @@ def test_power_failures_are_gaps() -> None:
 
 
 def test_disorder_repetition_and_strange_systems_are_counted() -> None:
-    lines = head("3.04", GPS_3)
+    lines = rinex_head("3.04", GPS_3)
     for second in (16, 15, 15, 61):
         lines += [
             f"> 2023 11 07 23 43 {second:2}.0000000  0  3",
@@ -205,7 +199,7 @@ def test_disorder_repetition_and_strange_systems_are_counted() -> None:
 
 def test_pseudoranges_that_cannot_be_are_left_out() -> None:
     lines = [
-        *head("3.04", GPS_3),
+        *rinex_head("3.04", GPS_3),
         f"{EPOCH}  3",
         row("G01", -2e7),
         row("G02", 9999999999.999),
@@ -215,71 +209,10 @@ def test_pseudoranges_that_cannot_be_are_left_out() -> None:
         read(lines)
 
 
-def version_2(*, offset: str = "") -> list[str]:
-    """A file of version 2.11: 14 satellites, 6 types (two lines each)."""
-    types = ("     6    L1    L2    C1    P1    D1    S1", "# / TYPES OF OBSERV")
-    names = "G01G 2G03  4" + "".join(f"G{k:02d}" for k in range(5, 13)) + "R01E11"
-    out = head("2.11", types)
-    for second in range(2):
-        out += [f" 23 11  7 23 43 {15 + second:2}.0000000  0 14{names[:36]}{offset}", " " * 32 + names[36:]]
-        for k in range(14):
-            p1 = f"{2.2e7:14.3f}  "
-            c1 = " " * 16 if k == 1 else f"{2e7 + k:14.3f} 5"
-            out += [(" " * 32 + c1 + p1 + f"{-100.0:14.3f}  ").rstrip(), f"{30.0 + k:14.3f}  ".rstrip()]
-    return out
-
-
-def test_version_2_with_continued_lists_blanks_and_two_digit_years() -> None:
-    for lines in (version_2(), version_2(offset="  .000123456")):
-        log = read(lines)
-        s = signals_of(log)
-        assert s.gps_s.tolist() == [1383435795.0, 1383435796.0]
-        first = s.take_epochs(np.array([True, False]))
-        assert first.system.tolist() == [GPS] * 12 + [GLONASS, GALILEO]
-        assert first.number.tolist() == [*range(1, 13), 1, 11]
-        assert first.pseudorange_m.tolist() == [2e7, 2.2e7, *(2e7 + k for k in range(2, 14))]
-        assert first.cn0_dbhz.tolist() == [30.0 + k for k in range(14)]
-        assert first.range_rate_mps[0] == pytest.approx(100 * L1_M)
-        assert not log.skipped
-
-
-def test_version_2_takes_events_and_new_types() -> None:
-    lines = version_2()
-    event = [" " * 28 + "4  1", f"{'     1    C1':60}# / TYPES OF OBSERV"]
-    slips = [" 23 11  7 23 43 18.0000000  6  1G01", f"{5.0:14.3f}"]
-    new = [" 23 11  7 23 43 19.0000000  0  2G01G03", f"{2.3e7:14.3f}", f"{2.4e7:14.3f}"]
-    log = read([*lines, *event, *slips, *new])
-    assert signals_of(log).pseudorange_m[-2:].tolist() == [2.3e7, 2.4e7]
-    assert len(signals_of(log)) == 3
-    assert not log.skipped
-
-
-def test_version_2_with_a_line_lost_loses_that_epoch_and_no_other() -> None:
-    lines = version_2()
-    end = next(i for i, line in enumerate(lines) if "END OF HEADER" in line)
-    log = read([*lines[: end + 6], *lines[end + 7 :]])
-    assert signals_of(log).gps_s.tolist() == [1383435796.0]
-    assert log.skipped["epochs with fewer lines than they announce"] == 1
-
-
-def test_a_file_cut_off_anywhere_gives_whole_numbers_or_none() -> None:
-    for text in ("\n".join(version_2()), rinex_file.observations(some_signals(3, epochs=2))):
-        whole = signals_of(read([text]))
-        known = set(whole.pseudorange_m.tolist())
-        for cut in range(0, len(text), 7):
-            try:
-                log = RinexFormat().read(text[:cut].encode(), no_progress)
-            except LogError as error:
-                assert str(error).endswith(".")
-                continue
-            part = signals_of(log)
-            assert set(part.pseudorange_m.tolist()) <= known
-
-
 def test_too_many_headers_in_mid_file_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rinex_observations, "MOST_EVENTS", 3)
     with pytest.raises(MalformedLogError, match="headers in mid-file"):
-        read([*head("3.04", GPS_3), *[">" + " " * 30 + "4  0"] * 5])
+        read([*rinex_head("3.04", GPS_3), *[">" + " " * 30 + "4  0"] * 5])
 
 
 @pytest.mark.parametrize("name", ["pixel6.23o", "rinex_obs_mixed_types.20o"])
