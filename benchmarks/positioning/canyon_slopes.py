@@ -1,9 +1,9 @@
 """What slopes gain from positions of raw pseudoranges: drives through a simulated town whose streets reflect.
 
-Each drive is positioned by one solver at a time and fused as any log is. ``receiver`` is what a receiver logs that takes
-reflections at face value: weighted least squares epoch by epoch, with that solver's stated accuracy, and velocities
-from Doppler. All logs have the same velocities by Doppler but for the places that they are reckoned at, so that what
-differs is which road a drive is laid on, and where along it.
+Each drive is positioned by one solver at a time and fused as any log is. ``receiver`` is what a receiver logs that
+takes reflections at face value: weighted least squares epoch by epoch, with that solver's stated accuracy, and
+velocities from Doppler. All logs have the same velocities by Doppler but for the places that they are reckoned at, so
+that what differs is which road a drive is laid on, and where along it.
 """
 
 from __future__ import annotations

@@ -17,10 +17,23 @@ from fusion.gnss.positioning import (
     SolverPositioning,
     options_of,
 )
+from fusion.gnss.solvers.ekf import Ekf
+from fusion.gnss.solvers.jms_gmm import JmsGmm
+from fusion.gnss.solvers.ls import LeastSquares
+from fusion.gnss.solvers.one_sided import OneSided
+from fusion.gnss.solvers.particles import ParticleFilter
+from fusion.gnss.solvers.rbpf_dpm import RbpfDpm
 from fusion.registry import DEFAULT_POSITIONING, Registry
 from fusion.types import DriveLog, Progress, no_progress
 
 SOLVERS: Registry[Solver] = Registry("solver")
+SOLVERS.add("ls", LeastSquares(weighted=False))
+SOLVERS.add("wls", LeastSquares(weighted=True))
+SOLVERS.add("ekf", Ekf())
+SOLVERS.add("pf", ParticleFilter())
+SOLVERS.add("jms-gmm", JmsGmm())
+SOLVERS.add("rbpf-dpm", RbpfDpm())
+SOLVERS.add("one-sided", OneSided())
 
 POSITIONINGS: Registry[Positioning] = Registry("positioning")
 _receiver = ReceiverPositioning()
