@@ -136,7 +136,7 @@ class Sets:
 
     def known(self, logs: list[Path]) -> Fusion:
         """The logs together, from factors that are there already."""
-        return replace(self.fused, fused=[one for one in self.fused.fused if one.path in logs])
+        return replace(self.fused, fused=[one for one in self.fused.fused if one.source.paths[0] in logs])
 
 
 def of_constants(args: Namespace) -> list[Row]:

@@ -192,14 +192,18 @@ def rouen(
 
 
 def canyon_of(
-    drive: SimulatedDrive, radio: Radio = TOWN, navigation: Navigation | None = None
+    drive: SimulatedDrive,
+    radio: Radio = TOWN,
+    navigation: Navigation | None = None,
+    everywhere: str | None = None,
 ) -> CanyonDrive:
     """What a receiver of raw signals measures on a drive through a town; fronts and sky come from the town's seed.
 
     Without ``navigation`` a sky of GPS, Galileo and BeiDou satellites is made. In tunnels nothing is tracked.
+    ``everywhere`` as ``fronts_of_town`` has it.
     """
     ride = ride_of(drive)
-    fronts = fronts_of_town(drive.town, np.random.default_rng([drive.town.seed, 121]))
+    fronts = fronts_of_town(drive.town, np.random.default_rng([drive.town.seed, 121]), everywhere)
     if navigation is None:
         sky_rng = np.random.default_rng([drive.town.seed, drive.seed, 122])
         navigation = synthetic_navigation(

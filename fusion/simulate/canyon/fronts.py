@@ -145,8 +145,11 @@ def fronts_of_route(route: Route, rng: np.random.Generator, shares: dict[str, fl
     return Fronts.joined(parts).clear_of(route.points_m[:, :2])
 
 
-def fronts_of_town(town: Town, rng: np.random.Generator) -> Fronts:
-    """Fronts along a town's streets: urban in its middle, then industrial, then residential; motorways stand open."""
+def fronts_of_town(town: Town, rng: np.random.Generator, everywhere: str | None = None) -> Fronts:
+    """Fronts along a town's streets: urban in its middle, then industrial, then residential; motorways stand open.
+
+    ``everywhere`` names the one class that all its streets have instead.
+    """
     a, b = town.start, town.end
     x, y = town.node_x_m, town.node_y_m
     from_centre = np.hypot(0.5 * (x[a] + x[b]), 0.5 * (y[a] + y[b]))
@@ -166,7 +169,8 @@ def fronts_of_town(town: Town, rng: np.random.Generator) -> Fronts:
         )
         roads.append(line[:, :2])
         if built[k]:
-            parts.append(fronts_along(Route(line), _class_at(from_centre[k] / radius), rng))
+            kind = STREETS[everywhere] if everywhere else _class_at(from_centre[k] / radius)
+            parts.append(fronts_along(Route(line), kind, rng))
     return Fronts.joined(parts).clear_of(np.concatenate(roads))
 
 
