@@ -77,7 +77,13 @@ def _print(console: Console, result: Study) -> None:
     heads = ("", "residuals", "mean m", "median m", "spread m", "largest m", "C/N0 dB-Hz", "reflected")
     console.table(heads, rows, title="Residuals by satellite and by reception")
     laws = [
-        (t.law, f"{t.ks:.4f}", "yes" if t.ks_taken else "no", f"{t.chi2:.1f} ({t.dof})", t.chi2_taken)
+        (
+            t.law,
+            f"{t.ks:.4f}",
+            "yes" if t.ks_taken else "no",
+            f"{t.chi2:.1f} ({t.dof})" if t.dof else None,
+            t.chi2_taken,
+        )
         for t in result.laws
     ]
     if laws:

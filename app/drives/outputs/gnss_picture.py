@@ -30,6 +30,8 @@ MOST_DOTS = 20_000
 MOST_QUANTILES = 800
 LEAST_RANGE_M = 5.0
 """A scale of residuals reaches at least so far to either side: centimetres must not look like reflections."""
+_OUTER = 0.002
+"""Share of the quantiles at either end that may lie outside the picture."""
 _CN0_DBHZ = (25.0, 50.0)
 _ASIDE, _ABOVE, _CLEAR = 8.0, 4.5, 14.0
 """From a satellite to the middle of its name, and what keeps two names apart, in degrees of the sky's plot."""
@@ -153,10 +155,19 @@ def _draw_laws(best: Axes, worst: Axes, residual_m: Floats, laws: list[LawTest])
             continue
         law, seen = quantile_pairs(sample, fit_law(test[0].law, sample))
         keep = np.unique(np.linspace(0, len(law) - 1, MOST_QUANTILES).astype(np.int64))
-        ends = [min(law[0], seen[0]), max(law[-1], seen[-1])]
+        ends = _ends(law, seen)
+        axes.set_xlim(*ends)
+        axes.set_ylim(*ends)
         axes.plot(ends, ends, color=MUTED, lw=1.0, ls=(0, (4, 3)), zorder=1)
         axes.plot(law[keep], seen[keep], ls="none", marker="o", ms=3, mew=0, color=MIDDLE, zorder=2)
         axes.set_title(f"{word} law: {test[0].law} (KS {test[0].ks:.3f})", loc="left", fontsize=10)
+
+
+def _ends(law: Floats, seen: Floats) -> tuple[float, float]:
+    """The ends of both axes: all but the outermost quantiles, of which one wild residual would flatten the rest."""
+    low, high = np.quantile([law, seen], (_OUTER, 1 - _OUTER), axis=1)
+    margin = 0.08 * max(float(high.max() - low.min()), 1e-6)
+    return float(low.min()) - margin, float(high.max()) + margin
 
 
 def _draw_time(axes: Axes, measured: Measurements, solution: Solution) -> None:

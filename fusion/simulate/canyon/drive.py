@@ -9,8 +9,9 @@ import numpy as np
 from fusion.gnss.corrections import klobuchar_delay_m, troposphere_delay_m
 from fusion.gnss.earth import geodetic
 from fusion.gnss.measurements import Measurements
+from fusion.gnss.missing_navigation import NAMES
 from fusion.gnss.reception import NLOS
-from fusion.signals import GPS, LIGHT_MPS, SYSTEMS, Navigation, RawGnss, Signals
+from fusion.signals import GPS, LIGHT_MPS, Navigation, RawGnss, Signals
 from fusion.simulate.canyon.fronts import Fronts, fronts_of_route, fronts_of_town
 from fusion.simulate.canyon.radio import STUDY, TOWN, Clock, Radio, receive, run_clock, system_biases
 from fusion.simulate.canyon.ride import (
@@ -74,7 +75,7 @@ class CanyonDrive:
             satellite_m=sky.satellite_m,
             satellite_mps=sky.satellite_mps,
             names=names,
-            groups=tuple(SYSTEMS[s] for s in systems),
+            groups=tuple(NAMES[s] for s in systems),
             rough_m=self.ride.position_m[0],
         )
 

@@ -30,7 +30,7 @@ def test_pseudoranges_are_range_clock_and_error(run: CanyonDrive) -> None:
     rest = measured.pseudorange_m - np.linalg.norm(measured.satellite_m - where, axis=1)
     np.testing.assert_allclose(rest, run.error_m, atol=1e-6)
     assert len(measured) == 594
-    assert measured.groups == ("G",)
+    assert measured.groups == ("GPS",)
     assert np.all(run.clock.bias_m == 0)
 
 
@@ -102,7 +102,7 @@ def test_systems_have_biases_and_tunnels_no_signal(town: Town) -> None:
     assert np.all(np.diff(found.sky.first)[~drive.has_gnss] == 0)
     assert np.all(np.diff(found.sky.first)[drive.has_gnss] > 0)
     measured = found.measurements()
-    assert measured.groups == ("G", "E", "C")
+    assert measured.groups == ("GPS", "Galileo", "BeiDou")
     assert len({float(b) for b in found.system_bias_m}) == 3
     assert np.all(found.system_bias_m[measured.group == 0] == 0)
 
