@@ -8,7 +8,6 @@ true ECEF places, all at the same epochs.
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,21 +16,13 @@ from fusion.gnss.earth import EARTH_RATE_RADPS, elevation_azimuth
 from fusion.gnss.measurements import Aids, Measurements
 from fusion.signals import GLONASS, GPS, LIGHT_MPS, satellite_name
 from fusion.types import Floats
+from positioning.scoring import Scene
 
 STEM = "smartLoc__Berlin_Potsdamer_Platz"
 BEGAN_UNIX_S = 1_400_000_000.0
 """The log's time begins at 0 and says nothing of the date; any will do."""
 _SYSTEMS = {1: (GPS, 0), 4: (GLONASS, 300)}
 """Number of the system in the file -> ours, and what its satellites' numbers are raised by."""
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A log with its truth: ``truth_m`` (m, 3) in ECEF at the epochs of ``measured``, NaN where unknown."""
-
-    measured: Measurements
-    aids: Aids
-    truth_m: Floats
 
 
 def read(folder: Path) -> Scene:

@@ -62,15 +62,16 @@ class Frame:
 
     def rows(self, measured: Measurements, variance_m2: Floats) -> Rows:
         """The measurements in this frame; ``variance_m2`` (n,) as ``cn0_variance`` has it, or any other."""
+        # Copies: views and arrays that may not be written to would be compiled for once more.
         return Rows(
-            np.asarray(measured.first, np.int64),
-            np.asarray(measured.satellite, np.int64),
-            np.asarray(measured.group, np.int64),
-            np.ascontiguousarray(measured.pseudorange_m, float),
-            np.ascontiguousarray(measured.range_rate_mps, float),
-            np.ascontiguousarray(variance_m2, float),
-            np.ascontiguousarray((measured.satellite_m - self.origin_m) @ self.axes.T),
-            np.ascontiguousarray(measured.satellite_mps @ self.axes.T),
+            np.array(measured.first, np.int64),
+            np.array(measured.satellite, np.int64),
+            np.array(measured.group, np.int64),
+            np.array(measured.pseudorange_m, float),
+            np.array(measured.range_rate_mps, float),
+            np.array(variance_m2, float),
+            np.array((measured.satellite_m - self.origin_m) @ self.axes.T, order="C"),
+            np.array(measured.satellite_mps @ self.axes.T, order="C"),
         )
 
     def to_ecef(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats, Floats]:
