@@ -46,7 +46,7 @@ class JmsGmmOptions(ParticleOptions):
     """The reading, the window and the mixture."""
 
     reading: Literal["stabilised", "literal"] = Field(
-        "stabilised", description="stabilised, or literal: as printed, which diverges."
+        "stabilised", description="stabilised, or literal: as printed, to see what happens."
     )
     threshold_dbhz: float = Field(
         THRESHOLDS_DBHZ["u-blox"],
