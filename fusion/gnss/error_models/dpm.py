@@ -48,7 +48,7 @@ _VARIANCES_M2 = (1e-4, 1e4)  # an inverse chi-square of three degrees of freedom
 
 
 class Urns(NamedTuple):
-    """What particles drew for satellites, in a ring of the last rows (epochs): ``mean_m`` and ``variance_m2`` (k, s, n).
+    """What particles drew for satellites, in a ring of the last rows (epochs): ``mean_m``, ``variance_m2`` (k, s, n).
 
     ``line`` (k, n) names for each particle the place that its ancestor had in a row, so that resampling copies one
     table of numbers and no draws. ``queue`` (s, k), ``head`` and ``seen`` (s,): the rows that have a satellite, oldest

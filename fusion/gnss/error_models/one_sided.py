@@ -16,7 +16,7 @@ UNKNOWN_CN0_DBHZ = 30.0
 
 @dataclass(frozen=True)
 class OneSidedModel:
-    """(1 - p) N(0, s2) + p [N(0, s2) * Exp(mean ``delay_m``)]; p = 1 / (1 + exp((C/N0 - ``even_dbhz``) / ``slope_db``)),
+    """(1 - p) N(0, s2) + p [N(0, s2) * Exp(mean ``delay_m``)], p = 1 / (1 + exp((C/N0 - ``even_dbhz``) / slope)).
 
     s2 = ``near_m``^2 + ``noise_m``^2 10^((45 - C/N0) / 10). All values are of notes 6, fixed beforehand.
     """

@@ -46,7 +46,7 @@ class JmsGmmOptions(ParticleOptions):
     """The reading, the window and the mixture."""
 
     reading: Literal["stabilised", "literal"] = Field(
-        "stabilised", description="stabilised, or literal: as printed, which diverges."
+        "stabilised", description="stabilised, or literal: as printed, to see what happens."
     )
     threshold_dbhz: float = Field(
         THRESHOLDS_DBHZ["u-blox"],
@@ -107,15 +107,8 @@ class _Model:
         ]
         known = len(chains)
         # No more epochs than the window holds at the log's shortest step, nor than there are.
-        room = (
-            int(
-                np.max(
-                    np.arange(len(seen))
-                    - np.searchsorted(measured.time_s, measured.time_s - options.window_s)
-                )
-            )
-            + 1
-        )
+        begin = np.searchsorted(measured.time_s, measured.time_s - options.window_s)
+        room = int(np.max(np.arange(len(begin)) - begin, initial=0)) + 1
         windows = Windows(
             np.zeros((known, room)), np.zeros((known, room)), np.zeros(known, np.int64), np.zeros(known, np.int64),
             np.zeros((known, 3, options.components)),

@@ -7,8 +7,10 @@ the estimate and its covariance are here.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numba
 import numpy as np
@@ -41,7 +43,9 @@ class ParticleOptions(SolverOptions):
     """What all particle solvers take."""
 
     particles: int = Field(200, ge=2, le=100_000, description="Number of particles N.")
-    resampling: str = Field("systematic", description="Scheme of resampling.")
+    resampling: Literal["multinomial", "residual", "stratified", "systematic"] = Field(
+        "systematic", description="Scheme of resampling."
+    )
     eta: float = Field(
         0.7, gt=0, le=1, description="Resampled where fewer than eta N particles count (0.6 to 0.8)."
     )
@@ -61,6 +65,8 @@ class Bank:
 
     def estimate(self) -> tuple[Floats, Floats, Floats]:
         """Mean (n,) and covariance (n, n) of the particles' mixture, and their weights (N,)."""
+        if not (np.isfinite(self.log_weights).all() and np.isfinite(self.means).all()):
+            raise np.linalg.LinAlgError("the particles have left what numbers can hold")
         weights = normalised(self.log_weights)
         mean = weights @ self.means
         away = self.means - mean
@@ -154,6 +160,16 @@ class _Round:
         self.moved_by[:], self.shadow[:], self.since_s = 0.0, covariance, 0.0
         return True
 
+    def epoch(
+        self, k: int, time_s: Floats, unseen_m2: Floats, enough: bool
+    ) -> tuple[Floats, Floats, Floats] | None:
+        """Begin, begin anew or go on; None as long as nothing is known."""
+        dt_s = float(time_s[k] - time_s[max(k - 1, 0)])
+        lost = dt_s > LONGEST_BRIDGED_GAP_S or np.trace(self.shadow[:2, :2]) > LOST_M**2
+        if (math.isnan(self.since_s) or lost) and enough and self.begin(k):
+            return *self.bank.estimate()[:2], np.full(self.rows.first[k + 1] - self.rows.first[k], np.nan)
+        return None if math.isnan(self.since_s) else self.go_on(k, dt_s, unseen_m2, enough)
+
     def go_on(self, k: int, dt_s: float, unseen_m2: Floats, enough: bool) -> tuple[Floats, Floats, Floats]:
         """Predict and, where there are satellites, correct; returns the estimate, and the rows' NLOS probabilities."""
         n = self.bank.means.shape[1]
@@ -209,37 +225,50 @@ class _Round:
         self.model.resampled(bank, ancestors)
 
 
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Some hundred particles are too few to share out: threads that wait for one another cost more than they save."""
+    former = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(former)
+
+
 def run(
     measured: Measurements, rows: Rows, model: Model, options: ParticleOptions, seed: int, progress: Progress
 ) -> Solution:
     """All epochs of a drive; ``rows`` as ``rows_of`` has them."""
     n, count = states(measured), options.particles
     bank = Bank(np.zeros((count, n)), np.zeros((count, n, n)), np.zeros(count), np.random.default_rng(seed))
-    known = len(measured.names)
-    state = _Round(rows, bank, model, options, seed, np.zeros((n, known)), np.zeros(known), np.zeros((n, n)))
+    names = len(measured.names)
+    state = _Round(rows, bank, model, options, seed, np.zeros((n, names)), np.zeros(names), np.zeros((n, n)))
     unseen = OneSidedModel().second_moment_m2(measured.cn0_dbhz)
     means, covariances = np.full((len(measured), n), np.nan), np.full((len(measured), n, n), np.nan)
     residual, nlos = np.full(len(rows.range_m), np.nan), np.full(len(rows.range_m), np.nan)
     predicted = np.zeros(len(measured), bool)
-    former = numba.get_num_threads()
-    numba.set_num_threads(1)
-    for k in range(len(measured)):
-        dt_s = float(measured.time_s[k] - measured.time_s[max(k - 1, 0)])
-        enough = count_satellites(rows, k) >= FEWEST
-        lost = dt_s > LONGEST_BRIDGED_GAP_S or np.trace(state.shadow[:2, :2]) > LOST_M**2
-        if (math.isnan(state.since_s) or lost) and enough and state.begin(k):
-            means[k], covariances[k], _ = bank.estimate()
-        elif not math.isnan(state.since_s):
+    restarts = 0
+    with _one_thread():
+        for k in range(len(measured)):
             part = slice(int(rows.first[k]), int(rows.first[k + 1]))
-            means[k], covariances[k], nlos[part] = state.go_on(k, dt_s, unseen, enough)
-            predicted[k] = not enough
-        fill_residuals(rows, k, means[k], residual)
-        if k % 64 == 0:
-            progress("positioning", k / len(measured))
-    numba.set_num_threads(former)
+            enough = count_satellites(rows, k) >= FEWEST
+            try:
+                known = state.epoch(k, measured.time_s, unseen, enough)
+            except np.linalg.LinAlgError:  # what a literal reading may come to: it begins anew
+                state.since_s, known = math.nan, None
+                restarts += 1
+            if known is not None:
+                means[k], covariances[k], nlos[part] = known
+                predicted[k] = not enough
+            fill_residuals(rows, k, means[k], residual)
+            if k % 64 == 0:
+                progress("positioning", k / len(measured))
     progress("positioning", 1.0)
     position, velocity, covariance = Frame.around(measured).to_ecef(means, covariances)
-    return Solution(position, velocity, covariance, means[:, CLOCK], nlos, residual, predicted)
+    return Solution(
+        position, velocity, covariance, means[:, CLOCK], nlos, residual, predicted, {"restarts": restarts}
+    )
 
 
 def rows_of(measured: Measurements) -> Rows:

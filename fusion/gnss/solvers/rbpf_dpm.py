@@ -38,7 +38,7 @@ class RbpfDpmOptions(ParticleOptions):
     """The reading, the threshold, and the two base measures."""
 
     reading: Literal["stabilised", "literal"] = Field(
-        "stabilised", description="stabilised, or literal: as printed, which diverges."
+        "stabilised", description="stabilised, or literal: as printed, to see what happens."
     )
     threshold_dbhz: float = Field(
         THRESHOLDS_DBHZ["u-blox"],
