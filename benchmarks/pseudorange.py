@@ -31,9 +31,10 @@ import numpy as np
 
 from fusion.formats import read_logs
 from fusion.gnss import SOLVERS
+from fusion.gnss.aids import aids_of
 from fusion.gnss.earth import ecef, geodetic
 from fusion.gnss.measure import measure
-from fusion.gnss.measurements import Aids, Solution, Solver
+from fusion.gnss.measurements import Solution, Solver
 from fusion.signals import WEEK_S, unix_from_gps
 from fusion.types import Floats, no_progress
 from positioning import smartloc
@@ -85,7 +86,7 @@ def recorded(files: list[Path], truth: Path) -> Scene:
     order = np.argsort(time_s)
     places = ecef(table["lon_deg"], table["lat_deg"], table["height_m"])[order]
     true = interpolated(measured.time_s, time_s[order], places)
-    return Scene(measured, Aids.none(len(measured)), true)
+    return Scene(measured, aids_of(log, measured.time_s), true)
 
 
 def interpolated(at_s: Floats, time_s: Floats, places: Floats) -> Floats:
