@@ -19,7 +19,14 @@ from fusion.frames import LocalProjection
 from fusion.gnss import POSITIONINGS, Positioned, options_of, positioned
 from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
-from fusion.methods.epochs.road_heights import above_ellipsoid, heights_under
+from fusion.methods.epochs.computed_positions import (
+    NO_GRADE,
+    above_ellipsoid,
+    heights_under,
+    knows_grade,
+    places_alone,
+    without_heights,
+)
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
 from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
@@ -99,10 +106,11 @@ def run_drive(
     if not len(near):
         raise NoMatchError(_far_message(log))
     network = RoadNetwork.project(near, _plane(log))
-    if found.with_heights and dem:
+    if dem:
         found = _helped(found, network, dem)
-        log = found.log
+    log, graded = _for_slopes(found, dem)
     result = estimator.estimate(log, network, dem, chosen, progress)
+    result = result if graded else places_alone(result)
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))
     progress("filter", 1.0)
@@ -121,6 +129,14 @@ def _helped(found: Positioned, network: RoadNetwork, dem: Dem) -> Positioned:
         return found
     height = above_ellipsoid(heights_under(found.log, network, dem), found.height_ell_m)
     return found.with_heights(height) if np.isfinite(height).any() else found
+
+
+def _for_slopes(found: Positioned, dem: Dem | None) -> tuple[DriveLog, bool]:
+    """The log as methods take it, and whether slopes may be made of it."""
+    if found.solution is None:
+        return found.log, True
+    graded = dem is not None or knows_grade(found.log)
+    return (without_heights(found.log) if graded else found.log), graded
 
 
 def road_boxes(log: DriveLog) -> Floats:
@@ -178,7 +194,7 @@ def _matched_share(track: Track) -> float:
 
 def _warnings(result: DriveResult) -> list[str]:
     """Why nothing came out, where nothing did."""
-    if result.slopes:
+    if result.slopes or NO_GRADE in result.report.get("warnings", ()):
         return []
     track = result.track
     matched = np.mean(track.segment >= 0)

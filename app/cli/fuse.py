@@ -180,7 +180,10 @@ def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict
                 "reason": f"the same bytes as {twin}",
                 "segments": 0,
             }
-        return summary(fusion.add(source, bars.work(source.short_name)))
+        outcome = summary(fusion.add(source, bars.work(source.short_name)))
+        for why in () if outcome["segments"] else outcome["report"]["warnings"]:
+            console.note(f"{source.name}: {why}")
+        return outcome
     except (FusionError, OSError) as error:
         if console.debug:
             raise

@@ -1,7 +1,7 @@
 """From a log to positions by name: as logged, by a solver of its raw measurements, or by whichever is better.
 
-What a solver gives is published with floors on its sigmas, and its heights lead the way to no slope by themselves: see
-``SolverPositioning``. Knows no road; heights of roads may be handed in (``Positioned.with_heights``).
+What a solver gives is published with floors on its sigmas. Knows no road; heights of roads may be handed in
+(``Positioned.with_heights``).
 """
 
 from __future__ import annotations
@@ -145,9 +145,7 @@ class SolverPositioning:
     """Positions by a solver of raw measurements.
 
     Velocities are the receiver's own where it logged any with a vertical part, else from Doppler epoch by epoch, else
-    the solver's along the ground. **Heights** of such a solution err by metres that come and go within a hundred
-    metres of street: without Doppler or another sensor that knows the vertical they are left out of the fix, so that
-    no slope is made of them alone.
+    the solver's along the ground. Heights are the solver's; no slope is made of them alone (``fusion.pipeline``).
     """
 
     def __init__(self, solver: Solver) -> None:
@@ -232,14 +230,13 @@ def _log_of(log: DriveLog, measured: Measurements, solution: Solution) -> DriveL
     velocity = log.velocity
     if not log.velocity.has("vel_d_mps"):
         velocity = _velocities(measured, solution, solved, axes)
-    vertical = velocity.has("vel_d_mps") or len(log.pressure) > 0 or log.attitude.has("pitch_rad")
     fix = GnssFix.assemble(
         time_s,
         lat_deg=lat,
         lon_deg=lon,
-        height_ell_m=height if vertical else np.full(len(height), np.nan),
+        height_ell_m=height,
         h_acc_m=np.maximum(np.sqrt(local[:, 0, 0] + local[:, 1, 1]), H_FLOOR_M),
-        v_acc_m=np.maximum(np.sqrt(local[:, 2, 2]), V_FLOOR_M) if vertical else np.full(len(height), np.nan),
+        v_acc_m=np.maximum(np.sqrt(local[:, 2, 2]), V_FLOOR_M),
     )
     said = tuple(sentence for sentence in measured.warnings if sentence not in log.warnings)
     return replace(log, fix=fix, velocity=velocity, geoid="unknown", warnings=(*log.warnings, *said))

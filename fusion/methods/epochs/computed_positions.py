@@ -1,14 +1,48 @@
-"""The height of the road under a drive, from an elevation model: it helps positioning where a road is matched."""
+"""What slopes may take from positions that were computed from raw signals, and what the road gives back to these.
+
+Such heights are wrong by metres that come and go within a hundred metres of street, and a smoother makes them look far
+better than they are. So slopes take the places alone; what knows grades are Doppler, attitude, force, pressure and
+elevation models. A drive that has none of these is laid on its roads and says nothing of slopes (notes 6).
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.path import PathMatch
+from fusion.methods.base import DriveResult
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats
+from fusion.types import DriveLog, Floats, Ints
+
+NO_GRADE = (
+    "No slope was made of this drive: its positions were computed from pseudoranges, whose heights change by metres "
+    "within a street, and nothing else in it knows the grade. Record Doppler, attitude, acceleration or pressure as "
+    "well, or give an elevation model."
+)
+
+
+def knows_grade(log: DriveLog) -> bool:
+    """Whether anything in the log but its positions knows how steep the road is."""
+    sensed = log.velocity.has("vel_d_mps") or log.attitude.has("pitch_rad") or log.force.has("acc_x_mps2")
+    return bool(sensed or log.pressure.has("pressure_pa"))
+
+
+def without_heights(log: DriveLog) -> DriveLog:
+    """The same log with places alone."""
+    unknown = np.full(len(log.fix), np.nan)
+    return replace(log, fix=replace(log.fix, alt_msl_m=unknown, height_ell_m=unknown, v_acc_m=unknown))
+
+
+def places_alone(result: DriveResult) -> DriveResult:
+    """A result without anything that came from heights: the track on its roads, and a warning why there is no slope."""
+    track, unknown = result.track, np.full(len(result.track), np.nan)
+    track = replace(track, alt_m=unknown, alt_sigma_m=unknown, pitch_rad=unknown, pitch_sigma_rad=unknown)
+    report = {**result.report, "warnings": [NO_GRADE]}
+    return DriveResult(track, (), report)
 
 
 def heights_under(log: DriveLog, network: RoadNetwork, dem: Dem) -> Floats:
@@ -44,7 +78,7 @@ def above_ellipsoid(height_m: Floats, solved_ell_m: Floats) -> Floats:
     return height_m + float(np.median(solved_ell_m[both] - height_m[both]))
 
 
-def _places(match: PathMatch) -> tuple[np.ndarray, Floats]:
+def _places(match: PathMatch) -> tuple[Ints, Floats]:
     """The segment (-1 off the road) and the distance from its from_node of each sample."""
     row, along = match.position_on(match.distance_m)
     row = np.where(match.traversal >= 0, row, -1)
