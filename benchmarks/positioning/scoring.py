@@ -55,7 +55,7 @@ def figures(scene: Scene, solution: Solution) -> dict[str, float]:
         "mean_3d_m": float(np.linalg.norm(off[solved], axis=1).mean()),
         "up_m": float(off[solved, 2].mean()),
         "within_95": float((stated < CHI2_95_2D).mean()) if len(stated) else float("nan"),
-        "sigma_m": float(np.nanmedian(sigma[solved])),
+        "sigma_m": float(np.nanmedian(sigma[solved])) if len(stated) else float("nan"),
         "epochs": float(solved.sum()),
         "missing": float((true & ~solved).sum()),
     }

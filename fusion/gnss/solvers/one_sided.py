@@ -19,9 +19,9 @@ from fusion.gnss.solvers.smoother import Pass, empty_pass, smooth
 from fusion.types import LONGEST_BRIDGED_GAP_S, Floats, Progress
 
 TAU_S = 4.0
-"""So long are errors of a satellite alike at the speed of traffic in a town (notes 6: 2 to 5 s)."""
+"""So long are errors of a satellite alike at the speed of traffic in a town (notes 6: 2 to 5 s); its range rate is wrong
+for as long as its pseudorange is."""
 _STANDING_TAU_S, _LIKE_WAY_M = 60.0, 30.0  # standing, reflections stay; moving, as long as a house is beside
-_RATE_TAU_S = 1.0
 _RATE_SIGMA_MPS, _RATE_CN0_DBHZ = 0.2, 40.0  # notes 6; below, the sigma doubles every 6 dB
 _PASSES_WIDER = (4.0, 2.0, 1.0, 1.0, 1.0)
 """What sigmas of range rates are multiplied by in each pass of the smoother: from coarse to fine."""
@@ -121,7 +121,7 @@ def problem_of(
         height_sigma_m=np.array(aids.height_sigma_m, float),
         bent_per_m=np.array([0.5 * flat / (radius * (1 - 0.00669438)), 0.5 / radius]),
         inflation=_inflation(measured.time_s, tau_s),
-        rate_inflation=_inflation(measured.time_s, np.full(len(measured), _RATE_TAU_S)),
+        rate_inflation=_inflation(measured.time_s, np.full(len(measured), TAU_S)),
         rate_wider=1.0,
         longest_gap_s=LONGEST_BRIDGED_GAP_S,
     )

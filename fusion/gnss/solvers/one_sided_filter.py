@@ -25,6 +25,7 @@ ENOUGH_SATELLITES = 4
 
 _STEP_WIDER = 3.0
 _LEAST_DIRECT = 0.02
+_EARLIEST_SIGMAS = 10.0  # the law has no such errors; a receiver's slips and a filter gone astray do
 _SCALE_SIGMA, _SCALE_KNOWN = 0.03, 0.05
 _SCALE_TAU_S = 60.0  # an odometer's scale wanders with tyres and turns
 _JUMP_M, _JUMP_SPREAD_M = 200.0, 150.0
@@ -81,9 +82,12 @@ def forward(problem: Problem, about: Floats, out: Pass) -> None:
             mean = moves @ mean
             _without_bias(problem.drive.gyro, bias, moves, mean)
             covariance = moves @ covariance @ moves.T + noise
-            if _lost(problem, k, mean, covariance) and state.start(problem.rows, k, mean, covariance):
-                motions.begin(problem.drive, k, mean, covariance)
-                out.begins[k] = True
+            if _lost(problem, k, mean, covariance):
+                other, spread = np.zeros(n), np.zeros((n, n))
+                if state.start(problem.rows, k, other, spread):
+                    mean, covariance = other, spread
+                    motions.begin(problem.drive, k, mean, covariance)
+                    out.begins[k] = True
         out.ahead[k], out.ahead_covariance[k] = mean, covariance
         mean, covariance = _correct(problem, k, about[k], mean, covariance)
         out.mean[k], out.covariance[k] = mean, covariance
@@ -148,11 +152,15 @@ def _correct(
 
 @compiled
 def _ranges(problem: Problem, epoch: int, at: Floats, mean: Floats, covariance: Floats) -> None:
+    """Pseudoranges under the one-sided law. What is early beyond belief is no measurement, and counts for less."""
     rows, errors = problem.rows, problem.errors
     row, gain = np.empty(len(mean)), np.empty(len(mean))
     for r in range(rows.first[epoch], rows.first[epoch + 1]):
         error = rows.range_m[r] - state.range_row(at, rows.place_m[r], rows.group[r], row)
         variance = variance_at(error, errors, r) * problem.inflation[epoch]
+        if error < 0:
+            believed = _EARLIEST_SIGMAS**2 * (errors.variance_m2[r] + np.sum(row * (covariance @ row)))
+            variance *= max(1.0, error * error / believed)
         _add(row, error - errors.mode_m[r], variance, at, mean, covariance, gain)
 
 

@@ -29,6 +29,7 @@ _START_DRIFT_MPS = 300.0  # of an uncompensated crystal: 1 ppm
 _START_BIAS_M = 1000.0  # between systems: hardware delays and scales of time stay below 3 us
 _START_WIDER_M = 10.0  # a first epoch's errors may agree with one another
 _WIDEST_START_M = 300.0  # geometry that leaves more is no place to begin at
+_SENSELESS = 500.0  # mean square, in sigmas: a place that its satellites deny by a hundred metres and more
 _START_STEPS, _LINEAR_STEPS = 15, 6
 _LEAST_PIVOT = 1e-13
 """Of a matrix scaled to a diagonal of ones: below, what is there and rounding cannot be told apart."""
@@ -171,8 +172,9 @@ def rate_row(mean: Floats, place_m: Floats, speed_mps: Floats, row: Floats) -> f
 def start(rows: Rows, epoch: int, mean: Floats, covariance: Floats) -> bool:
     """Begin at an epoch, by least squares with Huber's weights; ``mean`` (n,) and ``covariance`` (n, n) are filled.
 
-    False, and nothing is known, where satellites or geometry do not suffice. The covariance grows with the misfit of
-    the epoch. Velocity and drift come from range rates where there are any, else from what a car may do.
+    False, and nothing is known, where satellites or geometry do not suffice, or no place fits them. The covariance
+    grows with the misfit of the epoch. Velocity and drift come from range rates where there are any, else from what a
+    car may do.
     """
     n = len(mean)
     mean[:] = 0.0
@@ -180,7 +182,9 @@ def start(rows: Rows, epoch: int, mean: Floats, covariance: Floats) -> bool:
     prior[BIASES:] = _START_BIAS_M**-2
     if not _solve(rows, epoch, False, prior, mean, covariance):
         return False
-    misfit = _misfit(rows, epoch, mean)
+    if _misfit(rows, epoch, mean, 1e4) > _SENSELESS:
+        return False
+    misfit = _misfit(rows, epoch, mean, 1e2)
     covariance *= max(1.0, misfit)
     for axis in range(3):
         covariance[axis, axis] += _START_WIDER_M**2
@@ -299,13 +303,13 @@ def _factor(matrix: Floats, scale: Floats, lower: Floats) -> bool:
 
 
 @compiled
-def _misfit(rows: Rows, epoch: int, mean: Floats) -> float:
-    """Mean square of the normalised residuals, per redundant row; each counts for at most a hundred."""
+def _misfit(rows: Rows, epoch: int, mean: Floats, most: float) -> float:
+    """Mean square of the normalised residuals, per redundant row; each counts for at most ``most``."""
     row = np.zeros(len(mean))
     total, count = 0.0, 0
     for r in range(rows.first[epoch], rows.first[epoch + 1]):
         residual = rows.range_m[r] - range_row(mean, rows.place_m[r], rows.group[r], row)
         if np.isfinite(residual):
-            total += min(residual * residual / rows.variance_m2[r], 100.0)
+            total += min(residual * residual / rows.variance_m2[r], most)
             count += 1
     return total / max(count - 4, 1)

@@ -171,3 +171,27 @@ def test_the_bars_of_smartloc() -> None:
         assert found["mean_m"] <= bar
         assert found["mean_3d_m"] <= 18.0
         assert 0.87 <= found["within_95"] <= 1.0
+
+
+def test_a_senseless_beginning_is_left_behind(drive: TownDrive) -> None:
+    """Ranges of the first epochs that fit nowhere: the filter begins anew once they contradict its place."""
+    measured = drive.measured
+    wild = np.where(measured.epoch < 2, np.random.default_rng(1).normal(0, 3e4, len(measured.satellite)), 0.0)
+    for smooth in (False, True):
+        solution = solved(replace(measured, pseudorange_m=measured.pseudorange_m + wild), smooth=smooth)
+        assert flat(solution, drive.truth_m)[10:].mean() < 6
+        early = flat(solution, drive.truth_m)[:2]
+        sigma = np.sqrt(np.trace(solution.covariance[:2, :3, :3], axis1=1, axis2=2))
+        assert np.all(~np.isfinite(early) | (early < 5 * sigma))
+
+
+def test_one_receiver_and_one_seed_give_the_same_digits(drive: TownDrive) -> None:
+    one, other = solved(drive.measured), solved(drive.measured)
+    np.testing.assert_array_equal(one.position_m, other.position_m)
+
+
+def test_a_log_without_c_n0_is_solved(drive: TownDrive) -> None:
+    silent = replace(drive.measured, cn0_dbhz=np.full_like(drive.measured.cn0_dbhz, np.nan))
+    solution = solved(silent)
+    assert flat(solution, drive.truth_m).mean() < 15
+    assert np.isfinite(solution.nlos).all()
