@@ -39,6 +39,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from accuracy.scoring import text_table, write_json
 from fusion.gnss import SOLVERS
 from fusion.gnss.error_models import ERROR_MODELS
 from fusion.gnss.error_models.base import Series, share_within
@@ -50,6 +51,7 @@ from fusion.signals import GALILEO, GPS
 from fusion.simulate.canyon.drive import CanyonDrive, rouen
 from fusion.simulate.canyon.radio import BLURRED
 from fusion.types import Floats, no_progress
+from positioning import canyon_slopes
 
 SCENES: dict[str, Callable[[int], CanyonDrive]] = {
     "study": rouen,
@@ -227,7 +229,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", type=int, help="default 20, of slopes 5")
+    parser.add_argument(
+        "--slopes", action="store_true", help="slopes of drives through simulated towns instead"
+    )
     parser.add_argument("--scenes", nargs="+", choices=SCENES, default=["study"])
     parser.add_argument("--readings", nargs="+", choices=READINGS, default=list(READINGS))
     parser.add_argument("--solvers", nargs="+", metavar="NAME", default=list(SOLVERS))
@@ -235,10 +240,15 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
+    if args.slopes:
+        rows = canyon_slopes.run(args.seeds or 5)
+        print(text_table(rows, canyon_slopes.COLUMNS))
+        write_json(args.json, rows)
+        return
     report: dict[str, Any] = {}
     for scene in args.scenes:
-        drives = [SCENES[scene](seed) for seed in range(args.seeds)]
-        print(f"{scene}: {args.seeds} seeds, {describe(drives)}; [published] of table 4.3")
+        drives = [SCENES[scene](seed) for seed in range(args.seeds or 20)]
+        print(f"{scene}: {len(drives)} seeds, {describe(drives)}; [published] of table 4.3")
         positions = {}
         for reading in args.readings:
             found = run_scene(drives, args.solvers, reading)

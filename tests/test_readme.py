@@ -25,7 +25,7 @@ from app.map.segment import PROPERTIES
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
-from fusion.gnss import POSITIONINGS
+from fusion.gnss import POSITIONINGS, SOLVERS
 from fusion.methods import METHODS
 from fusion.methods.base import Options, option_facts
 from fusion.registry import DEFAULT_METHOD
@@ -33,7 +33,7 @@ from fusion.terrain.windows import WINDOWS
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 README = REPOSITORY / "README.md"
-PAGES = (README, REPOSITORY / ".docs" / "methods.md")
+PAGES = (README, REPOSITORY / ".docs" / "methods.md", REPOSITORY / ".docs" / "positioning.md")
 TABLE = re.compile(r"<!-- table: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
@@ -144,6 +144,19 @@ def positionings() -> str:
     return table(("name", "what", "source"), rows)
 
 
+def solver_options() -> str:
+    parts = []
+    for name, solver in SOLVERS.items():
+        rows = [
+            (code(option), plain(fact.default), fact.allowed, fact.description)
+            for option, fact in option_facts(solver.options_model).items()
+        ]
+        if rows:
+            parts.append(f"<details><summary>Options of {code(name)}</summary>\n\n")
+            parts.append(table(("option", "default", "allowed", "meaning"), rows) + "\n</details>\n\n")
+    return "".join(parts).rstrip("\n") + "\n"
+
+
 def outputs() -> str:
     return table(("suffix", "what"), [(code(item.suffix), item.description) for _, item in OUTPUTS.items()])
 
@@ -161,6 +174,7 @@ MAKERS: dict[str, Callable[[], str]] = {
         resamplers,
         triggers,
         positionings,
+        solver_options,
         outputs,
     )
 }

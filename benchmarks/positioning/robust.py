@@ -16,9 +16,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fusion.gnss.error_models.likelihood import Errors
 from fusion.gnss.measurements import Aids, Measurements
 from fusion.gnss.solvers import state
-from fusion.gnss.solvers.likelihood import Errors
 from fusion.gnss.solvers.one_sided import OneSidedOptions, problem_of
 from fusion.gnss.solvers.one_sided_filter import forward
 from fusion.gnss.solvers.one_sided_learning import residuals

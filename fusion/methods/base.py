@@ -136,9 +136,9 @@ class OptionFacts:
     description: str
 
 
-def option_facts(model: type[Options]) -> dict[str, OptionFacts]:
+def option_facts(model: type[BaseModel]) -> dict[str, OptionFacts]:
     """The facts of every option, by name."""
-    schemas = model.model_json_schema()["properties"]
+    schemas = model.model_json_schema().get("properties", {})
     return {
         name: OptionFacts(
             field.get_default(call_default_factory=True), _allowed(schemas[name]), field.description or ""

@@ -9,18 +9,18 @@ import numpy as np
 from pydantic import Field
 
 from fusion.gnss.earth import geodetic
+from fusion.gnss.error_models.likelihood import Law
 from fusion.gnss.measurements import Aids, Measurements, Solution, SolverOptions
 from fusion.gnss.solvers import one_sided_learning as learning
 from fusion.gnss.solvers import one_sided_motion as motions
 from fusion.gnss.solvers import state
-from fusion.gnss.solvers.likelihood import Law
 from fusion.gnss.solvers.one_sided_filter import ENOUGH_SATELLITES, Problem, forward
 from fusion.gnss.solvers.smoother import Pass, empty_pass, smooth
 from fusion.types import LONGEST_BRIDGED_GAP_S, Floats, Progress
 
 TAU_S = 4.0
-"""So long are errors of a satellite alike at the speed of traffic in a town (notes 6: 2 to 5 s); its range rate is wrong
-for as long as its pseudorange is."""
+"""So long are errors of a satellite alike at the speed of traffic in a town (notes 6: 2 to 5 s); its range rate is
+wrong for as long as its pseudorange is."""
 _STANDING_TAU_S, _LIKE_WAY_M = 60.0, 30.0  # standing, reflections stay; moving, as long as a house is beside
 _RATE_SIGMA_MPS, _RATE_CN0_DBHZ = 0.2, 40.0  # notes 6; below, the sigma doubles every 6 dB
 _PASSES_WIDER = (4.0, 2.0, 1.0, 1.0, 1.0)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fusion.compiled import compiled
+from fusion.gnss.error_models.likelihood import Errors, reflected, variance_at
 from fusion.gnss.solvers import one_sided_motion as motions
 from fusion.gnss.solvers import state
-from fusion.gnss.solvers.likelihood import Errors, reflected, variance_at
 from fusion.gnss.solvers.one_sided_motion import Drive
 from fusion.gnss.solvers.smoother import Pass
 from fusion.gnss.solvers.state import CLOCK, DRIFT, Rows

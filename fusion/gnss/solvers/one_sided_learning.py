@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from fusion.compiled import compiled
+from fusion.gnss.error_models.likelihood import Errors, Law, pull, reflected, variance_at
 from fusion.gnss.measurements import Measurements
 from fusion.gnss.solvers import state
-from fusion.gnss.solvers.likelihood import Errors, Law, pull, reflected, variance_at
 from fusion.gnss.solvers.one_sided_filter import Problem
 from fusion.gnss.solvers.smoother import Pass
 from fusion.gnss.solvers.state import BIASES, CLOCK, Rows

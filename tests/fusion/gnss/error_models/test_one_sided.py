@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.gnss.error_models.one_sided import UNKNOWN_CN0_DBHZ, OneSidedModel
+from fusion.gnss.error_models.likelihood import UNKNOWN_CN0_DBHZ
+from fusion.gnss.error_models.one_sided import OneSidedModel
 
 
 def test_half_are_reflected_at_forty() -> None:

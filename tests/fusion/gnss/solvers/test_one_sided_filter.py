@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fusion.gnss.error_models.likelihood import Errors
 from fusion.gnss.measurements import Aids
 from fusion.gnss.solvers import state
-from fusion.gnss.solvers.likelihood import Errors
 from fusion.gnss.solvers.one_sided import OneSidedOptions, problem_of
 from fusion.gnss.solvers.one_sided_filter import Problem, forward
 from fusion.gnss.solvers.one_sided_motion import step

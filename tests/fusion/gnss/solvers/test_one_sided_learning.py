@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fusion.gnss.error_models.likelihood import Law
 from fusion.gnss.solvers import one_sided_learning as learning
 from fusion.gnss.solvers import state
-from fusion.gnss.solvers.likelihood import Law
 from town_drives import TownDrive, town_drive
 
 

@@ -16,7 +16,8 @@ from fusion.compiled import compiled
 from fusion.types import Floats
 
 _STEP_DB = 3.0  # how fast p falls with C/N0
-_UNKNOWN_CN0_DBHZ = 35.0
+UNKNOWN_CN0_DBHZ = 35.0
+"""What a signal is taken to have that comes without C/N0: neither clearly direct nor clearly reflected."""
 _ROOT_2PI = math.sqrt(2 * math.pi)
 _BISECTIONS = 30
 
@@ -45,13 +46,13 @@ class Law:
         return replace(self, midpoint_dbhz=midpoint_dbhz)
 
     def share(self, cn0_dbhz: Floats) -> Floats:
-        """Probability of being reflected, (n,); unknown C/N0 counts as 35 dB-Hz."""
-        cn0 = np.where(np.isfinite(cn0_dbhz), cn0_dbhz, _UNKNOWN_CN0_DBHZ)
+        """Probability of being reflected, (n,); unknown C/N0 counts as ``UNKNOWN_CN0_DBHZ``."""
+        cn0 = np.where(np.isfinite(cn0_dbhz), cn0_dbhz, UNKNOWN_CN0_DBHZ)
         return np.asarray(1 / (1 + np.exp((cn0 - self.midpoint_dbhz) / _STEP_DB)))
 
     def variance(self, cn0_dbhz: Floats) -> Floats:
         """Variance of the noise, m2 (n,). It grows with what the receiver's best signals have more, as p does."""
-        cn0 = np.where(np.isfinite(cn0_dbhz), cn0_dbhz, _UNKNOWN_CN0_DBHZ)
+        cn0 = np.where(np.isfinite(cn0_dbhz), cn0_dbhz, UNKNOWN_CN0_DBHZ)
         return np.asarray(self.noise**2 * (2.0**2 + 1.5**2 * 10 ** ((self.midpoint_dbhz + 5.0 - cn0) / 10)))
 
     def errors(self, cn0_dbhz: Floats) -> Errors:

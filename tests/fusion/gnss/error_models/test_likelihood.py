@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from fusion.gnss.solvers import likelihood
-from fusion.gnss.solvers.likelihood import Errors, Law
+from fusion.gnss.error_models import likelihood
+from fusion.gnss.error_models.likelihood import Errors, Law
 
 SHARES = st.floats(0.0, 0.99)
 VARIANCES = st.floats(1.0, 900.0)
