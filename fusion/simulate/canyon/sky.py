@@ -103,7 +103,9 @@ def synthetic_navigation(
     )
     kepler = KeplerEphemerides.empty()
     for system in systems:
-        kepler = kepler.joined(_records(system, toes, rng))
+        # Full hours of the system's own time: messages state no others.
+        late_s = BEIDOU_LATE_S if system == BEIDOU else 0.0
+        kepler = kepler.joined(_records(system, toes + late_s, rng))
     return Navigation(kepler, klobuchar=_KLOBUCHAR)
 
 

@@ -38,6 +38,7 @@ from fusion.types import Bools, Floats, Ints
 Records = TypeVar("Records", KeplerEphemerides, GlonassEphemerides)
 FRAME_S = 30.0
 _GALILEO_PAGE_S = _STRING_S = 2.0
+_TOE_STEP_S = {GPS: 16.0, QZSS: 16.0, GALILEO: 60.0, BEIDOU: 8.0}
 Part = tuple[float, NDArray[np.uint32]]
 """How long after its frame's beginning a part is over, and its words (n, words)."""
 
@@ -113,6 +114,9 @@ def _values(records: KeplerEphemerides, late_s: float = 0.0) -> dict[str, Floats
     """The records' fields by name; times as they are sent: seconds of the week of the system's own time."""
     out = {name: np.nan_to_num(np.asarray(column, float)) for name, column in vars(records).items()}
     out["toe"], out["toc"] = ((out[name] - late_s) % WEEK_S for name in ("toe_s", "toc_s"))
+    step_s = np.array([_TOE_STEP_S.get(system, 1.0) for system in records.system.tolist()])
+    if np.any(np.abs(out["toe"] - step_s * np.round(out["toe"] / step_s)) > 1e-3):
+        raise ValueError("messages state times of ephemerides in whole steps of 8 (BeiDou), 16 or 60 s (Galileo)")
     out["health"] = np.where(records.healthy, 0.0, 1.0)
     return out
 
