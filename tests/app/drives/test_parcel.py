@@ -21,6 +21,10 @@ from app.drives.intake import register_upload
 from app.drives.parcel import Parcel
 from app.drives.process import Outcome, Workbench
 from fusion.formats import read_log
+from fusion.simulate.canyon.drive import canyon_of
+from fusion.simulate.drive import simulate_drive
+from fusion.simulate.scene.town import Town
+from fusion.simulate.write.rinex_file import navigation, observations
 from processing_support import drive_now, process_drive
 
 OBS, NAV, IMU = b"observations " * 300, b"navigation " * 400, b"1,2,3\r\n" * 500
@@ -182,3 +186,20 @@ def test_a_worker_reads_files_that_came_apart_as_one_log(bench: Workbench, files
     assert done.filename == "1.csv.gz, 0.csv.gz"
     assert done.epochs == len(read_log(files / "1.csv").fix)
     assert done.bbox == pytest.approx(read_log(files / "1.csv").bounds_deg())
+
+
+def test_observations_and_navigation_that_came_apart_are_positioned_and_fused(
+    bench: Workbench, town: Town
+) -> None:
+    raw = canyon_of(simulate_drive(town, 7, 120.0)).raw()
+    texts = {"brdc.rnx": navigation(raw.navigation), "drive.rnx": observations(raw.signals)}
+    sent = Parcel(bench.blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 24)
+    sent.take([Piece(k, name, text.encode()) for k, (name, text) in enumerate(texts.items())])
+    blob, name = sent.finish()
+    drive, _ = register_upload(bench.sessions, bench.blobs, blob, filename=name, method="profile")
+    assert process_drive(bench, drive.id, 1) is Outcome.DONE, drive_now(bench, drive.id).failure
+    report = drive_now(bench, drive.id).report
+    assert report is not None
+    assert report["gnss"]["positioning"] == "one-sided"
+    assert report["gnss"]["solved"] == report["epochs"] == len(raw.signals)
+    assert report["segments_estimated"] > 3
