@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from fusion.errors import EmptyLogError
-from fusion.formats.base import Data, Notes, build_log
-from fusion.formats.rinex.compact import is_compact, unpack
-from fusion.formats.rinex.header import Header, read_header
-from fusion.formats.rinex.lines import Lines, split_lines
-from fusion.formats.rinex.navigation import read_navigation
-from fusion.formats.rinex.observations import read_observations
-from fusion.signals import SYSTEMS, Navigation, RawGnss
-from fusion.types import DriveLog, Floats, Progress
+from fusion.formats.base import Data
+from fusion.formats.rinex.compact import is_compact
+from fusion.signals import Navigation
+from fusion.types import DriveLog, Progress
 
-ADVICE = "Check that the receiver writes pseudoranges on L1, E1 or B1 and upload the recording again."
 _LABEL = b"RINEX VERSION / TYPE"
 _FIRST_LINE_BYTES = 200
 
@@ -47,51 +40,10 @@ class RinexFormat:
 
     def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
         """See ``PartFormat``."""
-        notes = Notes()
-        text = bytes(data)
-        if is_compact(text[:_FIRST_LINE_BYTES]):
-            text = unpack(text, notes)
-        lines = split_lines(text)
-        header = read_header(lines)
-        progress("read observations", 0.1)
-        if header.is_observations:
-            return self._observations(lines, header, notes, progress, navigation)
-        found = read_navigation(lines, header, notes)
-        progress("read navigation data", 1.0)
-        if not len(found):
-            raise EmptyLogError(
-                "This RINEX navigation file holds no usable ephemeris of GPS, GLONASS, Galileo, BeiDou or QZSS. "
-                "Upload another one of the same day."
-            )
-        return build_log(self.name, self.description, notes, {}, raw=RawGnss(navigation=found), part=True)
+        # The service, which only needs to know formats, shall not load a compiler for this one.
+        from fusion.formats.rinex.reading import read_file  # noqa: PLC0415
 
-    def _observations(
-        self, lines: Lines, header: Header, notes: Notes, progress: Progress, navigation: Navigation
-    ) -> DriveLog:
-        channels = dict(
-            zip(navigation.glonass.number.tolist(), navigation.glonass.channel.tolist(), strict=True)
-        )
-        signals, gaps_s = read_observations(lines, header, notes, progress, channels)
-        if not len(signals):
-            letters = ", ".join(s for s in header.types if s in SYSTEMS and s.strip())
-            why = f" The first fault: {notes.first_offender}." if notes.first_offender else ""
-            raise EmptyLogError(
-                "This RINEX file holds no usable pseudorange on the L1 band"
-                f"{f' (its header names systems {letters})' if letters else ''}.{why} {ADVICE}"
-            )
-        progress("read observations", 1.0)
-        return build_log(
-            self.name,
-            self.description,
-            notes,
-            {},
-            raw=RawGnss(signals),
-            gaps_s=_within(gaps_s, signals.time_s),
-        )
-
-
-def _within(times_s: Floats, epochs_s: Floats) -> Floats:
-    return times_s[(times_s > epochs_s[0]) & (times_s <= epochs_s[-1])] if len(epochs_s) else np.empty(0)
+        return read_file(data, progress, navigation)
 
 
 def _first_line(head: bytes) -> bytes:

@@ -116,7 +116,9 @@ def _values(records: KeplerEphemerides, late_s: float = 0.0) -> dict[str, Floats
     out["toe"], out["toc"] = ((out[name] - late_s) % WEEK_S for name in ("toe_s", "toc_s"))
     step_s = np.array([_TOE_STEP_S.get(system, 1.0) for system in records.system.tolist()])
     if np.any(np.abs(out["toe"] - step_s * np.round(out["toe"] / step_s)) > 1e-3):
-        raise ValueError("messages state times of ephemerides in whole steps of 8 (BeiDou), 16 or 60 s (Galileo)")
+        raise ValueError(
+            "messages state times of ephemerides in whole steps of 8 (BeiDou), 16 or 60 s (Galileo)"
+        )
     out["health"] = np.where(records.healthy, 0.0, 1.0)
     return out
 
