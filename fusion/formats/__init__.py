@@ -19,7 +19,7 @@ from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
 from fusion.formats.pseudoranges_csv import PseudorangesCsvFormat
 from fusion.formats.rinex.log import RinexFormat
-from fusion.formats.together import Part, join, with_navigation_checked
+from fusion.formats.together import Part, join
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat
 from fusion.formats.versant_csv import VersantCsvFormat
@@ -62,7 +62,7 @@ def read_log(source: Source, *, max_bytes: int = MAX_BYTES, progress: Progress =
         del data
         return _together(found, max_bytes, notes, progress)
     chosen = _format_of(data[:HEAD_BYTES])
-    return with_navigation_checked(_noted(_guarded(chosen, data, progress, None), notes))
+    return _noted(_guarded(chosen, data, progress, None), notes)
 
 
 def read_logs(
@@ -127,7 +127,7 @@ def _together(found: list[Member], max_bytes: int, notes: Notes, progress: Progr
     if len(found) == 1 and not is_zip(found[0].data):
         data = load(found[0].data, max_bytes, notes, progress)
         chosen = _format_of(data[:HEAD_BYTES])
-        return with_navigation_checked(_noted(_guarded(chosen, data, progress, None), notes))
+        return _noted(_guarded(chosen, data, progress, None), notes)
     errors: list[LogError] = []
     files = _recognised(found, max_bytes, notes, errors, progress)
     parts: list[Part] = []
@@ -146,7 +146,7 @@ def _together(found: list[Member], max_bytes: int, notes: Notes, progress: Progr
     if not parts:
         raise errors[-1]
     try:
-        return with_navigation_checked(join(parts, notes))
+        return join(parts, notes)
     except EmptyLogError as nothing:
         broken = [error for error in errors if not isinstance(error, UnknownFormatError)]
         raise (broken[0] if broken else nothing) from None

@@ -8,21 +8,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Notes
-from fusion.signals import SBAS, SYSTEMS, Navigation, RawGnss, Signals, unix_from_gps
+from fusion.signals import Navigation, RawGnss, Signals
 from fusion.types import DriveLog, Floats, SensorTable
-
-SYSTEM_NAMES = ("GPS", "GLONASS", "Galileo", "BeiDou", "QZSS", "SBAS")
-"""By number of the system."""
-NEAR_S = 6 * 3600.0
-"""Ephemerides hold for 30 minutes to 4 hours around their time; none that is further off is of any use."""
-_ROLL_OVER_S = 1024 * 604_800.0
 
 
 @dataclass(frozen=True)
@@ -130,61 +123,3 @@ def _signals(parts: list[Signals]) -> Signals:
         if f.name != "first"
     }
     return Signals(first=np.append(0, np.cumsum(counts)), **columns)
-
-
-def with_navigation_checked(log: DriveLog) -> DriveLog:
-    """The log with warnings where its ephemerides are missing, or not those of its measurements."""
-    if log.raw is None or not len(log.raw.signals) or log.raw.signals.brings_satellites:
-        return log
-    return replace(log, warnings=(*log.warnings, *_faults(log.raw)))
-
-
-def _faults(raw: RawGnss) -> list[str]:
-    signals, navigation = raw.signals, raw.navigation
-    began, ended = float(signals.gps_s[0]), float(signals.gps_s[-1])
-    if not len(navigation):
-        return [
-            "There are pseudoranges and no navigation data: no position can be computed from them. Add a navigation "
-            f"file (RINEX) of {_days(began, ended)}."
-        ]
-    toe_s = np.concatenate([navigation.kepler.toe_s, navigation.glonass.toe_s])
-    of = np.concatenate([navigation.kepler.system, np.full(len(navigation.glonass), SYSTEMS.index("R"))])
-    lacking: list[int] = []
-    out: list[str] = []
-    for system in np.unique(signals.system[signals.system != SBAS]):  # SBAS is never used
-        own = toe_s[of == system]
-        if not len(own):
-            lacking.append(int(system))
-        elif not np.any((own > began - NEAR_S) & (own < ended + NEAR_S)):
-            out.append(_other_day(SYSTEM_NAMES[system], own, began, ended))
-    if lacking:
-        count = int(np.isin(signals.system, lacking).sum())
-        out.insert(
-            0,
-            f"There are no navigation data of {' and '.join(SYSTEM_NAMES[s] for s in lacking)}: {count} of "
-            f"{len(signals.system)} pseudoranges cannot be used.",
-        )
-    return out
-
-
-def _other_day(system: str, toe_s: Floats, began_s: float, ended_s: float) -> str:
-    apart = (float(np.median(toe_s)) - began_s) / _ROLL_OVER_S
-    weeks = round(apart)
-    why = ""
-    if weeks and abs(apart - weeks) * _ROLL_OVER_S < 2 * 86_400:
-        why = (
-            f" They are {abs(weeks) * 1024} weeks apart: a receiver has counted weeks from a wrong beginning."
-        )
-    return (
-        f"The navigation data of {system} are of {_days(float(toe_s.min()), float(toe_s.max()))}, the observations of "
-        f"{_days(began_s, ended_s)}: they do not belong together and cannot be used.{why}"
-    )
-
-
-def _days(began_s: float, ended_s: float) -> str:
-    """The calendar days of GPS times, in words."""
-    first, last = (
-        datetime.fromtimestamp(float(t), UTC).date().isoformat()
-        for t in unix_from_gps(np.array([began_s, ended_s]))
-    )
-    return first if first == last else f"{first} to {last}"
