@@ -40,6 +40,7 @@ from fusion.types import Floats, no_progress
 from positioning import smartloc
 from positioning.robust import ESTIMATORS, single_points, track
 from positioning.scoring import Scene, figures, row
+from satellites.library import library_single_points
 
 TRUTH_GAP_S = 1.5
 HEIGHT_SIGMA_M = 3.0
@@ -140,6 +141,19 @@ def literature(scene: Scene) -> Iterator[tuple[str, dict[str, float]]]:
                 yield label, figures(scene, _bare(scene, places, spread))
 
 
+def beside_rtklib(scene: Scene, files: list[Path]) -> Iterator[tuple[str, dict[str, float]]]:
+    """RTKLIB's own single-point positioning of the same files, and ours at the epochs that it has, for both alike."""
+    raw = read_logs(files).raw
+    if raw is None:
+        return
+    places = library_single_points(raw.signals, files)
+    yield "RTKLIB, single points", figures(scene, _bare(scene, places, None))
+    known = np.isfinite(places).all(axis=1)
+    there = replace(scene, truth_m=np.where(known[:, None], scene.truth_m, np.nan))
+    for label, smooth in (("one-sided filter, there", False), ("one-sided smoothed, there", True)):
+        yield label, row(there, SOLVERS["one-sided"], {"smooth": smooth, "odometer": False}, 1)
+
+
 def _bare(scene: Scene, places: Floats, spread: Floats | None) -> Solution:
     m = len(scene.measured)
     covariance = np.full((m, 6, 6), np.nan)
@@ -196,7 +210,8 @@ def main() -> None:
         show(label, found)
         table[label if label.strip() == label else f"{list(table)[-1]} {label.strip()}"] = found
     if not given.skip_literature:
-        for label, found in literature(scene):
+        own = beside_rtklib(scene, given.rinex) if given.rinex else ()
+        for label, found in (*own, *literature(scene)):
             show(label, found)
             table[label] = found
     if given.json:

@@ -5,7 +5,7 @@ It is the oracle of tests and benchmarks, and no part of the project.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -166,21 +166,33 @@ def library_state(read: Callable[..., None], record: Any, gps_s: float) -> tuple
 
 
 def library_position(
-    signals: Signals, epoch: int, navigation: Any, ionosphere: int, troposphere: int
+    signals: Signals,
+    epoch: int,
+    navigation: Any,
+    ionosphere: int,
+    troposphere: int,
+    *,
+    systems: tuple[int, ...] = (GPS,),
+    mask_deg: float = 5.0,
 ) -> Floats:
-    """The place (3,) that the library's single-point positioning finds for an epoch's GPS signals, NaN for none.
+    """The place (3,) that the library's single-point positioning finds for an epoch's signals, NaN for none.
 
     ``ionosphere`` and ``troposphere`` are its options of these names.
     """
-    rows = range(signals.first[epoch], signals.first[epoch + 1])
+    bits = {ours: theirs for theirs, ours in BITS_OF_SYSTEMS.items()}
+    span = np.arange(signals.first[epoch], signals.first[epoch + 1])
+    rows = span[np.isin(signals.system[span], systems)].tolist()
+    if not rows:
+        return np.full(3, np.nan)
     observed = pyrtklib.Arr1Dobsd_t(len(rows))
     for k, row in enumerate(rows):
-        one = observed[k]
+        one, system = observed[k], int(signals.system[row])
         one.time, one.rcv = library_time(float(signals.gps_s[epoch])), 1
-        one.sat = pyrtklib.satno(pyrtklib.SYS_GPS, int(signals.number[row]))
-        one.P[0], one.code[0] = float(signals.pseudorange_m[row]), pyrtklib.CODE_L1C
+        one.sat = pyrtklib.satno(bits[system], int(signals.number[row]) + (192 if system == QZSS else 0))
+        one.P[0] = float(signals.pseudorange_m[row])
+        one.code[0] = pyrtklib.CODE_L2I if system == BEIDOU else pyrtklib.CODE_L1C
     chosen = pyrtklib.prcopt_t()
-    chosen.nf, chosen.navsys, chosen.elmin = 1, pyrtklib.SYS_GPS, np.radians(5.0)
+    chosen.nf, chosen.navsys, chosen.elmin = 1, sum(bits[s] for s in systems), np.radians(mask_deg)
     chosen.ionoopt, chosen.tropopt, chosen.maxgdop = ionosphere, troposphere, 30.0
     for k, error in enumerate((100.0, 0.003, 0.003)):
         chosen.err[k] = error
@@ -189,6 +201,24 @@ def library_position(
     if not pyrtklib.pntpos(observed.ptr, len(rows), navigation, chosen, found, angles, states.ptr, said):
         return np.full(3, np.nan)
     return np.array([found.rr[k] for k in range(3)])
+
+
+def library_single_points(signals: Signals, files: Iterable[Path]) -> Floats:
+    """ECEF places (m, 3) of all epochs by the library alone, with its usual settings; RINEX navigation among ``files``.
+
+    Broadcast ionosphere, Saastamoinen, a mask of 15 degrees, GPS, GLONASS, Galileo and BeiDou as far as they are there.
+    """
+    navigation = pyrtklib.nav_t()
+    for path in files:
+        pyrtklib.readrnx(str(path), 1, "", pyrtklib.obs_t(), navigation, pyrtklib.sta_t())
+    models = pyrtklib.IONOOPT_BRDC, pyrtklib.TROPOPT_SAAS
+    systems = tuple(s for s in (GPS, GLONASS, GALILEO, BEIDOU) if np.any(signals.system == s))
+    return np.array(
+        [
+            library_position(signals, k, navigation, *models, systems=systems, mask_deg=15.0)
+            for k in range(len(signals))
+        ]
+    ).reshape(-1, 3)
 
 
 def library_signals(path: Path) -> Signals:
