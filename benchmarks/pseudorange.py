@@ -148,7 +148,7 @@ def beside_rtklib(scene: Scene, files: list[Path]) -> Iterator[tuple[str, dict[s
         return
     places = library_single_points(raw.signals, files)
     yield "RTKLIB, single points", figures(scene, _bare(scene, places, None))
-    known = np.isfinite(places).all(axis=1)
+    known = np.asarray(np.isfinite(places).all(axis=1))
     there = replace(scene, truth_m=np.where(known[:, None], scene.truth_m, np.nan))
     for label, smooth in (("one-sided filter, there", False), ("one-sided smoothed, there", True)):
         yield label, row(there, SOLVERS["one-sided"], {"smooth": smooth, "odometer": False}, 1)
