@@ -19,7 +19,9 @@ from fusion.gnss import positioned
 from fusion.pipeline import parse_options, run_drive, solve_network
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.table import rows_of
+from fusion.signals import BEIDOU, GALILEO, GPS, gps_from_unix
 from fusion.simulate.canyon.drive import CanyonDrive, canyon_of
+from fusion.simulate.canyon.sky import synthetic_navigation
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import Town, make_town
 from fusion.types import DriveLog, GnssFix, Ints, Odometry, Track
@@ -31,11 +33,17 @@ STREETS = "urban"
 SPEED_NOISE_MPS = 0.05
 LEAST_DRIVEN = 0.8
 """Segments that a drive leaves or enters in between are not scored; corners are cut by a few metres."""
+SKIES = {
+    "three systems": ((GPS, GALILEO, BEIDOU), False),
+    "GPS alone": ((GPS,), False),
+    "GPS and odometer": ((GPS,), True),
+}
+"""Systems that are received, and whether the log has a speed signal."""
 COLUMNS = {
+    "sky": ("sky", ""),
     "gnss": ("positions", ""),
-    "odometer": ("odometer", ""),
     "error_m": ("2-D m", ".1f"),
-    "off_road": ("wrong road", ".1%"),
+    "off_road": ("other segment", ".1%"),
     "rmse_percent": ("slope RMSE %", ".2f"),
     "rmse_spread": ("(spread)", ".2f"),
     "p90_percent": ("p90 %", ".2f"),
@@ -90,18 +98,26 @@ def _places(drive: SimulatedDrive, fix: GnssFix, segment: Ints, track: Track) ->
     return float(np.hypot(x - true_x, y - true_y).mean()), float(wrong.mean())
 
 
+def canyon(drive: SimulatedDrive, systems: tuple[int, ...]) -> CanyonDrive:
+    """The drive between high fronts, under a sky of these systems."""
+    begin_s = float(gps_from_unix(drive.time_s[:1])[0])
+    rng = np.random.default_rng([drive.town.seed, drive.seed, 125])
+    navigation = synthetic_navigation(begin_s, float(np.ptp(drive.time_s)), rng, systems)
+    return canyon_of(drive, navigation=navigation, everywhere=STREETS)
+
+
 def run(seeds: int) -> list[Row]:
-    """A row for each way to positions, with and without a speed signal."""
+    """A row for each sky and each way to positions."""
     rows: list[Row] = []
-    for odometer in (False, True):
+    for sky, (systems, odometer) in SKIES.items():
         for gnss in (AS_LOGGED, "ekf", "one-sided"):
             runs, places = [], []
             for seed in range(seeds):
-                show_progress(f"{gnss}, {'' if odometer else 'no '}odometer, drive {seed + 1}/{seeds}")
+                show_progress(f"{sky}, {gnss}, drive {seed + 1}/{seeds}")
                 town = make_town(seed + 1)
                 drive = simulate_drive(town, seed, 900.0)
-                log = log_of(drive, canyon_of(drive, everywhere=STREETS), gnss, odometer=odometer)
                 try:
+                    log = log_of(drive, canyon(drive, systems), gnss, odometer=odometer)
                     errors, error_m, off = outcome(town, drive, log, gnss)
                 except FusionError as error:
                     show_progress("")
@@ -111,9 +127,6 @@ def run(seeds: int) -> list[Row]:
                 places.append((error_m, off))
             scores = figures(runs)
             error_m, off = np.mean(places, axis=0) if places else (np.nan, np.nan)
-            rows.append(
-                {"gnss": gnss, "odometer": "yes" if odometer else "no", "error_m": error_m, "off_road": off}
-                | (scores or {})
-            )
+            rows.append({"sky": sky, "gnss": gnss, "error_m": error_m, "off_road": off} | (scores or {}))
     show_progress("")
     return rows
