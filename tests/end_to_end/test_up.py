@@ -33,7 +33,7 @@ def test_ctrl_c_leaves_nothing_running_and_the_drive_is_taken_up_again(idle: Up,
 
     idle.start()
     with Client(idle.address) as client:
-        assert client.wait(drive.id, timeout_s=50).status == "done"
+        assert client.wait(drive.id, timeout_s=150).status == "done"
     assert idle.interrupt() == 0
 
 
@@ -53,7 +53,7 @@ def test_a_killed_database_is_started_again(idle: Up, simulated: Bundle) -> None
     await_true(lambda: "PostgreSQL ended by itself" in idle.said(), 30, "nobody noticed")
     with Client(idle.address) as client:
         drive = client.upload(simulated.drives[0], method="raw")
-        assert client.wait(drive.id, timeout_s=50).status == "done"
+        assert client.wait(drive.id, timeout_s=150).status == "done"
     assert idle.said().count("PostgreSQL ended by itself") == 1
     assert idle.interrupt() == 0, idle.said()
     assert idle.processes() == []
