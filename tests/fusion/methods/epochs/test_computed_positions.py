@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,13 +12,17 @@ from fusion.gnss import positioned
 from fusion.methods.epochs.computed_positions import (
     NO_GRADE,
     above_ellipsoid,
+    heights_under,
     knows_grade,
     without_heights,
 )
-from fusion.pipeline import run_drive
+from fusion.pipeline import _helped, run_drive
+from fusion.roads.network import RoadNetwork
 from fusion.simulate.canyon.drive import canyon_of
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import make_town
+from fusion.simulate.write.dem_file import write_dem
+from fusion.terrain.dem import Dem
 from fusion.types import Attitude, DriveLog, GnssFix, Pressure
 
 
@@ -91,6 +96,24 @@ def test_heights_of_the_ground_are_shifted_by_one_number() -> None:
         equal_nan=True,
     )
     assert np.isnan(above_ellipsoid(ground, np.full(4, np.nan))).all()
+
+
+def test_the_road_s_heights_come_from_the_elevation_model_but_on_bridges_and_in_tunnels(
+    drive: SimulatedDrive, log: DriveLog, tmp_path: Path
+) -> None:
+    write_dem(drive.town, tmp_path / "town.tif")
+    found = positioned(log, "one-sided")
+    network = RoadNetwork.project(drive.town.roads)
+    with Dem.open([tmp_path / "town.tif"]) as dem:
+        height = heights_under(found.log, network, dem)
+        helped = _helped(found, network, dem)
+    at = np.clip(np.searchsorted(drive.time_s, found.log.fix.time_s), 0, len(drive.time_s) - 1)
+    on_ground = ~(drive.town.roads.bridge | drive.town.roads.tunnel)[drive.truth.segment[at]]
+    assert np.mean(np.isfinite(height[on_ground])) > 0.8
+    assert np.nanmedian(np.abs(height[on_ground] - drive.truth.z_m[at][on_ground])) < 3.0
+    assert helped.with_heights is None
+    assert len(helped.log.fix) == len(found.log.fix)
+    assert not np.array_equal(helped.height_ell_m, found.height_ell_m)
 
 
 def keys(table: object) -> np.ndarray:
