@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.cli.console import Console, write_json
+from app.cli.logs import drives_of
 from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
 from fusion.errors import BadOptionsError, MissingSensorError, UnknownNameError
 
@@ -25,7 +26,10 @@ def gnss_study(
     ctx: typer.Context,
     logs: Annotated[
         list[Path],
-        typer.Argument(metavar="LOG...", help="The files of one drive, such as observations and navigation."),
+        typer.Argument(
+            metavar="LOG...",
+            help="The files of one drive, such as observations and navigation; or a folder or a zip of them.",
+        ),
     ],
     gnss: GnssName = "one-sided",
     gnss_option: GnssOption = None,
@@ -36,7 +40,6 @@ def gnss_study(
     json_file: JsonFile = None,
 ) -> None:
     """Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow."""
-    from fusion.formats import read_logs
     from fusion.gnss import POSITIONINGS, options_of, positioned
     from fusion.gnss.quality.study import study
 
@@ -49,8 +52,9 @@ def gnss_study(
     except (UnknownNameError, BadOptionsError) as error:
         raise typer.BadParameter(str(error)) from error
     with console.progress() as bars:
-        progress = bars.work(logs[0].name)
-        found = positioned(read_logs(logs, progress=progress), gnss, chosen, progress)
+        (drive,) = drives_of(logs, together=True)
+        progress = bars.work(drive.short_name)
+        found = positioned(drive.read(progress), gnss, chosen, progress)
     if found.measured is None or found.solution is None:
         raise MissingSensorError(
             f"Positioning {gnss!r} gave positions without residuals: there is nothing to study. Choose a solver of raw "
@@ -63,7 +67,7 @@ def gnss_study(
         from app.drives.outputs.gnss_picture import gnss_png
 
         out.write_bytes(
-            gnss_png(found.measured, found.solution, result.laws, f"{logs[0].name}, {found.name}")
+            gnss_png(found.measured, found.solution, result.laws, f"{drive.short_name}, {found.name}")
         )
         typer.echo(f"{out}: sky, residuals by satellite, laws and residuals by time.")
     write_json(json_file, {"gnss": found.name, "logs": [str(path) for path in logs], **asdict(result)})
