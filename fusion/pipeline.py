@@ -12,11 +12,10 @@ from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from pydantic import ValidationError
 
-from fusion.errors import BadOptionsError, EmptyLogError, MethodError, NoMatchError
+from fusion.errors import EmptyLogError, MethodError, NoMatchError
 from fusion.frames import LocalProjection
-from fusion.gnss import POSITIONINGS, Positioned, options_of, positioned
+from fusion.gnss import POSITIONINGS, Positioned, options_of, positioned, validated
 from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.epochs.computed_positions import (
@@ -55,17 +54,7 @@ MIN_FIXES = 4
 
 def parse_options(method: str, options: Mapping[str, Any] | None = None) -> Options:
     """Validate ``options`` for ``method``; raises ``UnknownNameError`` or ``BadOptionsError``."""
-    model = METHODS[method].options_model
-    try:
-        chosen = model(**(options or {}))
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        known = ", ".join(model.model_fields) or "none"
-        raise BadOptionsError(
-            f"Option {name!r} of method {method!r} is not usable: {first['msg']}. Its options are: {known}.",
-            where=name,
-        ) from None
+    chosen = validated(METHODS[method].options_model, options, f"method {method!r}")
     options_of(POSITIONINGS[chosen.gnss], chosen.gnss_options)
     return chosen
 

@@ -16,6 +16,7 @@ from fusion.gnss.positioning import (
     ReceiverPositioning,
     SolverPositioning,
     options_of,
+    validated,
 )
 from fusion.gnss.solvers.ekf import Ekf
 from fusion.gnss.solvers.jms_gmm import JmsGmm
@@ -38,12 +39,12 @@ SOLVERS.add("one-sided", OneSided())
 POSITIONINGS: Registry[Positioning] = Registry("positioning")
 _receiver = ReceiverPositioning()
 _computed = {name: SolverPositioning(solver) for name, solver in SOLVERS.items()}
-POSITIONINGS.add(AutomaticPositioning.name, AutomaticPositioning(_receiver, _computed.get("one-sided")))
+POSITIONINGS.add(AutomaticPositioning.name, AutomaticPositioning(_receiver, _computed["one-sided"]))
 POSITIONINGS.add(_receiver.name, _receiver)
 for _name, _positioning in _computed.items():
     POSITIONINGS.add(_name, _positioning)
 
-__all__ = ["POSITIONINGS", "SOLVERS", "Positioned", "Positioning", "options_of", "positioned"]
+__all__ = ["POSITIONINGS", "SOLVERS", "Positioned", "Positioning", "options_of", "positioned", "validated"]
 
 
 def positioned(

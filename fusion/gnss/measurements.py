@@ -114,8 +114,8 @@ class SolverOptions(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Solver(Protocol):
-    """A named way from measurements to positions."""
+class Named(Protocol):
+    """What a person chooses by, of solvers and positionings alike."""
 
     @property
     def name(self) -> str:
@@ -136,6 +136,10 @@ class Solver(Protocol):
     def options_model(self) -> type[SolverOptions]:
         """The options, each with its unit, range and default."""
         ...
+
+
+class Solver(Named, Protocol):
+    """A named way from measurements to positions."""
 
     def solve(
         self, measured: Measurements, aids: Aids, options: Any, seed: int, progress: Progress

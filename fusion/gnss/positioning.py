@@ -8,19 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from fusion.errors import BadOptionsError, EmptyLogError, LogError, MissingSensorError
 from fusion.gnss.aids import aids_of, with_heights
 from fusion.gnss.doppler import doppler_velocities
 from fusion.gnss.earth import geodetic, local_axes
 from fusion.gnss.measure import measure
-from fusion.gnss.measurements import Aids, Measurements, Solution, Solver, SolverOptions
+from fusion.gnss.measurements import Aids, Measurements, Named, Solution, Solver, SolverOptions
 from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Progress
 
+Model = TypeVar("Model", bound=BaseModel)
 H_FLOOR_M, V_FLOOR_M = 5.0, 10.0
 """No position from pseudoranges is stated to be better, horizontally (2-D) and vertically: what a filter does not see
 is common to satellites and lasts (notes 6)."""
@@ -76,28 +77,8 @@ class SolvedEpochs(NamedTuple):
     reflected: list[dict[str, float]]
 
 
-class Positioning(Protocol):
+class Positioning(Named, Protocol):
     """A named way from what a receiver logged to positions."""
-
-    @property
-    def name(self) -> str:
-        """As in ``--gnss``."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """Where it comes from: author, year, chapter."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """One sentence for a person who chooses."""
-        ...
-
-    @property
-    def options_model(self) -> type[SolverOptions]:
-        """The options, each with its unit, range and default."""
-        ...
 
     def positions(self, log: DriveLog, options: SolverOptions, progress: Progress) -> Positioned:
         """The log with positions.
@@ -109,7 +90,11 @@ class Positioning(Protocol):
 
 def options_of(positioning: Positioning, options: Mapping[str, Any] | None) -> SolverOptions:
     """Validate options by name; raises ``BadOptionsError``."""
-    model = positioning.options_model
+    return validated(positioning.options_model, options, f"positioning {positioning.name!r}")
+
+
+def validated(model: type[Model], options: Mapping[str, Any] | None, owner: str) -> Model:
+    """Options as their model; raises ``BadOptionsError``, which names the ``owner`` and what it takes."""
     try:
         return model(**(options or {}))
     except ValidationError as error:
@@ -117,9 +102,7 @@ def options_of(positioning: Positioning, options: Mapping[str, Any] | None) -> S
         name = ".".join(str(part) for part in first["loc"])
         known = ", ".join(model.model_fields) or "none"
         raise BadOptionsError(
-            f"Option {name!r} of positioning {positioning.name!r} is not usable: {first['msg']}. "
-            f"Its options are: {known}.",
-            where=name,
+            f"Option {name!r} of {owner} is not usable: {first['msg']}. Its options are: {known}.", where=name
         ) from None
 
 
@@ -194,13 +177,14 @@ class AutomaticPositioning:
     )
     options_model = SolverOptions
 
-    def __init__(self, receiver: Positioning, solver: Positioning | None) -> None:
+    def __init__(self, receiver: Positioning, solver: Positioning) -> None:
         self._receiver, self._solver = receiver, solver
 
     def positions(self, log: DriveLog, options: SolverOptions, progress: Progress) -> Positioned:
         """See ``Positioning``. Raw data that give nothing are no reason to refuse a log that has positions."""
         own = self._receiver.options_model()
-        if self._solver is None or log.raw is None or not len(log.raw.signals):
+        no_raw = log.raw is None or not len(log.raw.signals)
+        if no_raw or (len(log.fix) and _radius(log.fix) <= H_FLOOR_M):  # no solution is stated to be better
             return self._receiver.positions(log, own, progress)
         try:
             made = self._solver.positions(log, self._solver.options_model(), progress)

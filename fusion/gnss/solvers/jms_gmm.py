@@ -10,7 +10,7 @@ came: a jump system with its linear part integrated, as the chapter's title has 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -23,12 +23,11 @@ from fusion.gnss.reception import (
     LOS,
     NLOS,
     PSEUDO_COUNT,
-    THRESHOLDS_DBHZ,
     WINDOW_S,
     smoothed,
     states_by_epoch,
 )
-from fusion.gnss.solvers.particles_bank import Bank, ParticleOptions, Step, rows_of, run
+from fusion.gnss.solvers.particles_bank import Bank, StateOptions, Step, rows_of, run
 from fusion.gnss.solvers.particles_each import (
     correct_each,
     log_normal_each,
@@ -42,18 +41,9 @@ YOUNG = 10
 """Residuals for each component that a window needs before a mixture is fitted to it; before, its moments serve."""
 
 
-class JmsGmmOptions(ParticleOptions):
+class JmsGmmOptions(StateOptions):
     """The reading, the window and the mixture."""
 
-    reading: Literal["stabilised", "literal"] = Field(
-        "stabilised", description="stabilised, or literal: as printed, to see what happens."
-    )
-    threshold_dbhz: float = Field(
-        THRESHOLDS_DBHZ["u-blox"],
-        ge=0,
-        le=60,
-        description="C/N0 from which on a signal is direct: 40 u-blox, 42 PolaRx2.",
-    )
     window_s: float = Field(WINDOW_S, gt=0, le=600, description="How long residuals are kept, s.")
     components: int = Field(2, ge=1, le=10, description="Normals of the mixture, J.")
     pseudo_count: float = Field(PSEUDO_COUNT, gt=0, description="Added to each count of transitions.")

@@ -19,6 +19,7 @@ from pydantic import Field
 from fusion.filters.resampling import RESAMPLERS, normalised
 from fusion.gnss.error_models.one_sided import OneSidedModel
 from fusion.gnss.measurements import Measurements, Solution, SolverOptions
+from fusion.gnss.reception import THRESHOLDS_DBHZ
 from fusion.gnss.solvers.ekf import (
     FEWEST,
     LOST_M,
@@ -51,6 +52,20 @@ class ParticleOptions(SolverOptions):
     )
     tau_s: float = Field(
         2.0, gt=0, le=60, description="How long the error of a pseudorange lasts, s (notes 6: 2 to 5)."
+    )
+
+
+class StateOptions(ParticleOptions):
+    """Of filters that go by the state of reception: the reading, and the threshold."""
+
+    reading: Literal["stabilised", "literal"] = Field(
+        "stabilised", description="stabilised, or literal: as printed, to see what happens."
+    )
+    threshold_dbhz: float = Field(
+        THRESHOLDS_DBHZ["u-blox"],
+        ge=0,
+        le=60,
+        description="C/N0 from which on a signal is direct: 40 u-blox, 42 PolaRx2.",
     )
 
 

@@ -10,7 +10,6 @@ each drawn variance, and lets at least six satellites hold the position (notes 6
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -25,8 +24,8 @@ from fusion.gnss.error_models.dpm import (
     open_row,
 )
 from fusion.gnss.measurements import Aids, Measurements, Solution
-from fusion.gnss.reception import LOS, THRESHOLDS_DBHZ, states_by_epoch
-from fusion.gnss.solvers.particles_bank import Bank, ParticleOptions, Step, rows_of, run
+from fusion.gnss.reception import LOS, states_by_epoch
+from fusion.gnss.solvers.particles_bank import Bank, StateOptions, Step, rows_of, run
 from fusion.gnss.solvers.particles_each import correct_each, predict_each, residuals_each
 from fusion.types import Bools, Floats, Ints, Progress
 
@@ -34,18 +33,9 @@ FEWEST_LOS = 6
 """Satellites that hold the position: a reflected one's law follows its own residual, and holds nothing (notes 6)."""
 
 
-class RbpfDpmOptions(ParticleOptions):
+class RbpfDpmOptions(StateOptions):
     """The reading, the threshold, and the two base measures."""
 
-    reading: Literal["stabilised", "literal"] = Field(
-        "stabilised", description="stabilised, or literal: as printed, to see what happens."
-    )
-    threshold_dbhz: float = Field(
-        THRESHOLDS_DBHZ["u-blox"],
-        ge=0,
-        le=60,
-        description="C/N0 from which on a signal is direct: 40 u-blox, 42 PolaRx2.",
-    )
     los_alpha: float = Field(
         LOS_REAL.alpha, gt=0, description="Weight of new draws under line of sight (Table 3.11)."
     )

@@ -90,6 +90,12 @@ def test_auto_goes_by_the_stated_accuracy(stated_m: float, taken: str, log: Driv
     assert positioned(with_fix(log, stated_m)).name == taken
 
 
+def test_auto_solves_nothing_where_no_solution_could_be_stated_to_be_better(log: DriveLog) -> None:
+    assert log.raw is not None
+    good = replace(with_fix(log, H_FLOOR_M), raw=replace(log.raw, navigation=Navigation()))
+    assert positioned(good).log is good  # raw data that give nothing would be told of
+
+
 def test_auto_keeps_a_log_whose_raw_data_give_nothing(log: DriveLog) -> None:
     assert log.raw is not None
     blind = replace(with_fix(log, 9.0), raw=replace(log.raw, navigation=Navigation()))
