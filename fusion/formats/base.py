@@ -56,6 +56,16 @@ class LogFormat(Protocol):
         """Usual endings of file names, for help texts only."""
         ...
 
+    @property
+    def altitude_advice(self) -> str:
+        """One sentence: what a person with such a device or app does so that altitudes are recorded."""
+        ...
+
+    @property
+    def doppler_advice(self) -> str:
+        """One sentence: what such a person does so that the vertical Doppler velocity is, or what to use instead."""
+        ...
+
     def recognises(self, head: bytes) -> bool:
         """Whether the first bytes (up to ``HEAD_BYTES``, or the whole file) look like this format."""
         ...

@@ -44,6 +44,14 @@ class GnssLoggerFormat:
     name = "gnsslogger"
     description = "GnssLogger text"
     suffixes = (".txt",)
+    altitude_advice = (
+        "Tick `Location` beside the measurements in GnssLogger: its `Fix` lines of the provider GPS hold "
+        "heights above the ellipsoid."
+    )
+    doppler_advice = (
+        "Tick `Measurements` in GnssLogger: the `Raw` lines hold each satellite's Doppler shift, which "
+        "Android's own positions keep no vertical velocity of."
+    )
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

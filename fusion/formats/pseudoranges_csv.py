@@ -67,6 +67,14 @@ class PseudorangesCsvFormat:
     name = "pseudoranges-csv"
     description = "CSV of pseudoranges"
     suffixes = (".csv",)
+    altitude_advice = (
+        "Heights are computed with the positions; what makes them better is an antenna with a free view of "
+        "the sky."
+    )
+    doppler_advice = (
+        "Add the column range_rate_mps (minus the Doppler shift times the wavelength): the vertical velocity "
+        "is computed from it."
+    )
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

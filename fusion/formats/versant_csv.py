@@ -47,6 +47,13 @@ class VersantCsvFormat:
     name = "csv"
     description = "Versant CSV"
     suffixes = (".csv",)
+    altitude_advice = (
+        "Add the column alt_msl_m or height_ell_m, or name the one that holds it, such as `--columns "
+        "alt_msl_m=Altitude`."
+    )
+    doppler_advice = (
+        "Add the column vel_d_mps (Doppler velocity downwards), or name the one that holds it by `--columns`."
+    )
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``: text whose first line has several cells, or one that is a column of ours."""
