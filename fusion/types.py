@@ -25,6 +25,12 @@ LONGEST_BRIDGED_GAP_S = 120.0
 """An estimate bridges gaps of the recording up to this long; after a longer one, or one that the log states, it begins
 anew."""
 
+PAUSE_S = 10.0
+"""Longer pauses between two epochs interrupt a track: nothing is counted or drawn over what was not recorded."""
+
+CUES = ("altitude", "doppler", "pitch", "specific force", "barometer")
+"""What a drive's own sensors can say of height and grade."""
+
 Progress = Callable[[str, float], None]
 """Called with the stage's name and the share of the work done, 0..1. It may raise to abort the work."""
 

@@ -26,7 +26,6 @@ from app.drives import publishing, queue, tracks
 from app.drives import store as drives
 from app.drives.documents import Drive
 from app.drives.lags import with_settled_lag
-from app.drives.outputs.track import track_length_m
 from app.drives.progress import Discarded, RunProgress, never
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
@@ -254,7 +253,7 @@ def _append(
             report=_report(result, provenance),
             bounds=log.bounds_deg(),
             epochs=len(result.track),
-            distance_m=track_length_m(result.track),
+            distance_m=result.report["distance_m"],
             drive_time=drive_time(log),
         )
         queue.enqueue_solve(session)

@@ -46,6 +46,11 @@ class Method(Protocol):
         ...
 
     @property
+    def cues(self) -> tuple[str, ...]:
+        """Which of ``fusion.types.CUES`` its slopes can be made of; none: they are the elevation model's."""
+        ...
+
+    @property
     def options_model(self) -> type[Options]:
         """The options, each with its unit, range and default."""
         ...

@@ -40,7 +40,7 @@ from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
+from fusion.types import CUES, DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
@@ -113,6 +113,7 @@ class ProfileMethod:
         "solved together."
     )
     needs = ("positions", "altitudes, Doppler velocity, pitch, acceleration or pressure: any of them")
+    cues = CUES
     options_model = ProfileOptions
 
     def estimate(
