@@ -36,6 +36,8 @@ LEAST_RELIEF_M, SCALE_GAIN = 3.0, 3.0
 FOOT_M = 0.3048
 REJECTED_SHARE = 1 / 3
 """A drive that contradicts the others on more of its segments than this gets a warning."""
+FEWEST_ALIKE = 60
+"""So many altitudes that are all the same were not measured: what measures them is unsteady on the flattest road."""
 MOST_NAMED = 4
 """Rasters that one sentence names."""
 MOST_PLACES = 5000
@@ -112,6 +114,7 @@ def drive_report(
             *log.warnings,
             *result.report.get("warnings", ()),
             *_lacking(log, method, only=only, computed=computed),
+            *(_never_changing(log) if "altitude" in method.cues else ()),
             *_of_terrain(log, dem, ground),
             *(_nothing_came_out(result) if graded else ()),
         ],
@@ -147,13 +150,8 @@ def cues_of(log: DriveLog) -> frozenset[str]:
 
 def advice_of(log: DriveLog, cues: Collection[str]) -> str:
     """What a person with that kind of device does to record what the log lacks; "" where that is none of ``cues``."""
-    known = _format_of(log)
-    said = {
-        "altitude": known.altitude_advice if known else _ALTITUDE_ADVICE,
-        "doppler": known.doppler_advice if known else _DOPPLER_ADVICE,
-    }
-    lacking = [name for name in said if name in cues and name not in cues_of(log)]
-    return " ".join(said[name] for name in lacking)
+    said = {"altitude": _altitude_advice, "doppler": _doppler_advice}
+    return " ".join(said[name](log) for name in said if name in cues and name not in cues_of(log))
 
 
 def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) -> list[str]:
@@ -192,6 +190,16 @@ def _format_of(log: DriveLog) -> LogFormat | None:
         return None
 
 
+def _altitude_advice(log: DriveLog) -> str:
+    known = _format_of(log)
+    return known.altitude_advice if known else _ALTITUDE_ADVICE
+
+
+def _doppler_advice(log: DriveLog) -> str:
+    known = _format_of(log)
+    return known.doppler_advice if known else _DOPPLER_ADVICE
+
+
 def _rests_on_terrain(log: DriveLog, result: DriveResult, method: Method, ground: Ground | None) -> bool:
     """Whether slopes came out to which the drive's own sensors said nothing."""
     if not result.slopes or ground is None or not ground.share:
@@ -222,6 +230,22 @@ def _lacking(log: DriveLog, method: Method, *, only: bool, computed: bool) -> li
             f"times smaller. {advice}"
         )
     return said
+
+
+def _never_changing(log: DriveLog) -> list[str]:
+    """Altitudes that stand for none."""
+    if not _all_alike(log):
+        return []
+    altitude = log.fix.alt_msl_m[np.isfinite(log.fix.alt_msl_m)]
+    return [
+        f"All altitudes of the log are {altitude[0]:g} m: they were not measured, and slopes made of them are flat. "
+        f"{_altitude_advice(log)}"
+    ]
+
+
+def _all_alike(log: DriveLog) -> bool:
+    altitude = log.fix.alt_msl_m[np.isfinite(log.fix.alt_msl_m)]
+    return len(altitude) >= FEWEST_ALIKE and not np.ptp(altitude)
 
 
 def _of_terrain(log: DriveLog, dem: Dem | None, ground: Ground | None) -> list[str]:
@@ -256,7 +280,7 @@ def _altitudes_off(log: DriveLog, dem: Dem, ground: Ground) -> list[str]:
 
     Heights that the log states above the ellipsoid are another datum by right.
     """
-    if datum_of_log(log) != MEAN_SEA_LEVEL:
+    if datum_of_log(log) != MEAN_SEA_LEVEL or _all_alike(log):
         return []
     altitude = log.fix.alt_msl_m[ground.row]
     both = np.isfinite(altitude) & np.isfinite(ground.height_m)

@@ -8,22 +8,18 @@ removed drive, whose row is what tells that something of it is still shown. Call
 
 from __future__ import annotations
 
-import json
 import uuid
-from collections.abc import Mapping
-from typing import Any
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import plain_json
 from app.network.marks import GIVEN_UP
 
 # What no mark waits for any more, but in squares that solvers began with too often in vain; another worker may be about
 # to say so, too.
 _PUBLISHED = text(
     """
-    SELECT d.id, d.report FROM drives AS d
+    SELECT d.id FROM drives AS d
     WHERE d.status = 'running' AND d.stage = 'publishing' AND NOT EXISTS (
         SELECT FROM network_marks AS m
         WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries < :given_up)
@@ -32,9 +28,7 @@ _PUBLISHED = text(
 )
 _FINISH = text(
     """
-    UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp(),
-        report = report || CAST(:report AS jsonb)
-    WHERE id = :id
+    UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp() WHERE id = :id
     """
 )
 
@@ -57,14 +51,14 @@ _REMOVED = text(
 )
 
 
-def published_drives(session: Session) -> list[tuple[uuid.UUID, dict[str, Any]]]:
-    """Drives whose squares are all solved, or given up for now, with their reports. Their rows are held."""
-    return [tuple(row) for row in session.execute(_PUBLISHED, {"given_up": GIVEN_UP})]
+def published_drives(session: Session) -> list[uuid.UUID]:
+    """Drives whose squares are all solved, or given up for now. Their rows are held."""
+    return list(session.execute(_PUBLISHED, {"given_up": GIVEN_UP}).scalars())
 
 
-def mark_done(session: Session, drive_id: uuid.UUID, report: Mapping[str, Any]) -> None:
-    """End a drive whose row is held as done, with what is to be added to its report."""
-    session.execute(_FINISH, {"id": drive_id, "report": json.dumps(plain_json(report))})
+def mark_done(session: Session, drive_id: uuid.UUID) -> None:
+    """End a drive whose row is held as done."""
+    session.execute(_FINISH, {"id": drive_id})
 
 
 def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bool:

@@ -8,24 +8,18 @@ from __future__ import annotations
 
 import logging
 import uuid
-from collections.abc import Mapping
-from typing import Any
 
 from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.drives import endings, queue
-from app.network import passes
 from app.network import results as slopes
 from app.network.marks import MarkedBy, any_due, any_hope, count_cells, make_due
 from app.network.settle import settle_due
 from app.network.swap import BusyError, solve_marked
 
 logger = logging.getLogger(__name__)
-
-REJECTED_SHARE = 1 / 3
-"""A drive that contradicts the others on more of its segments than this gets a warning."""
 
 SOLVING_S = 0.5
 """While drives wait, a square that is marked waits for so long times the number of marked ones: solving one takes about
@@ -95,8 +89,8 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
     """
     with sessions.begin() as session:
         published = endings.published_drives(session)
-        for drive_id, report in published:
-            endings.mark_done(session, drive_id, hearing_report(report, passes.hearing(session, drive_id)))
+        for drive_id in published:
+            endings.mark_done(session, drive_id)
     with sessions.begin() as session:
         keys = endings.delete_removed(session)
     for key in keys:
@@ -113,14 +107,3 @@ def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation
             endings.mark_removing(session, drive_id)
             queue.enqueue_solve(session)
     finish(sessions, blobs)
-
-
-def hearing_report(report: Mapping[str, Any], heard: passes.Hearing) -> dict[str, Any]:
-    """What the report says on how the drive agrees with the others over the same segments."""
-    warnings = list(report.get("warnings", ()))
-    if heard.rejected > REJECTED_SHARE * heard.segments:
-        warnings.append(
-            f"This drive contradicts other drives on {heard.rejected} of {heard.segments} segments and is not heard "
-            "there. Check its time, its sensors' axes and whether it is the same road; its other segments count."
-        )
-    return {"rejected_segments": heard.rejected, "warnings": warnings}

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import TextClause, text
+from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_json, plain_text
 from app.drives.documents import Drive, DrivePlace
+from app.network.hearing import hearings
 from app.network.marks import PATIENCE
 
 # What a Drive is made of; the table is called d. Few drives have marks, and these an index.
@@ -200,7 +201,7 @@ def get_drive(session: Session, drive_id: uuid.UUID) -> Drive | None:
 def get_drives(session: Session, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Drive]:
     """Those of the drives that there are, by id."""
     rows = session.execute(_GET_EACH, {"ids": list(ids)})
-    return {row.id: Drive.of(dict(row._mapping)) for row in rows}
+    return {drive.id: drive for drive in _shown(session, rows)}
 
 
 def list_drives(
@@ -213,7 +214,7 @@ def list_drives(
     if after is not None:
         query += _AFTER
         values |= {"after_created_at": after.created_at, "after_id": after.id}
-    return [Drive.of(dict(row._mapping)) for row in session.execute(text(query + _NEWEST_FIRST), values)]
+    return _shown(session, session.execute(text(query + _NEWEST_FIRST), values))
 
 
 def mark_running(session: Session, drive_id: uuid.UUID, generation: int) -> Drive | None:
@@ -301,8 +302,14 @@ def unreferenced_blobs(session: Session, keys: Sequence[str]) -> list[str]:
 
 def _one(session: Session, statement: TextClause, values: Mapping[str, Any]) -> Drive | None:
     """The drive of a query of one drive or of none."""
-    row = session.execute(statement, values).one_or_none()
-    return None if row is None else Drive.of(dict(row._mapping))
+    return next(iter(_shown(session, session.execute(statement, values))), None)
+
+
+def _shown(session: Session, rows: Iterable[Row[Any]]) -> list[Drive]:
+    """The drives of these rows, each with how it agrees with the others by now."""
+    found = [dict(row._mapping) for row in rows]
+    heard = hearings(session, [columns["id"] for columns in found if columns["report"] is not None])
+    return [Drive.of({**columns, "hearing": heard.get(columns["id"])}) for columns in found]
 
 
 def _changed(session: Session, statement: TextClause, values: Mapping[str, Any]) -> bool:
