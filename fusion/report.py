@@ -219,15 +219,14 @@ def _lacking(log: DriveLog, method: Method, *, only: bool, computed: bool) -> li
     if "barometer" in cues & set(method.cues):
         return said
     if "altitude" in method.cues and "altitude" not in cues and not computed:
-        advice = advice_of(log, ["altitude"])
         said.append(
-            f"The log has no altitudes: its slopes are less sure, and it measures no heights. {advice}"
+            "The log has no altitudes: its slopes are less sure, and it measures no heights. "
+            f"{_altitude_advice(log)}"
         )
     if "doppler" in method.cues and "doppler" not in cues:
-        advice = advice_of(log, ["doppler"])
         said.append(
             "The log has no vertical Doppler velocity, the strongest cue of slope: with it sigmas become several "
-            f"times smaller. {advice}"
+            f"times smaller. {_doppler_advice(log)}"
         )
     return said
 
