@@ -30,7 +30,7 @@ from fusion.network.combine import SlopePart
 from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import heights_at
-from fusion.network.unknowns import knot_positions
+from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.network.window import gap_rows
 from fusion.network.witnesses import Witness, repeated
 from fusion.registry import DEFAULT_METHOD
@@ -276,7 +276,7 @@ def _solved(
     solved = driven | gap_rows(table, driven)
     table, rows = table.subset(solved), near[solved]
     row_of = {int(row): k for k, row in enumerate(rows)}
-    terrain = heights_at(dem.heights(*knot_positions(table))) if dem else None
+    terrain = heights_at(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
     own = {k: [f.over(row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
     result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)

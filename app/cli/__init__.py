@@ -61,7 +61,7 @@ COMMANDS = {
     "settle": Command(
         "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."
     ),
-    "sweep": Command("app.cli.storage", "Remove stored logs that no drive refers to any more."),
+    "sweep": Command("app.cli.upkeep.storage", "Remove stored logs that no drive refers to any more."),
     "fuse": Command(
         "app.cli.fuse",
         "Fuse logs with roads and terrain into segment slopes, without a server or a database.",

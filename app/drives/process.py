@@ -34,7 +34,7 @@ from app.network.marks import MarkedBy
 from app.network.road_squares import roads_in
 from app.roads import store as road_store
 from app.terrain import store as dem
-from app.terrain.imports import fill_heights_along
+from app.terrain.heights import fill_heights_along, open_dem
 from app.terrain.store import DemSet
 from fusion.errors import FusionError
 from fusion.formats import read_log
@@ -43,7 +43,6 @@ from fusion.gnss import Positioned
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import rows_of
-from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Ints
 
 logger = logging.getLogger(__name__)
@@ -200,7 +199,7 @@ def _estimate(
     run.begin("estimating")
     progress = run.part("estimating")
     with computing(), ExitStack() as stack:
-        terrain = None if around.dem is None else stack.enter_context(Dem.open(around.dem.paths))
+        terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
         network, result = run_drive(
             found, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
         )

@@ -18,6 +18,7 @@ from app.core.db import Sessions
 _NETWORK = 0x5653_4E54  # "VSNT"
 _HOURS = 0x5653_4852  # "VSHR"
 _CELLS = 0x5653_434C  # "VSCL"
+_HEIGHTS = 0x5653_4854  # "VSHT"
 
 _OWN = text("SELECT pg_advisory_xact_lock(:key)")
 _SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
@@ -26,6 +27,8 @@ _HOUR = text(
     "SELECT pg_advisory_xact_lock(:key, h) FROM (SELECT unnest(CAST(:hours AS integer[])) AS h ORDER BY 1) AS o"
 )
 _TRY_CELL = text("SELECT pg_try_advisory_lock(:key, :cell)")
+_WAIT = text("SELECT pg_advisory_lock(:key)")
+_TRY = text("SELECT pg_try_advisory_lock(:key)")
 _FREE_ALL = text("SELECT pg_advisory_unlock_all()")
 
 HOUR_S = 3600.0
@@ -82,3 +85,18 @@ def cell_claims(sessions: Sessions) -> Iterator[CellClaims]:
             yield CellClaims(session)
         finally:
             session.execute(_FREE_ALL)  # else they would go back into the pool with the connection
+
+
+@contextmanager
+def own_heights(sessions: Sessions, *, wait: bool) -> Iterator[bool]:
+    """Be the only one that renews heights of segments, so that nothing is computed twice; until the block ends.
+
+    Yields whether that is so: without ``wait`` it may be somebody else. What is written does not depend on it.
+    """
+    with sessions() as session:
+        session.connection(execution_options={"isolation_level": "AUTOCOMMIT"})
+        taken = session.execute(_WAIT if wait else _TRY, {"key": _HEIGHTS}).scalar()
+        try:
+            yield wait or bool(taken)
+        finally:
+            session.execute(_FREE_ALL)

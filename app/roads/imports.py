@@ -24,7 +24,7 @@ from app.network.locks import own_network
 from app.network.swap import solve_all_marked
 from app.roads.copy import copy_roads
 from app.roads.losses import cells_lost, cells_new, mark_repairs, note_losses
-from app.terrain.imports import terrain_under
+from app.terrain.heights import terrain_under
 from app.terrain.store import current_dem
 from fusion.errors import RoadsError
 from fusion.network.unknowns import knot_positions

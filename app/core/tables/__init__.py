@@ -91,7 +91,9 @@ class RoadVersion(Base):
 
 
 class DemVersion(Base):
-    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256}`` of each file."""
+    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256, priority, bounds_deg}`` of
+    each file; versions of before 0014 have the first three. The active one may be empty.
+    """
 
     __tablename__ = "dem_versions"
 
@@ -100,6 +102,8 @@ class DemVersion(Base):
     datum: Mapped[str]
     imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
     active: Mapped[bool]
+    pending: Mapped[dict[str, Any] | None]
+    """Where segments still have the heights of the set before: ``{boxes_deg, after_id}``; NULL: nowhere."""
 
     __table_args__ = (
         Index("uq_dem_versions_active", "active", unique=True, postgresql_where=text("active")),
