@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,13 +13,21 @@ import typer
 
 from app.cli.console import Bars, Console, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
+from app.cli.maps import map_of_logs, usable_map
+from app.cli.options import (
+    GnssName,
+    GnssOption,
+    JsonFile,
+    MapFile,
+    MapScale,
+    in_a_folder,
+    parse_assignments,
+)
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
     from app.cli.fuse_files import Combined, FusedLog, Fusion
-    from app.map.segment import Segment
     from fusion.methods.base import Options
 
 app = typer.Typer(add_completion=False)
@@ -86,15 +93,8 @@ def fuse(
             callback=in_a_folder,
         ),
     ] = None,
-    map_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--map",
-            metavar="OUT.png",
-            help="Map of the slopes, with all roads around the drives.",
-            callback=in_a_folder,
-        ),
-    ] = None,
+    map_file: MapFile = None,
+    scale: MapScale = None,
     json_file: JsonFile = None,
 ) -> None:
     """Fuse logs with roads and terrain into segment slopes, without a server or a database.
@@ -111,6 +111,7 @@ def fuse(
 
     console: Console = ctx.obj
     chosen = _usable(method, option or [], gnss, gnss_option or [], out)
+    usable_map(map_file, scale)
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
         points = read_control(control) if control else []
@@ -130,7 +131,8 @@ def fuse(
         write(features, out, source=source, height_datum=datum)
         console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(drives)} logs.")
     if fusion.fused and map_file is not None:
-        _map(fusion, features, map_file, source, console)
+        map_of_logs(fusion, features, map_file, source, scale)
+        console.note(f"{map_file}: map of the slopes.")
     for number, one in enumerate(fusion.fused, 1):
         _pictures(one, number if len(fusion.fused) > 1 else None, profile, track, console)
     figures = {
@@ -202,18 +204,6 @@ def _agreement(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]
             outcome["report"]["warnings"].append(said)
     for remark in together.remarks:
         console.note(remark)
-
-
-def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, console: Console) -> None:
-    from app.drives.outputs.profile_picture import printable
-    from app.map.slope_picture import slope_map_png
-
-    count = len(fusion.fused)
-    title = (
-        f"Slopes from {fusion.fused[0].source.short_name}" if count == 1 else f"Slopes from {count} drives"
-    )
-    slope_map_png(path, fusion.surroundings(), features, title=printable(title), credit=source)
-    console.note(f"{path}: map of the slopes.")
 
 
 def _pictures(

@@ -12,6 +12,14 @@ import typer
 if TYPE_CHECKING:
     from app.core.db import Bounds
 
+
+def in_a_folder(path: Path | None) -> Path | None:
+    """Callback of an option that names a file to write: refuses it now if its folder is missing."""
+    if path is not None and not path.parent.is_dir():
+        raise typer.BadParameter(f"{path} cannot be written: there is no folder {path.parent}.")
+    return path
+
+
 DataDir = Annotated[
     Path | None,
     typer.Option(
@@ -26,6 +34,27 @@ DataDir = Annotated[
 JsonFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Write the figures as JSON as well.", show_default=False),
+]
+MapFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        metavar="FILE",
+        help="Map of the slopes: .png, .pdf or .svg.",
+        callback=in_a_folder,
+        show_default=False,
+    ),
+]
+MapScale = Annotated[
+    float | None,
+    typer.Option(
+        "--scale",
+        metavar="PERCENT",
+        min=0.5,
+        max=100,
+        help="Steepness from which on the map is darkest; so that maps can be compared. Default: as suits the slopes.",
+        show_default=False,
+    ),
 ]
 GnssOption = Annotated[
     list[str] | None,
@@ -42,13 +71,6 @@ GnssName = Annotated[
         "--gnss", metavar="NAME", help="How positions are computed; `versant methods` lists the ways."
     ),
 ]
-
-
-def in_a_folder(path: Path | None) -> Path | None:
-    """Callback of an option that names a file to write: refuses it now if its folder is missing."""
-    if path is not None and not path.parent.is_dir():
-        raise typer.BadParameter(f"{path} cannot be written: there is no folder {path.parent}.")
-    return path
 
 
 def parse_box(text: str | None) -> Bounds | None:

@@ -6,7 +6,8 @@ Modules import what they write with where they write: to list the outputs must c
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -73,11 +74,21 @@ def write(
     suffix and ``OSError`` where the folder cannot be written to.
     """
     output = output_for(path)
+    with whole(path) as partial:
+        return output.write(segments, partial, stated(source or attribution(), height_datum))
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Where to write what becomes ``path`` at the end of the block; if that fails, ``path`` stays as it was.
+
+    Raises ``OSError`` that names ``path``, or its folder where that is missing.
+    """
     if not path.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
-    partial = path.with_name(f".{path.stem}.partial{output.suffix}")
+    partial = path.with_name(f".{path.stem}.partial{path.suffix.lower()}")
     try:
-        count = output.write(segments, partial, stated(source or attribution(), height_datum))
+        yield partial
         partial.replace(path)
     except OSError as error:
         if error.filename == str(partial):  # a name that nobody gave
@@ -85,4 +96,3 @@ def write(
         raise
     finally:
         partial.unlink(missing_ok=True)
-    return count
