@@ -107,7 +107,7 @@ def run_drive(
     result = result if graded else places_alone(result)
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))
-    progress("filter", 1.0)
+    progress("slopes", 1.0)
     report = drive_report(
         log, result, estimator, chosen, dem, ground, computed=found.solution is not None, graded=graded
     )

@@ -66,6 +66,8 @@ def show(
     json_file: JsonFile = None,
 ) -> None:
     """Show what is known of a drive; its report with --json."""
+    from app.drives.outputs.summary import summary
+
     console: Console = ctx.obj
     with service_client(server) as client:
         document = client.drive(drive).document
@@ -74,7 +76,10 @@ def show(
     console.table(
         ["what", "value"], [[name, None if value is None else str(value)] for name, value in told.items()]
     )
-    for warning in (document.get("report") or {}).get("warnings", ()):
+    report = document.get("report")
+    if report:
+        typer.echo(summary(document["filename"], report))
+    for warning in (report or {}).get("warnings", ()):
         typer.echo(warning)
     write_json(json_file, document)
 
@@ -205,7 +210,8 @@ def _check_choice(kinds: int, narrowed: bool, named: int) -> None:
     if kinds + named > 1 or (named and narrowed):
         raise typer.BadParameter(
             "Choose one of --all, --stale, --failed, --drive and --cancel; --dry-run and filters go with the first "
-            "three, or with none."
+            "three, or with none.",
+            param_hint="'--all', '--stale', '--failed', '--drive', '--cancel'",
         )
 
 
@@ -250,7 +256,7 @@ def _follow(client: Client, batch: Batch, show: Progress) -> Batch:
 
 def _positioning(gnss: str | None, gnss_option: list[str], *, named: bool) -> dict[str, Any]:
     """The query for another positioning; ``typer.BadParameter`` unless drives are named, since a batch knows none."""
-    options = parse_assignments(gnss_option)
+    options = parse_assignments(gnss_option, "--gnss-option")
     if not named and (gnss or options):
         raise typer.BadParameter("--gnss and --gnss-option go with --drive.", param_hint="'--gnss'")
     asked: dict[str, Any] = {"gnss": gnss} if gnss else {}

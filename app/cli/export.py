@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import DataDir, JsonFile, MapFile, MapScale, in_a_folder, parse_box
-from fusion.errors import UnknownNameError
+from app.cli.options import DataDir, JsonFile, MapFile, MapScale, in_a_folder, naming, parse_box
 
 if TYPE_CHECKING:
     from sqlalchemy.orm import Session
@@ -92,11 +91,9 @@ def _usable(out: Path | None, map_file: Path | None, scale: float | None) -> Non
             "nothing is asked for: name a file by -o, or a map by --map.", param_hint="-o"
         )
     usable_map(map_file, scale)
-    try:
-        if out is not None:
+    if out is not None:
+        with naming("--out"):
             output_for(out)
-    except UnknownNameError as error:
-        raise typer.BadParameter(str(error)) from error
 
 
 def _features(

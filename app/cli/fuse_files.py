@@ -12,17 +12,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from app.cli.console import part_of
 from app.cli.logs import LogFiles
 from app.map.segment import Segment
 from fusion.methods.base import OF_TERRAIN, DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 from fusion.network.control import ControlPoint
 from fusion.pipeline import network_datum, positions_of, run_drive, solve_network, surroundings
+from fusion.report import with_contradiction, with_twin
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
 from fusion.types import Floats, Ints, Progress, no_progress
+
+PARTS = {"reading": (0.0, 0.15), "positioning": (0.15, 0.4), "estimating": (0.4, 1.0)}
+"""The parts of the work on one log, and the shares of the whole at which they begin and end."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +79,12 @@ class Fusion:
         """Read and fuse one log; raises ``FusionError`` or ``OSError`` and leaves the others untouched."""
         started = time.perf_counter()
         source = LogFiles((log,)) if isinstance(log, Path) else log
-        found = positions_of(source.read(progress), self.options, progress)
+        reading, positioning, estimating = (
+            part_of(progress, *PARTS[name]) for name in ("reading", "positioning", "estimating")
+        )
+        found = positions_of(source.read(reading), self.options, positioning)
         network, result = run_drive(
-            found, self.roads, self.dem, method=self.method, options=self.options, progress=progress
+            found, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
         )
         rows, seconds = rows_of(self.roads, network.table), time.perf_counter() - started
         fused = FusedLog(source, network, rows, result, found.log.fix.time_s, seconds)
@@ -108,6 +116,16 @@ class Fusion:
         features = [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
         datum = network_datum(self.dem, self.fused, self.control)
         return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum)
+
+    def rasters(self, features: Sequence[Segment]) -> tuple[str, ...]:
+        """Names of the rasters that gave heights to these segments, or to the drives."""
+        if self.dem is None:
+            return ()
+        ends = np.array([end for one in features for end in one.coordinates], float).reshape(-1, 2)
+        tracks = [one.result.track for one in self.fused]
+        lon = np.concatenate([ends[:, 0], *(track.lon_deg for track in tracks)])
+        lat = np.concatenate([ends[:, 1], *(track.lat_deg for track in tracks)])
+        return self.dem.sources_at(lon, lat)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
@@ -149,7 +167,7 @@ def _feature(
     )
 
 
-def summary(fused: FusedLog) -> dict[str, Any]:
+def outcome_of(fused: FusedLog) -> dict[str, Any]:
     """What ``--json`` says of one log."""
     return {
         "file": fused.source.name,
@@ -159,3 +177,12 @@ def summary(fused: FusedLog) -> dict[str, Any]:
         "seconds": round(fused.seconds, 3),
         "report": fused.result.report,
     }
+
+
+def agreement(together: Combined, names: Sequence[str], outcomes: Sequence[dict[str, Any]]) -> None:
+    """Add to the outcomes of the logs that were fused, of these names, how each agrees with the others."""
+    for k, (outcome, rejected) in enumerate(zip(outcomes, together.rejected, strict=True)):
+        report, twin = outcome["report"], together.repeated.get(k)
+        warnings = with_contradiction(report["warnings"], rejected, report["segments_in_network"])
+        report["warnings"] = warnings if twin is None else with_twin(warnings, names[twin])
+        report["rejected_segments"] = outcome["rejected_segments"] = rejected

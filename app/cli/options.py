@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from fusion.errors import BadOptionsError, UnknownNameError
 
 if TYPE_CHECKING:
     from app.core.db import Bounds
@@ -33,7 +36,13 @@ DataDir = Annotated[
 ]
 JsonFile = Annotated[
     Path | None,
-    typer.Option("--json", metavar="FILE", help="Write the figures as JSON as well.", show_default=False),
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Write the figures as JSON as well.",
+        callback=in_a_folder,
+        show_default=False,
+    ),
 ]
 MapFile = Annotated[
     Path | None,
@@ -81,20 +90,35 @@ def parse_box(text: str | None) -> Bounds | None:
         west, south, east, north = (float(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(
-            f"{text!r} is not WEST,SOUTH,EAST,NORTH in degrees, such as 8.46,48.95,8.50,48.99."
+            f"{text!r} is not WEST,SOUTH,EAST,NORTH in degrees, such as 8.46,48.95,8.50,48.99.",
+            param_hint="'--bbox'",
         ) from None
     if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
-        raise typer.BadParameter(f"{text!r} must have WEST < EAST within ±180 and SOUTH < NORTH within ±90.")
+        raise typer.BadParameter(
+            f"{text!r} must have WEST < EAST within ±180 and SOUTH < NORTH within ±90.", param_hint="'--bbox'"
+        )
     return west, south, east, north
 
 
-def parse_assignments(texts: Sequence[str]) -> dict[str, Any]:
+@contextmanager
+def naming(option: str) -> Iterator[None]:
+    """Refuse as wrong usage, and name the option at fault, what the library refuses inside."""
+    try:
+        yield
+    except (UnknownNameError, BadOptionsError) as error:
+        raise typer.BadParameter(str(error), param_hint=f"'{option}'") from error
+
+
+def parse_assignments(texts: Sequence[str] | None, option: str) -> dict[str, Any]:
     """``name=value`` each: numbers, true and false as such, else text; raises ``typer.BadParameter``."""
     options: dict[str, Any] = {}
-    for text in texts:
+    for text in texts or ():
         name, equals, value = text.partition("=")
         if not name or not equals:
-            raise typer.BadParameter(f"{text!r} is not name=value, such as particles=20000.")
+            raise typer.BadParameter(
+                f"{text!r} is not NAME=VALUE, such as particles=20000; `versant methods` lists the names.",
+                param_hint=f"'{option}'",
+            )
         try:
             options[name] = json.loads(value)
         except ValueError:

@@ -147,7 +147,7 @@ def test_the_quality_layer_of_the_terrain_is_found_or_may_be_named(
 
 
 @pytest.mark.slow
-def test_pictures_and_tracks_are_numbered_when_there_are_several(bundle: Bundle, tmp_path: Path) -> None:
+def test_pictures_and_tracks_have_numbers_and_names_when_there_are_several(bundle: Bundle, tmp_path: Path) -> None:
     extra = ("--profile", tmp_path / "p.png", "--track", tmp_path / "t.geojson", "-o", tmp_path / "o.csv")
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, *extra).exit_code == 0
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
@@ -155,8 +155,9 @@ def test_pictures_and_tracks_are_numbered_when_there_are_several(bundle: Bundle,
     assert path["geometry"]["type"] == "MultiLineString"
     assert len(points) > 10
     assert run("fuse", *bundle.drives[:2], "--roads", bundle.osm, *FAST, *extra).exit_code == 0
-    for name in ("p-1.png", "p-2.png", "t-1.geojson", "t-2.geojson"):
-        assert (tmp_path / name).exists()
+    first, second = (path.stem for path in bundle.drives[:2])
+    names = {f"p-1-{first}.png", f"p-2-{second}.png", f"t-1-{first}.geojson", f"t-2-{second}.geojson"}
+    assert {path.name for path in tmp_path.iterdir()} == names | {"p.png", "t.geojson", "o.csv"}
 
 
 def test_a_map_shows_all_roads_around_the_drives(bundle: Bundle, tmp_path: Path) -> None:
