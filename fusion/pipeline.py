@@ -34,7 +34,7 @@ from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.network.window import gap_rows
 from fusion.network.witnesses import Witness, repeated
 from fusion.registry import DEFAULT_METHOD
-from fusion.report import Ground, advice_of, drive_report, ground_under
+from fusion.report import Ground, advice_of, drive_report, ground_under, without_placeholders
 from fusion.roads.along import boxes_along
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
@@ -79,6 +79,7 @@ def run_drive(
     estimator = METHODS[method]
     chosen = options if isinstance(options, Options) else parse_options(method, options)
     found = log if isinstance(log, Positioned) else positions_of(log, chosen, progress)
+    found = replace(found, log=without_placeholders(found.log))
     log = found.log
     if len(log.fix) < MIN_FIXES:
         raise EmptyLogError(
@@ -102,7 +103,7 @@ def run_drive(
     try:
         result = estimator.estimate(log, network, dem, chosen, progress)
     except MissingSensorError as error:
-        advice = advice_of(found.log, estimator.cues)
+        advice = advice_of(found.log, estimator.cues, dem, ground)
         raise MissingSensorError(f"{error} {advice}".strip(), where=error.where) from error
     result = result if graded else places_alone(result)
     if not np.any(result.track.segment >= 0):

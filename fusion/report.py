@@ -9,6 +9,7 @@ that are made here. What a report says of other drives changes as they come and 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from fusion.methods.base import DriveResult, Method, Options
     from fusion.terrain.dem import Dem
 
-PART_COVERED = 0.95
+PART_COVERED = 0.9
 """An elevation model that knows the ground under a smaller share of the positions is worth a warning; every model has
 voids."""
 OFFSET_M = 20.0
@@ -44,6 +45,8 @@ MOST_PLACES = 5000
 """Positions of a drive, evenly chosen, at which the elevation model is looked at."""
 
 _WGS84 = Geod(ellps="WGS84")
+NO_GROUND = "The elevation model has no height under the drive, and could not be used."
+NO_HEIGHTS = "All altitudes of the log are 0 m: they were not measured, and are left out."
 _CONTRADICTS = "This drive contradicts other drives on "
 _ALTITUDE_ADVICE = "Record altitudes as well, or give an elevation model that covers the drive."
 _DOPPLER_ADVICE = "Record it if the receiver offers it (u-blox: UBX-NAV-PVT), or use one that does."
@@ -67,6 +70,20 @@ def ground_under(log: DriveLog, dem: Dem | None) -> Ground | None:
     height = dem.heights(fix.lon_deg[row], fix.lat_deg[row])
     share = float(np.mean(np.isfinite(height))) if len(row) else 0.0
     return Ground(share, height, row)
+
+
+def without_placeholders(log: DriveLog) -> DriveLog:
+    """The log without altitudes that are all 0, as programs write them that know none, and with a warning of it."""
+    altitude = known_altitudes(log)
+    if len(altitude) < FEWEST_ALIKE or altitude.any():
+        return log
+    unknown = np.full(len(log.fix), np.nan)
+    return replace(log, fix=replace(log.fix, alt_msl_m=unknown), warnings=(*log.warnings, NO_HEIGHTS))
+
+
+def known_altitudes(log: DriveLog) -> Floats:
+    """The altitudes above sea level that the log has."""
+    return log.fix.alt_msl_m[np.isfinite(log.fix.alt_msl_m)]
 
 
 def drive_report(
@@ -149,10 +166,14 @@ def cues_of(log: DriveLog) -> frozenset[str]:
     return frozenset(name for name in CUES if has[name])
 
 
-def advice_of(log: DriveLog, cues: Collection[str]) -> str:
-    """What a person with that kind of device does to record what the log lacks; "" where that is none of ``cues``."""
+def advice_of(log: DriveLog, cues: Collection[str], dem: Dem | None, ground: Ground | None) -> str:
+    """What to do about a log that lacks what its method needs: which of ``cues`` a person with that kind of device
+    could record, and whether the elevation model is one of another place; "" where there is nothing to say.
+    """
     said = {"altitude": _altitude_advice, "doppler": _doppler_advice}
-    return " ".join(said[name](log) for name in said if name in cues and name not in cues_of(log))
+    lacking = [said[name](log) for name in said if name in cues and name not in cues_of(log)]
+    elsewhere = _of_terrain(log, dem, ground) if ground is not None and not ground.share else []
+    return " ".join([*lacking, *elsewhere])
 
 
 def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) -> list[str]:
@@ -215,15 +236,13 @@ def _lacking(log: DriveLog, method: Method, *, only: bool, computed: bool) -> li
     if only and method.cues:
         said.append(
             "The slopes of this drive rest on the elevation model alone, for nothing in the log measures height or "
-            "grade: they are as good as the model, and no more drives of the kind make them better."
+            "grade: they are as good as the model, and more such drives do not improve them."
         )
     if "barometer" in cues & set(method.cues):
         return said
     if "altitude" in method.cues and "altitude" not in cues and not computed:
-        said.append(
-            "The log has no altitudes: its slopes are less sure, and it measures no heights. "
-            f"{_altitude_advice(log)}"
-        )
+        worth = "so its slopes are less sure, and" if "doppler" not in cues else "so"
+        said.append(f"The log has no altitudes, {worth} it measures no heights. {_altitude_advice(log)}")
     if "doppler" in method.cues and "doppler" not in cues:
         said.append(
             "The log has no vertical Doppler velocity, the strongest cue of slope: with it sigmas become several "
@@ -233,19 +252,14 @@ def _lacking(log: DriveLog, method: Method, *, only: bool, computed: bool) -> li
 
 
 def _never_changing(log: DriveLog) -> list[str]:
-    """Altitudes that stand for none."""
-    if not _all_alike(log):
+    """Altitudes that stand for none, perhaps."""
+    altitude = known_altitudes(log)
+    if len(altitude) < FEWEST_ALIKE or np.ptp(altitude):
         return []
-    altitude = log.fix.alt_msl_m[np.isfinite(log.fix.alt_msl_m)]
     return [
-        f"All altitudes of the log are {altitude[0]:g} m: they were not measured, and slopes made of them are flat. "
-        f"{_altitude_advice(log)}"
+        f"All altitudes of the log are {altitude[0]:g} m, so slopes made of them are flat: look whether the device "
+        f"measured them. {_altitude_advice(log)}"
     ]
-
-
-def _all_alike(log: DriveLog) -> bool:
-    altitude = log.fix.alt_msl_m[np.isfinite(log.fix.alt_msl_m)]
-    return len(altitude) >= FEWEST_ALIKE and not np.ptp(altitude)
 
 
 def _of_terrain(log: DriveLog, dem: Dem | None, ground: Ground | None) -> list[str]:
@@ -257,14 +271,10 @@ def _of_terrain(log: DriveLog, dem: Dem | None, ground: Ground | None) -> list[s
         place = f"{south:.4f} to {north:.4f} degrees north and {west:.4f} to {east:.4f} degrees east"
         there = f"There is {_named(dem)}. Give one that covers {place}."
         if not ground.share:
-            return [
-                "The elevation model has no height under the drive, so its slopes were made without it. "
-                f"{there}"
-            ]
-        covered = f"{100 * ground.share:.2g} %"
+            return [f"{NO_GROUND} {there}"]
         return [
-            f"The elevation model has heights under {covered} of the positions only; elsewhere slopes were made "
-            f"without it. {there}",
+            f"The elevation model has heights under {100 * ground.share:.2g} % of the positions only; elsewhere it "
+            f"ends or has voids, and slopes were made without it. {there}",
             *_altitudes_off(log, dem, ground),
         ]
     return _altitudes_off(log, dem, ground)
@@ -280,7 +290,7 @@ def _altitudes_off(log: DriveLog, dem: Dem, ground: Ground) -> list[str]:
 
     Heights that the log states above the ellipsoid are another datum by right.
     """
-    if datum_of_log(log) != MEAN_SEA_LEVEL or _all_alike(log):
+    if datum_of_log(log) != MEAN_SEA_LEVEL or _never_changing(log):
         return []
     altitude = log.fix.alt_msl_m[ground.row]
     both = np.isfinite(altitude) & np.isfinite(ground.height_m)
