@@ -173,7 +173,8 @@ def advice_of(log: DriveLog, cues: Collection[str], dem: Dem | None, ground: Gro
     said = {"altitude": _altitude_advice, "doppler": _doppler_advice}
     lacking = [said[name](log) for name in said if name in cues and name not in cues_of(log)]
     elsewhere = _of_terrain(log, dem, ground) if ground is not None and not ground.share else []
-    return " ".join([*lacking, *elsewhere])
+    zeros = [NO_HEIGHTS] if NO_HEIGHTS in log.warnings else []
+    return " ".join([*zeros, *lacking, *elsewhere])
 
 
 def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) -> list[str]:
