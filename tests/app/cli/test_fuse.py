@@ -147,7 +147,9 @@ def test_the_quality_layer_of_the_terrain_is_found_or_may_be_named(
 
 
 @pytest.mark.slow
-def test_pictures_and_tracks_have_numbers_and_names_when_there_are_several(bundle: Bundle, tmp_path: Path) -> None:
+def test_pictures_and_tracks_have_numbers_and_names_when_there_are_several(
+    bundle: Bundle, tmp_path: Path
+) -> None:
     extra = ("--profile", tmp_path / "p.png", "--track", tmp_path / "t.geojson", "-o", tmp_path / "o.csv")
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, *extra).exit_code == 0
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
