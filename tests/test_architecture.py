@@ -43,6 +43,7 @@ SQL_PLACES = {
         "roads/imports.py",
         "roads/losses.py",
         "roads/store.py",
+        "terrain/coverage.py",
         "terrain/store.py",
     )
 }

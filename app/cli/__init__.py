@@ -61,6 +61,9 @@ COMMANDS = {
     "settle": Command(
         "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."
     ),
+    "elevation": Command(
+        "app.cli.upkeep.elevation", "List, rank or remove the elevation rasters that are in use."
+    ),
     "sweep": Command("app.cli.upkeep.storage", "Remove stored logs that no drive refers to any more."),
     "fuse": Command(
         "app.cli.fuse",

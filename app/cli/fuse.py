@@ -123,7 +123,7 @@ def fuse(
         said = fusion.solve(gaps=gaps)
     features, datum = said.features, said.height_datum
     _agreement(fusion, said, outcomes, console)
-    source = attribution(terrain.names if terrain else ())
+    source = attribution(said.rasters)
     if fusion.fused and out is None:
         sys.stdout.writelines(collection_chunks(features, stated(source, datum)))
     elif fusion.fused and out is not None:

@@ -17,6 +17,7 @@ from app.map.segment import Segment
 from fusion.methods.base import OF_TERRAIN, DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 from fusion.network.control import ControlPoint
+from fusion.network.unknowns import knot_positions
 from fusion.pipeline import network_datum, positions_of, run_drive, solve_network, surroundings
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
@@ -50,6 +51,8 @@ class Combined(NamedTuple):
     """Sentences on control points and the elevation model."""
     height_datum: str | None
     """What the heights refer to; None where there are none."""
+    rasters: tuple[str, ...]
+    """Names of the elevation rasters that give the heights of these segments."""
 
 
 @dataclass
@@ -107,7 +110,8 @@ class Fusion:
         now = now or datetime.now(UTC)
         features = [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
         datum = network_datum(self.dem, self.fused, self.control)
-        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum)
+        rasters = self.dem.sources_at(*knot_positions(table)) if self.dem else ()
+        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum, rasters)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
