@@ -45,6 +45,7 @@ SQL_PLACES = {
         "roads/store.py",
         "terrain/coverage.py",
         "terrain/store.py",
+        "upkeep/store.py",
     )
 }
 """Beside ``app/network/``: each subject's statements stand beside the code that they belong to, in one of these."""

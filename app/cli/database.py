@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 from app.cli.console import Console
 from app.core import migrate
+from app.core.databases import require_reachable
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings, load_settings
 from app.core.standing_back import stand_back
@@ -40,6 +41,28 @@ def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[
             yield settings, session_factory(engine)
         finally:
             engine.dispose()
+
+
+@contextmanager
+def as_it_is(
+    settings: Settings, *, embedded: bool | None, make: bool = False
+) -> Iterator[tuple[Settings, Sessions]]:
+    """Settings and sessions of a database that is not migrated, for who looks after it or brings it back.
+
+    ``embedded`` as of ``database``. ``make``: where there is no embedded database, an empty one is made.
+    """
+    if not make:
+        see_to_cluster(settings, embedded)
+    with ExitStack() as stack:
+        if embedded or (embedded is None and settings.database_url is None):
+            cluster = stack.enter_context(EmbeddedPostgres(settings.data_dir))
+            settings = settings.model_copy(update={"database_url": cluster.url})
+        assert settings.database_url is not None  # noqa: S101 - what the lines above are for
+        require_reachable(settings.database_url)
+        stand_back()
+        engine = make_engine(settings.database_url, pool_size=1, behind=True)
+        stack.callback(engine.dispose)
+        yield settings, session_factory(engine)
 
 
 def see_to_cluster(settings: Settings, embedded: bool | None, make: Console | None = None) -> None:
