@@ -62,16 +62,20 @@ _WAITING = text("SELECT count(*) FROM drives WHERE status = 'queued'")
 _CLOCK = text("SELECT clock_timestamp()")
 _WORKERS = text(
     """
-    SELECT (SELECT count(*) FROM procrastinate_workers
-            WHERE last_heartbeat > clock_timestamp() - make_interval(secs => :silent_s)) AS alive,
-           (SELECT count(*) FROM procrastinate_jobs AS j WHERE j.status = 'doing' AND NOT EXISTS (
-                SELECT FROM procrastinate_workers AS w
-                WHERE w.id = j.worker_id
-                    AND w.last_heartbeat > clock_timestamp() - make_interval(secs => :silent_s))) AS stuck,
-           (SELECT count(*) FROM drives AS d
-            WHERE d.status IN ('queued', 'running') AND d.stage IS DISTINCT FROM 'publishing' AND NOT EXISTS (
-                SELECT FROM procrastinate_jobs AS j
-                WHERE j.status IN ('todo', 'doing') AND j.args ->> 'drive_id' = CAST(d.id AS text))) AS jobless
+    WITH alive AS (
+        SELECT id FROM procrastinate_workers
+        WHERE last_heartbeat > clock_timestamp() - make_interval(secs => :silent_s)
+    ), jobless AS (
+        SELECT d.status FROM drives AS d
+        WHERE d.status IN ('queued', 'running') AND d.stage IS DISTINCT FROM 'publishing' AND NOT EXISTS (
+            SELECT FROM procrastinate_jobs AS j
+            WHERE j.status IN ('todo', 'doing') AND j.args ->> 'drive_id' = CAST(d.id AS text))
+    )
+    SELECT (SELECT count(*) FROM alive) AS alive,
+           (SELECT count(*) FROM procrastinate_jobs AS j
+            WHERE j.status = 'doing' AND NOT EXISTS (SELECT FROM alive WHERE alive.id = j.worker_id)) AS stuck,
+           (SELECT count(*) FROM jobless WHERE status = 'queued') AS queued,
+           (SELECT count(*) FROM jobless WHERE status = 'running') AS running
     """
 )
 _DRIVE_BLOBS = text(
@@ -100,11 +104,12 @@ class Contents:
 
 
 class Workers(NamedTuple):
-    """Workers that gave a sign of life, jobs that a silent one holds, and drives that wait or run without a job."""
+    """Workers that gave a sign of life, jobs that a silent one holds, and drives that wait, or run, without a job."""
 
     alive: int
     stuck: int
-    jobless: int
+    queued: int
+    running: int
 
 
 def export_snapshot(session: Session) -> str:
