@@ -46,8 +46,9 @@ SERVICE = {
     "map": {"core", "network", "roads", "terrain"},
     "drives": {"core", "jobs", "map", "network", "roads", "terrain"},
     "ops": {"core", "drives", "network", "roads"},
+    "upkeep": {"core", "drives", "embedded", "network", "ops", "terrain"},
     "main": {"core", "drives", "map", "ops"},
-    "cli": {"core", "embedded", "drives", "main", "map", "network", "roads", "terrain"},
+    "cli": {"core", "embedded", "drives", "main", "map", "network", "roads", "terrain", "upkeep"},
     "demo": {"cli", "core", "embedded", "map", "roads", "terrain"},
 }
 """Room -> the rooms of the service that it may import from."""

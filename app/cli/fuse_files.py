@@ -18,6 +18,7 @@ from app.map.segment import Segment
 from fusion.methods.base import OF_TERRAIN, DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 from fusion.network.control import ControlPoint
+from fusion.network.unknowns import knot_positions
 from fusion.pipeline import network_datum, positions_of, run_drive, solve_network, surroundings
 from fusion.report import with_contradiction, with_twin
 from fusion.roads.network import RoadNetwork
@@ -55,6 +56,8 @@ class Combined(NamedTuple):
     """Sentences on control points and the elevation model."""
     height_datum: str | None
     """What the heights refer to; None where there are none."""
+    rasters: tuple[str, ...]
+    """Names of the elevation rasters that give the heights of these segments."""
 
 
 @dataclass
@@ -115,17 +118,8 @@ class Fusion:
         now = now or datetime.now(UTC)
         features = [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
         datum = network_datum(self.dem, self.fused, self.control)
-        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum)
-
-    def rasters(self, features: Sequence[Segment]) -> tuple[str, ...]:
-        """Names of the rasters that gave heights to these segments, or to the drives."""
-        if self.dem is None:
-            return ()
-        ends = np.array([end for one in features for end in one.coordinates], float).reshape(-1, 2)
-        tracks = [one.result.track for one in self.fused]
-        lon = np.concatenate([ends[:, 0], *(track.lon_deg for track in tracks)])
-        lat = np.concatenate([ends[:, 1], *(track.lat_deg for track in tracks)])
-        return self.dem.sources_at(lon, lat)
+        rasters = self.dem.sources_at(*knot_positions(table)) if self.dem else ()
+        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum, rasters)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
