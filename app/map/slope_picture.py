@@ -276,17 +276,18 @@ def _draw_arrows(axes: Axes, lines: Floats, slope: Floats, sigma: Floats, thinne
     middle = lines.mean(axis=1)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     inside = (middle[:, 0] > left) & (middle[:, 0] < right) & (middle[:, 1] > bottom) & (middle[:, 1] < top)
+    inside &= np.any(lines[:, 0] != lines[:, 1], axis=1)
     lines, slope, sigma, middle = lines[inside], slope[inside], sigma[inside], middle[inside]
     chosen = arrow_choice(middle, slope, sigma, max(right - left, top - bottom) / ARROWS_ACROSS)
     if not len(chosen):
         return
     along = lines[chosen, 1] - lines[chosen, 0]
-    uphill = along / np.maximum(np.hypot(*along.T), 1e-9)[:, None] * np.sign(slope[chosen])[:, None]
+    uphill = along / np.hypot(*along.T)[:, None] * np.sign(slope[chosen])[:, None]
     # The shafts must not lie over the road's own colour, so that only heads are drawn, of one size on paper.
     axes.quiver(
         *middle[chosen].T,
         *uphill.T,
-        angles="xy",
+        angles=np.degrees(np.arctan2(uphill[:, 1], uphill[:, 0])),
         pivot="middle",
         units="inches",
         scale_units="inches",
