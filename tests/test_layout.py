@@ -53,7 +53,6 @@ SERVICE = {
 
 FRAGMENTS: Mapping[str, str] = {
     "app/drives/outputs/draughtsman.py": "a program of its own",
-    "app/map/outputs/csv_table.py": "one output, one file",
     "fusion/formats/nmea.py": "one log format, one file",
 }
 """Short files with one importer that stay by themselves, each with the reason."""

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fusion.errors import UnknownNameError
+
 if TYPE_CHECKING:
     from app.core.db import Bounds
 
@@ -100,3 +102,16 @@ def parse_assignments(texts: Sequence[str]) -> dict[str, Any]:
         except ValueError:
             options[name] = value
     return options
+
+
+def usable_map(path: Path | None, scale: float | None) -> None:
+    """Refuse, before any work, a suffix that no picture has, and a scale without a map."""
+    from app.map.slope_map import picture_format  # noqa: PLC0415 - see app.cli
+
+    if path is None and scale is not None:
+        raise typer.BadParameter("it is the scale of a map, and no --map is asked for.", param_hint="--scale")
+    if path is not None:
+        try:
+            picture_format(path)
+        except UnknownNameError as error:
+            raise typer.BadParameter(str(error), param_hint="--map") from error

@@ -17,8 +17,9 @@ from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
 from app.map.attribution import OSM_ATTRIBUTION, attribution
+from app.map.drawn_roads import STEEPNESS, UNKNOWN_COLOUR
 from app.map.slope_map import MapError, MapSegments, line_widths
-from app.map.slope_picture import MAP_IN, STEEPNESS, UNKNOWN_COLOUR, slope_figure, slope_map
+from app.map.slope_picture import MAP_IN, slope_figure, write_map
 from fusion.errors import UnknownNameError
 from fusion.types import Floats
 
@@ -315,7 +316,7 @@ def test_a_file_is_what_its_suffix_says_and_any_name_may_stand_in_it(tmp_path: P
     path = tmp_path / f"map{suffix.upper()}"
     credit = r"a $\nonsense$ <b> & \x07 日本.tif"
     segments = street(np.array([4.0, 1.0]), np.array([0.3, 0.3]))
-    slope_map(path, segments, title="x & <y>", credit=credit)
+    write_map(path, segments, title="x & <y>", credit=credit)
     data = path.read_bytes()
     assert data.startswith(HEADS[suffix])
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
@@ -334,5 +335,5 @@ def test_a_file_is_what_its_suffix_says_and_any_name_may_stand_in_it(tmp_path: P
 
 def test_an_unknown_suffix_lists_those_there_are(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"'\.jpg'.*\.png, \.pdf, \.svg"):
-        slope_map(tmp_path / "map.jpg", street(np.array([4.0]), np.array([0.3])), title="x", credit="y")
+        write_map(tmp_path / "map.jpg", street(np.array([4.0]), np.array([0.3])), title="x", credit="y")
     assert not list(tmp_path.iterdir())

@@ -18,11 +18,11 @@ import pyogrio
 import pytest
 from matplotlib.colors import to_hex, to_rgb
 
+from app.map.drawn_roads import STEEPNESS
+from app.map.drawn_roads import UNKNOWN_COLOUR as ON_THE_MAP
 from app.map.outputs import OUTPUTS, write
 from app.map.outputs.qgis_style import BREAKS_PERCENT, COLOURS, MARK, UNKNOWN_COLOUR, WIDTH_MM, classes, qml
 from app.map.segment import PROPERTIES, Segment
-from app.map.slope_picture import STEEPNESS
-from app.map.slope_picture import UNKNOWN_COLOUR as ON_THE_MAP
 
 SEGMENT = Segment(
     id=None,
