@@ -14,7 +14,15 @@ import typer
 
 from app.cli.console import Bars, Console, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
+from app.cli.options import (
+    ColumnsOption,
+    GnssName,
+    GnssOption,
+    JsonFile,
+    in_a_folder,
+    parse_assignments,
+    parse_columns,
+)
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
@@ -50,6 +58,7 @@ def fuse(
     ] = None,
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
+    columns: ColumnsOption = None,
     together: Together = False,
     control: Annotated[
         Path | None,
@@ -110,7 +119,8 @@ def fuse(
     from fusion.terrain.dem import Dem
 
     console: Console = ctx.obj
-    chosen = _usable(method, option or [], gnss, gnss_option or [], out)
+    named = {"columns": parse_columns(columns)} if columns else {}
+    chosen = _usable(method, named | parse_assignments(option or []), gnss, gnss_option or [], out)
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
         points = read_control(control) if control else []
@@ -153,7 +163,9 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
     return rest, dem + more
 
 
-def _usable(method: str, option: list[str], gnss: str, gnss_option: list[str], out: Path | None) -> Options:
+def _usable(
+    method: str, options: dict[str, Any], gnss: str, gnss_option: list[str], out: Path | None
+) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
     from app.map.outputs import output_for
     from fusion.pipeline import parse_options
@@ -162,7 +174,7 @@ def _usable(method: str, option: list[str], gnss: str, gnss_option: list[str], o
         if out is not None:
             output_for(out)
         positioning = {"gnss": gnss, "gnss_options": parse_assignments(gnss_option)}
-        return parse_options(method, {**positioning, **parse_assignments(option)})
+        return parse_options(method, {**positioning, **options})
     except (UnknownNameError, BadOptionsError) as error:
         raise typer.BadParameter(str(error)) from error
 

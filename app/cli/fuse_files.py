@@ -74,7 +74,7 @@ class Fusion:
         """Read and fuse one log; raises ``FusionError`` or ``OSError`` and leaves the others untouched."""
         started = time.perf_counter()
         source = LogFiles((log,)) if isinstance(log, Path) else log
-        found = positions_of(source.read(progress), self.options, progress)
+        found = positions_of(source.read(progress, self.options.columns), self.options, progress)
         network, result = run_drive(
             found, self.roads, self.dem, method=self.method, options=self.options, progress=progress
         )

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fusion.errors import BadOptionsError
+from fusion.registry import check_columns
+
 if TYPE_CHECKING:
     from app.core.db import Bounds
 
@@ -33,6 +36,15 @@ GnssOption = Annotated[
         "--gnss-option",
         metavar="NAME=VALUE",
         help="Option of the positioning; may be given several times.",
+        show_default=False,
+    ),
+]
+ColumnsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--columns",
+        metavar="NAME=HEADER",
+        help="A column of a CSV that is called otherwise, such as alt_msl_m=Altitude; may be given several times.",
         show_default=False,
     ),
 ]
@@ -64,6 +76,23 @@ def parse_box(text: str | None) -> Bounds | None:
     if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
         raise typer.BadParameter(f"{text!r} must have WEST < EAST within ±180 and SOUTH < NORTH within ±90.")
     return west, south, east, north
+
+
+def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
+    """``name=header`` each, a column of ours and what it is called; raises ``typer.BadParameter``."""
+    columns: dict[str, str] = {}
+    for text in texts or ():
+        ours, equals, theirs = text.partition("=")
+        if not equals:
+            raise typer.BadParameter(
+                f"{text!r} is not NAME=HEADER, such as alt_msl_m=Altitude.", param_hint="'--columns'"
+            )
+        columns[ours.strip()] = theirs.strip()
+    try:
+        check_columns(columns)
+    except BadOptionsError as error:
+        raise typer.BadParameter(str(error), param_hint="'--columns'") from None
+    return columns
 
 
 def parse_assignments(texts: Sequence[str]) -> dict[str, Any]:

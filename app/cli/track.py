@@ -12,7 +12,15 @@ import typer
 
 from app.cli.console import Console, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
+from app.cli.options import (
+    ColumnsOption,
+    GnssName,
+    GnssOption,
+    JsonFile,
+    in_a_folder,
+    parse_assignments,
+    parse_columns,
+)
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import DEFAULT_POSITIONING
 
@@ -32,6 +40,7 @@ def track(
     ],
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
+    columns: ColumnsOption = None,
     together: Together = False,
     json_file: JsonFile = None,
 ) -> None:
@@ -48,6 +57,7 @@ def track(
             f"No track is written to files ending in {out.suffix!r}. Choose .csv or .geojson."
         )
     try:
+        named = parse_columns(columns)
         chosen = parse_assignments(gnss_option or [])
         options_of(POSITIONINGS[gnss], chosen)
     except (UnknownNameError, BadOptionsError) as error:
@@ -59,7 +69,7 @@ def track(
         for source in drives:
             reason = None
             try:
-                tracks.append(_read(source, gnss, chosen, bars.work(source.short_name)))
+                tracks.append(_read(source, named, gnss, chosen, bars.work(source.short_name)))
             except (FusionError, OSError) as error:
                 reason = console.complain_of(source.name, error)
             found = 0 if reason else len(tracks[-1].fix)
@@ -75,10 +85,12 @@ def track(
         raise typer.Exit(1)
 
 
-def _read(source: LogFiles, gnss: str, options: Mapping[str, Any], progress: Progress) -> Positions:
+def _read(
+    source: LogFiles, columns: Mapping[str, str], gnss: str, options: Mapping[str, Any], progress: Progress
+) -> Positions:
     from app.cli.positions import Positions
     from fusion.gnss import positioned
 
-    found = positioned(source.read(progress), gnss, options, progress)
+    found = positioned(source.read(progress, columns), gnss, options, progress)
     log = found.log
     return Positions(source.short_name, log.fix, log.gaps_s, log.geoid, found.report, found.solved_epochs())
