@@ -83,7 +83,7 @@ class Fusion:
         reading, positioning, estimating = (
             part_of(progress, *PARTS[name]) for name in ("reading", "positioning", "estimating")
         )
-        found = positions_of(source.read(reading), self.options, positioning)
+        found = positions_of(source.read(reading, self.options.columns), self.options, positioning)
         network, result = run_drive(
             found, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
         )

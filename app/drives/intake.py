@@ -21,7 +21,7 @@ from app.core.db import Sessions
 from app.drives import queue
 from app.drives import store as drives
 from app.drives.documents import Drive
-from app.drives.method_choice import check_options, with_positioning
+from app.drives.method_choice import check_options, with_columns_kept, with_positioning
 
 SHOWN_ORPHANS = 20
 """So many of the blobs that a sweep would remove are named in the log."""
@@ -155,7 +155,7 @@ def reprocess(
             return None
         chosen = known.method if method is None else method
         wanted = known.options if method is None and options is None else options or {}
-        wanted = with_positioning(wanted, positioning or {})
+        wanted = with_positioning(with_columns_kept(wanted, known.options), positioning or {})
         check_options(chosen, wanted)
         drive = drives.request_reprocess(session, drive_id, chosen, wanted)
         if drive is not None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -143,9 +143,10 @@ def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, r
 def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool) -> None:
     run.begin("reading")
     with computing():
-        log = _read(bench, drive, run)
+        options = parse_options(drive.method, drive.options)
+        log = _read(bench, drive, run, options.columns)
         run.begin("positioning")
-        found = positions_of(log, parse_options(drive.method, drive.options), run.part("positioning"))
+        found = positions_of(log, options, run.part("positioning"))
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
@@ -160,7 +161,7 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
     )
 
 
-def _read(bench: Workbench, drive: Drive, run: RunProgress) -> DriveLog:
+def _read(bench: Workbench, drive: Drive, run: RunProgress, columns: Mapping[str, str]) -> DriveLog:
     try:
         file = bench.blobs.open(drive.blob_key)
     except FileNotFoundError as error:
@@ -168,7 +169,7 @@ def _read(bench: Workbench, drive: Drive, run: RunProgress) -> DriveLog:
             "The uploaded file is no longer in the service's storage. Delete the drive and upload it again."
         ) from error
     with file:
-        return read_log(file, max_bytes=bench.max_log_bytes, progress=run.part("reading"))
+        return read_log(file, columns=columns, max_bytes=bench.max_log_bytes, progress=run.part("reading"))
 
 
 def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:

@@ -55,7 +55,10 @@ _ENQUEUE = """
     ), asked AS (
         UPDATE drives AS d
         SET {anew}, method = coalesce(CAST(:method AS text), d.method),
-            options = CASE WHEN CAST(:method AS text) IS NULL THEN d.options ELSE '{{}}' END, batch_id = :batch,
+            options = CASE WHEN CAST(:method AS text) IS NULL THEN d.options
+                -- columns belong to the file, and not to the method
+                ELSE jsonb_strip_nulls(jsonb_build_object('columns', d.options -> 'columns')) END,
+            batch_id = :batch,
             before_batch = jsonb_strip_nulls(jsonb_build_object(
                 'status', d.status, 'stage', d.stage, 'progress', d.progress, 'failure_kind', d.failure_kind,
                 'failure_reason', d.failure_reason, 'failure_where', d.failure_where, 'method', d.method,
