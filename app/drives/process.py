@@ -21,6 +21,9 @@ import numpy as np
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.settings import FilePlace, Settings
+from app.core.telemetry import tracing
+from app.core.telemetry.logs import about, tell
+from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.core.version import code_version
 from app.drives import publishing, queue, tracks
 from app.drives import store as drives
@@ -51,6 +54,9 @@ logger = logging.getLogger(__name__)
 
 MAX_ROAD_CHANGES = 5
 """A drive is estimated so many times, each time because roads were imported meanwhile; then it fails."""
+
+FAULTS = frozenset({"internal", "out-of-memory", "interrupted"})
+"""Kinds of failures that are not the log's."""
 
 Computing = Callable[[], AbstractContextManager[None]]
 """To be held around the computation proper (``app.jobs.task.Work``)."""
@@ -114,32 +120,69 @@ def process_drive(
     again) and SQLAlchemy's error when the database cannot be reached (``is_connection_loss``): both want
     another run.
     """
-    with bench.sessions.begin() as session:
-        drive = drives.mark_running(session, drive_id, generation)
-    if drive is None:
-        return Outcome.DISCARDED
-    run = RunProgress(bench.sessions, drive, should_stop)
+    with about(drive=drive_id):
+        with bench.sessions.begin() as session:
+            drive = drives.mark_running(session, drive_id, generation)
+        if drive is None:
+            tell(logger, "drive skipped", reason="deleted, ended or asked for anew since")
+            return Outcome.DISCARDED
+        waited_s = _waited_s(drive)
+        QUEUED_S.observe(waited_s)
+        tell(logger, "drive started", method=drive.method, bytes=drive.size_bytes, waited_s=waited_s)
+        tell(logger, "drive's file", level=logging.DEBUG, filename=drive.filename)
+        run = RunProgress(bench.sessions, drive, should_stop)
+        with tracing.span("drive", parent=drive.traceparent, method=drive.method) as span:
+            try:
+                outcome = _tried(bench, drive, run, computing, behind=behind)
+            finally:
+                run.stages.end()
+            span.note(outcome=outcome.value)
+            span.failed(outcome is Outcome.FAILED)
+            return outcome
+
+
+def _tried(
+    bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool
+) -> Outcome:
+    """Run a drive that is claimed, and see to whatever ends the run."""
     try:
         _run(bench, drive, run, computing, behind=behind)
     except Discarded:
-        return Outcome.DISCARDED
+        return _discarded(drive)
     except Interrupted:
         with bench.sessions.begin() as session:
-            drives.mark_queued(session, drive_id, generation)
+            drives.mark_queued(session, drive.id, drive.generation)
+        DRIVES_PUT_BACK.count(drive.method, "stopped")
+        tell(logger, "drive put back", reason="the worker stops", stage=run.stage)
         raise
     except Exception as error:
+        run.stages.end(error)
         if is_connection_loss(error):
             raise
         return _fail(bench, drive, run.stage, error)
     return Outcome.DONE
 
 
+def _discarded(drive: Drive) -> Outcome:
+    DRIVES_PUT_BACK.count(drive.method, "discarded")
+    tell(logger, "drive discarded", reason="deleted or asked for anew while it was computed")
+    return Outcome.DISCARDED
+
+
+def _waited_s(drive: Drive) -> float:
+    """From the request to the start of the run."""
+    return 0.0 if drive.started_at is None else (drive.started_at - drive.queued_at).total_seconds()
+
+
 def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
     """Fail a drive that is not run again: it must not take worker after worker along, or keep one for ever."""
     with bench.sessions.begin() as session:
-        if drives.mark_running(session, drive_id, generation) is None:
+        drive = drives.mark_running(session, drive_id, generation)
+        if drive is None:
             return
         drives.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None)
+    with about(drive=drive_id):
+        _tell_failure(drive, kind, reason, None)
 
 
 def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool) -> None:
@@ -155,7 +198,11 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
         ids, result = _estimate(bench, found, around, drive, run, computing)
         run.begin("saving")
         if _append(bench, drive, found.log, around, ids, result, behind=behind):
+            run.stages.end()
+            counts: dict[str, float] = {"epochs": len(result.track), "segments": len(result.slopes)}
+            tell(logger, "drive computed", method=drive.method, **{**counts, **run.stages.seconds})
             return
+        tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
     raise ProcessingError(
         f"The roads were imported anew {MAX_ROAD_CHANGES} times while this drive was processed. "
         "Ask for it again when the import is over."
@@ -269,6 +316,7 @@ def drive_time(log: DriveLog) -> datetime | None:
 def _report(result: DriveResult, provenance: slopes.RunProvenance) -> dict[str, Any]:
     return {
         **result.report,
+        "segments": len(result.slopes),
         "code_version": provenance.code_version,
         "road_version": provenance.road_version_id,
         "dem_version": provenance.dem_version_id,
@@ -280,7 +328,6 @@ def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outco
     if isinstance(error, FusionError):
         kind, reason, where = error.kind, str(error), error.where
     elif isinstance(error, MemoryError):
-        logger.error("drive %s: out of memory in stage %s", drive.id, stage)
         kind = "out-of-memory"
         reason = "The drive needs more memory than the worker has. Split the log into shorter drives."
     else:
@@ -294,4 +341,16 @@ def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outco
         mine = drives.mark_failed(
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
         )
-    return Outcome.FAILED if mine else Outcome.DISCARDED
+    if not mine:
+        return _discarded(drive)
+    _tell_failure(drive, kind, reason, stage)
+    return Outcome.FAILED
+
+
+def _tell_failure(drive: Drive, kind: str, reason: str, stage: str | None) -> None:
+    """A log that cannot be used is news; a fault of the service or its machine is to be seen to."""
+    DRIVES_FAILED.count(drive.method, kind)
+    level = logging.ERROR if kind in FAULTS else logging.INFO
+    for name in drive.filename.split(", "):  # it may be somebody's
+        reason = reason.replace(name, "(file)")
+    tell(logger, "drive failed", level=level, method=drive.method, kind=kind, stage=stage, reason=reason)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from app.core.db import Sessions
+from app.core.telemetry.events import Stages
 from app.drives import store as drives
 from app.drives.documents import Drive
 from app.jobs.task import Interrupted
@@ -43,6 +44,7 @@ class RunProgress:
         self._written_at = -np.inf
         self._share = 0.0
         self.stage = "reading"
+        self.stages = Stages(drive.method)
 
     def part(self, part: str) -> Callable[[str, float], None]:
         """A ``Progress`` for one part of the run; it names its own stages and counts from 0 to 1."""
@@ -55,6 +57,7 @@ class RunProgress:
 
     def begin(self, part: str) -> None:
         """A part of the run begins."""
+        self.stages.begin(part)
         self.show(part, PARTS[part][0])
 
     def show(self, stage: str, share: float) -> None:

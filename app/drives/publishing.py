@@ -15,6 +15,9 @@ from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
+from app.core.telemetry import tracing
+from app.core.telemetry.logs import about, tell
+from app.core.telemetry.measures import DRIVES_DONE, STAGE_S
 from app.drives import endings, queue
 from app.network import passes
 from app.network import results as slopes
@@ -55,11 +58,13 @@ def solve_some(sessions: Sessions, blobs: BlobStore) -> int:
         with sessions.begin() as session:
             queue.enqueue_solve(session)
 
-    try:
-        count = solve_marked(sessions, more=ask, published=lambda: finish(sessions, blobs))
-    except BusyError:
-        logger.info("squares that others write in are left for the next solver", exc_info=True)
-        count = 0
+    with tracing.span("solve") as span:
+        try:
+            count = solve_marked(sessions, more=ask, published=lambda: finish(sessions, blobs))
+        except BusyError:
+            logger.info("squares that others write in are left for the next solver", exc_info=True)
+            count = 0
+        span.note(squares=count)
     finish(sessions, blobs)
     return count
 
@@ -94,14 +99,37 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
     Done are also those of which only marks in squares are left that no solver can solve.
     """
     with sessions.begin() as session:
-        published = endings.published_drives(session)
-        for drive_id, report in published:
-            endings.mark_done(session, drive_id, hearing_report(report, passes.hearing(session, drive_id)))
+        published = [
+            (drive, hearing_report(drive.report, passes.hearing(session, drive.id)))
+            for drive in endings.published_drives(session)
+        ]
+        for drive, heard in published:
+            endings.mark_done(session, drive.id, heard)
+    for drive, heard in published:
+        _tell_done(drive, heard)
     with sessions.begin() as session:
-        keys = endings.delete_removed(session)
-    for key in keys:
+        removed = endings.delete_removed(session)
+    for drive_id, key in removed:
         blobs.delete(key)
-    return len(published) + len(keys)
+        tell(logger, "drive deleted", drive=drive_id)
+    return len(published) + len(removed)
+
+
+def _tell_done(drive: endings.Published, heard: Mapping[str, Any]) -> None:
+    DRIVES_DONE.count(drive.method)
+    if drive.waited_s is not None:
+        STAGE_S.observe(drive.waited_s, "publishing", drive.method)
+    with about(drive=drive.id):
+        tell(
+            logger,
+            "drive done",
+            method=drive.method,
+            km=None if drive.distance_m is None else drive.distance_m / 1000,
+            segments=drive.report.get("segments"),
+            rejected_segments=heard["rejected_segments"],
+            warnings=len(heard["warnings"]),
+            publishing_s=drive.waited_s,
+        )
 
 
 def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation: int) -> None:

@@ -16,6 +16,8 @@ from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_json, plain_text
+from app.core.telemetry.tracing import traceparent
+from app.core.version import code_version
 from app.drives.documents import Drive, DrivePlace
 from app.network.marks import PATIENCE
 
@@ -47,9 +49,10 @@ _NEWEST_FIRST = " ORDER BY d.created_at DESC, d.id DESC LIMIT :limit"
 # Another upload of the same bytes or content that has not committed yet is waited for.
 _CREATE = text(
     """
-    INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options)
+    INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options,
+                        traceparent)
     VALUES (:id, :sha256, :content_sha256, :filename, :size_bytes, :blob_key, 'queued', :method,
-            CAST(:options AS jsonb))
+            CAST(:options AS jsonb), :traceparent)
     ON CONFLICT DO NOTHING RETURNING id
     """
 )
@@ -91,7 +94,7 @@ _FAIL = text(
     """
     UPDATE drives
     SET status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
-        finished_at = clock_timestamp()
+        failure_version = :version, finished_at = clock_timestamp()
     WHERE id = :id AND generation = :generation AND status = 'running'
         AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
@@ -110,7 +113,7 @@ _SET_PUBLISHING = text(
     UPDATE drives
     SET stage = 'publishing', progress = :progress, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
         report = CAST(:report AS jsonb), bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326),
-        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time
+        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time, computed_at = clock_timestamp()
     WHERE id = :id
     """
 )
@@ -128,7 +131,8 @@ _CANCEL = text(
 # By the higher generation a worker that still computes the older request finds that its result is unwanted.
 ANEW = """
     status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
-    generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL
+    generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL,
+    traceparent = :traceparent
 """
 _ASK_ANEW = text(
     f"""
@@ -171,6 +175,7 @@ def create_drive(
         "blob_key": blob_key,
         "method": method,
         "options": _json(options),
+        "traceparent": traceparent(),
     }
     same = {"sha256": sha256, "content_sha256": content_sha256 or sha256}
     while True:
@@ -247,7 +252,8 @@ def mark_failed(
     texts = {
         name: plain_text(value) for name, value in (("stage", stage), ("reason", reason), ("where", where))
     }
-    return _changed(session, _FAIL, {"id": drive_id, "generation": generation, "kind": kind, **texts})
+    run = {"id": drive_id, "generation": generation, "version": code_version()}
+    return _changed(session, _FAIL, {**run, "kind": kind, **texts})
 
 
 def lock_running(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
@@ -280,7 +286,7 @@ def request_reprocess(
     A worker that still computes the older request discards its result. What is published stays until the new
     run replaces it. The caller enqueues the job in the same transaction (``app.drives.intake.reprocess``).
     """
-    values = {"id": drive_id, "method": method, "options": _json(options)}
+    values = {"id": drive_id, "method": method, "options": _json(options), "traceparent": traceparent()}
     return get_drive(session, drive_id) if _changed(session, _ASK_ANEW, values) else None
 
 

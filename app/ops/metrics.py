@@ -1,4 +1,5 @@
-"""What Prometheus scrapes: requests as they are answered, the drives and the queue as they stand at each scrape."""
+"""What Prometheus scrapes: requests as they are answered, drives and queue as they stand at each scrape, and what
+workers and imports have counted (``app.core.telemetry``)."""
 
 from __future__ import annotations
 
@@ -9,12 +10,19 @@ from dataclasses import dataclass
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Histogram
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
-from prometheus_client.metrics_core import GaugeMetricFamily, Metric
+from prometheus_client.metrics_core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.tables import DRIVE_STATUSES
+from app.core.telemetry.ledger import totals_of_all
+from app.core.telemetry.measures import MEASURES, Measure, Totals
 from app.network.cells import data_version
 from app.ops import store
 
@@ -41,7 +49,9 @@ router = APIRouter(tags=["operation"])
     },
 )
 def metrics(request: Request) -> Response:
-    """Requests by route and status with their durations, drives by status, the queue."""
+    """Requests by route and status with their durations, drives by status, the queue, and what workers count and time:
+    stages of drives, solutions, waits for locks, failures by kind, imports.
+    """
     figures: Metrics = request.app.state.metrics
     return Response(figures.exposition(), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
@@ -114,6 +124,9 @@ class Gauges:
     """0 while none waits."""
     data_version: int
     squares: store.Squares
+    failures_by_kind: dict[str, int]
+    workers: int
+    totals: Totals
 
 
 def read_gauges(session: Session) -> Gauges:
@@ -125,6 +138,9 @@ def read_gauges(session: Session) -> Gauges:
         oldest_wait_s=queue.oldest_wait_s or 0.0,
         data_version=data_version(session),
         squares=store.squares(session),
+        failures_by_kind=store.failures_by_kind(session),
+        workers=store.workers(session),
+        totals=totals_of_all(session),
     )
 
 
@@ -167,3 +183,29 @@ class _DatabaseCollector(Collector):
             "Squares of the map that solvers have begun with again and again in vain; /v1/admin/stats names them.",
             value=gauges.squares.unsolved,
         )
+        failed = GaugeMetricFamily(
+            "versant_drives_failed", "Drives that are failed, by the kind of the failure.", labels=["kind"]
+        )
+        for kind, count in gauges.failures_by_kind.items():
+            failed.add_metric([kind], count)
+        yield failed
+        yield GaugeMetricFamily(
+            "versant_workers",
+            "Processes that take drives from the queue and are alive.",
+            value=gauges.workers,
+        )
+        yield from (_family(measure, gauges.totals) for measure in MEASURES)
+
+
+def _family(measure: Measure, totals: Totals) -> Metric:
+    """What all processes have counted of one measure."""
+    series = measure.series(totals)
+    if not measure.buckets:
+        counter = CounterMetricFamily(measure.name, measure.meaning, labels=measure.labels)
+        for values, parts in series.items():
+            counter.add_metric(values, parts[""])
+        return counter
+    histogram = HistogramMetricFamily(measure.name, measure.meaning, labels=measure.labels)
+    for values, parts in series.items():
+        histogram.add_metric(values, *measure.cumulative(parts))
+    return histogram

@@ -23,6 +23,7 @@ from sqlalchemy.orm import Session
 from app.core import mirror
 from app.core.db import Bounds, Sessions
 from app.core.settings import FilePlace
+from app.core.telemetry.events import imported
 from app.network.cells import cells_over, raise_versions
 from app.network.extracts import roads_within, roads_without_heights, roads_without_heights_in
 from app.network.locks import own_network
@@ -44,6 +45,7 @@ SEGMENTS_PER_FILL = 10_000
 """So long do drives that come and go wait: a second or so."""
 
 
+@imported("elevation")
 def import_dem(
     sessions: Sessions, paths: Sequence[Path], dem_dir: FilePlace, progress: Progress = no_progress
 ) -> DemSet:

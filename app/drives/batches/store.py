@@ -203,7 +203,7 @@ def enqueue_piece(session: Session, batch: int) -> bool:
     where, values = conditions(Selection.model_validate(held.selection), held.method)
     selected = _SELECTED + where + (_AFTER if held.after_id else "")
     statement = text(_ENQUEUE.format(selected=selected, anew=ANEW, jobs=JOBS_BEHIND))
-    whole = {**held._mapping, **values, "batch": batch, "piece": PIECE_DRIVES}
+    whole = {**held._mapping, **values, "batch": batch, "piece": PIECE_DRIVES, "traceparent": None}
     return bool(session.execute(statement, whole).scalar_one())
 
 
