@@ -23,14 +23,21 @@ from app.core.db import Sessions
 from app.core.settings import FilePlace, Settings
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
-from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.core.version import code_version
 from app.drives import publishing, queue, tracks
 from app.drives import store as drives
 from app.drives.documents import Drive
 from app.drives.lags import with_settled_lag
 from app.drives.outputs.track import track_length_m
-from app.drives.progress import Discarded, RunProgress, never
+from app.drives.progress import (
+    Discarded,
+    RunProgress,
+    never,
+    tell_discarded,
+    tell_failed,
+    tell_put_back,
+    tell_started,
+)
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
 from app.network.extracts import StoredRoads
@@ -54,9 +61,6 @@ logger = logging.getLogger(__name__)
 
 MAX_ROAD_CHANGES = 5
 """A drive is estimated so many times, each time because roads were imported meanwhile; then it fails."""
-
-FAULTS = frozenset({"internal", "out-of-memory", "interrupted"})
-"""Kinds of failures that are not the log's."""
 
 Computing = Callable[[], AbstractContextManager[None]]
 """To be held around the computation proper (``app.jobs.task.Work``)."""
@@ -126,10 +130,7 @@ def process_drive(
         if drive is None:
             tell(logger, "drive skipped", reason="deleted, ended or asked for anew since")
             return Outcome.DISCARDED
-        waited_s = _waited_s(drive)
-        QUEUED_S.observe(waited_s)
-        tell(logger, "drive started", method=drive.method, bytes=drive.size_bytes, waited_s=waited_s)
-        tell(logger, "drive's file", level=logging.DEBUG, filename=drive.filename)
+        tell_started(drive)
         run = RunProgress(bench.sessions, drive, should_stop)
         with tracing.span("drive", parent=drive.traceparent, method=drive.method) as span:
             try:
@@ -148,12 +149,12 @@ def _tried(
     try:
         _run(bench, drive, run, computing, behind=behind)
     except Discarded:
-        return _discarded(drive)
+        tell_discarded(drive)
+        return Outcome.DISCARDED
     except Interrupted:
         with bench.sessions.begin() as session:
             drives.mark_queued(session, drive.id, drive.generation)
-        DRIVES_PUT_BACK.count(drive.method, "stopped")
-        tell(logger, "drive put back", reason="the worker stops", stage=run.stage)
+        tell_put_back(drive, run.stage)
         raise
     except Exception as error:
         run.stages.end(error)
@@ -161,17 +162,6 @@ def _tried(
             raise
         return _fail(bench, drive, run.stage, error)
     return Outcome.DONE
-
-
-def _discarded(drive: Drive) -> Outcome:
-    DRIVES_PUT_BACK.count(drive.method, "discarded")
-    tell(logger, "drive discarded", reason="deleted or asked for anew while it was computed")
-    return Outcome.DISCARDED
-
-
-def _waited_s(drive: Drive) -> float:
-    """From the request to the start of the run."""
-    return 0.0 if drive.started_at is None else (drive.started_at - drive.queued_at).total_seconds()
 
 
 def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
@@ -182,7 +172,7 @@ def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, r
             return
         drives.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None)
     with about(drive=drive_id):
-        _tell_failure(drive, kind, reason, None)
+        tell_failed(drive, kind, reason, None)
 
 
 def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool) -> None:
@@ -328,6 +318,7 @@ def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outco
     if isinstance(error, FusionError):
         kind, reason, where = error.kind, str(error), error.where
     elif isinstance(error, MemoryError):
+        logger.error("drive %s: out of memory in stage %s", drive.id, stage)
         kind = "out-of-memory"
         reason = "The drive needs more memory than the worker has. Split the log into shorter drives."
     else:
@@ -342,15 +333,7 @@ def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outco
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
         )
     if not mine:
-        return _discarded(drive)
-    _tell_failure(drive, kind, reason, stage)
+        tell_discarded(drive)
+        return Outcome.DISCARDED
+    tell_failed(drive, kind, reason, stage)
     return Outcome.FAILED
-
-
-def _tell_failure(drive: Drive, kind: str, reason: str, stage: str | None) -> None:
-    """A log that cannot be used is news; a fault of the service or its machine is to be seen to."""
-    DRIVES_FAILED.count(drive.method, kind)
-    level = logging.ERROR if kind in FAULTS else logging.INFO
-    for name in drive.filename.split(", "):  # it may be somebody's
-        reason = reason.replace(name, "(file)")
-    tell(logger, "drive failed", level=level, method=drive.method, kind=kind, stage=stage, reason=reason)
