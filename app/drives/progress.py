@@ -6,6 +6,7 @@ Knows nothing of what the run does.
 from __future__ import annotations
 
 import logging
+import re
 import time
 from collections.abc import Callable
 
@@ -24,6 +25,8 @@ logger = logging.getLogger(__name__)
 PROGRESS_EVERY_S = 0.5
 FAULTS = frozenset({"internal", "out-of-memory", "interrupted"})
 """Kinds of failures that are not the log's: to be seen to."""
+SHORTEST_NAME = 4
+"""Names of files that are no words of a reason."""
 
 PARTS = {
     "reading": (0.0, 0.1),
@@ -111,6 +114,7 @@ def tell_failed(drive: Drive, kind: str, reason: str, stage: str | None) -> None
     """It ended without a result: a log that cannot be used is news, a fault of the service an error."""
     DRIVES_FAILED.count(drive.method, kind)
     for name in drive.filename.split(", "):  # it may be somebody's
-        reason = reason.replace(name, "(file)")
+        if len(name) >= SHORTEST_NAME:
+            reason = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "(file)", reason)
     level = logging.ERROR if kind in FAULTS else logging.INFO
     tell(logger, "drive failed", level=level, method=drive.method, kind=kind, stage=stage, reason=reason)

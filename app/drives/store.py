@@ -43,6 +43,9 @@ _GET_BY_CONTENT = text(
 
 # Answered from the indexes on (created_at, id) and (status, created_at, id): what is not asked for is left out.
 _OF_STATUS = " AND d.status = :status"
+_OF_FAILURE = " AND d.status = 'failed' AND d.failure_kind = :failure"
+_SINCE = " AND d.created_at >= :created_after"
+_OF_BATCH = " AND d.batch_id = :batch"
 _AFTER = " AND (d.created_at, d.id) < (:after_created_at, :after_id)"
 _NEWEST_FIRST = " ORDER BY d.created_at DESC, d.id DESC LIMIT :limit"
 
@@ -209,15 +212,32 @@ def get_drives(session: Session, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, 
 
 
 def list_drives(
-    session: Session, *, status: str | None = None, limit: int = 100, after: DrivePlace | None = None
+    session: Session,
+    *,
+    status: str | None = None,
+    failure: str | None = None,
+    created_after: datetime | None = None,
+    batch: int | None = None,
+    limit: int = 100,
+    after: DrivePlace | None = None,
 ) -> list[Drive]:
-    """At most ``limit`` drives, newest upload first, that come after the place ``after`` in that order."""
+    """At most ``limit`` drives, newest upload first, that come after the place ``after`` in that order.
+
+    Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, of a batch.
+    """
+    values: dict[str, Any] = {"limit": limit}
+    asked = {
+        _OF_STATUS: {"status": status},
+        _OF_FAILURE: {"failure": failure},
+        _SINCE: {"created_after": created_after},
+        _OF_BATCH: {"batch": batch},
+        _AFTER: {} if after is None else {"after_created_at": after.created_at, "after_id": after.id},
+    }
     query = _DRIVES + "WHERE true"
-    query += _OF_STATUS if status is not None else ""
-    values: dict[str, Any] = {"status": status, "limit": limit}
-    if after is not None:
-        query += _AFTER
-        values |= {"after_created_at": after.created_at, "after_id": after.id}
+    for condition, named in asked.items():
+        if named and None not in named.values():
+            query += condition
+            values |= named
     return [Drive.of(dict(row._mapping)) for row in session.execute(text(query + _NEWEST_FIRST), values)]
 
 
