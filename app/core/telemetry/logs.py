@@ -62,7 +62,7 @@ def present_ids() -> Mapping[str, str]:
     return _IDS.get()
 
 
-def tell(logger: logging.Logger, event: str, *, level: int = logging.INFO, **fields: Any) -> None:
+def tell(logger: logging.Logger, event: str, /, *, level: int = logging.INFO, **fields: Any) -> None:
     """Log an event with figures and ids of its own; a field that is None is left out."""
     if logger.isEnabledFor(level):
         logger.log(level, event, extra={FIELDS: {k: v for k, v in fields.items() if v is not None}})
