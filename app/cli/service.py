@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.console import Console
+from app.cli.console import Console, LogConsole
 from app.cli.options import DataDir
 
 if TYPE_CHECKING:
@@ -55,8 +55,8 @@ def up(
     from app.cli.database import open_cluster, settings_for
     from app.cli.supervisor import Service
 
-    console: Console = ctx.obj
     settings = settings_for(data_dir, port=port, host=host)
+    console = _voice(ctx, settings, "supervisor")
     with stop_signals():
         console.note(f"Starting in {settings.data_dir} ...")
         with open_cluster(settings) as cluster:
@@ -142,7 +142,7 @@ def worker(
             run_worker(ready, with_chores=not without_chores, process=process)
             end_tracing()
             return
-        with stop_signals(), Children(ready, ctx.obj, lanes(ready)) as workers:
+        with stop_signals(), Children(ready, _voice(ctx, settings, process), lanes(ready)) as workers:
             workers.look_after_all()
 
 
@@ -192,6 +192,17 @@ def _begin(settings: Settings, process: str, *, with_parent: bool) -> None:
         from app.cli.children import stop_with_parent
 
         stop_with_parent()
+
+
+def _voice(ctx: typer.Context, settings: Settings, process: str) -> Console:
+    """What looks after the others speaks to a person, unless every line is to be JSON."""
+    console: Console = ctx.obj
+    if settings.log_format != "json":
+        return console
+    from app.core.telemetry.logs import begin_logging
+
+    begin_logging(settings, process)
+    return LogConsole(quiet=console.quiet, debug=console.debug)
 
 
 def welcome(service: Service, settings: Settings) -> list[str]:

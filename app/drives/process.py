@@ -189,8 +189,8 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
         run.begin("saving")
         if _append(bench, drive, found.log, around, ids, result, behind=behind):
             run.stages.end()
-            counts: dict[str, float] = {"epochs": len(result.track), "segments": len(result.slopes)}
-            tell(logger, "drive computed", method=drive.method, **{**counts, **run.stages.seconds})
+            told: dict[str, Any] = {"epochs": len(result.track), "segments": len(result.slopes)}
+            tell(logger, "drive computed", method=drive.method, **told | run.stages.seconds)
             return
         tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
     raise ProcessingError(

@@ -226,7 +226,7 @@ def list_drives(
     Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, of a batch.
     """
     values: dict[str, Any] = {"limit": limit}
-    asked = {
+    asked: dict[str, dict[str, Any]] = {
         _OF_STATUS: {"status": status},
         _OF_FAILURE: {"failure": failure},
         _SINCE: {"created_after": created_after},

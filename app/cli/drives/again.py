@@ -135,7 +135,8 @@ class Batch:
     @classmethod
     def read(cls, document: dict[str, Any], number: str) -> Batch:
         """Build from the batch's JSON document."""
-        return cls(number, *(int(document[name]) for name in ("drives", "running", "done", "failed")))
+        counts = {name: int(document[name]) for name in ("drives", "running", "done", "failed")}
+        return cls(number, **counts)
 
 
 def _check_choice(kinds: int, narrowed: bool, named: int) -> None:

@@ -30,7 +30,9 @@ DriveIds = Annotated[list[str], typer.Argument(metavar="ID...", help="Drives, as
 def a_moment(text: str | None) -> str | None:
     """Callback of an option that names a time; raises ``typer.BadParameter``."""
     try:
-        return text and datetime.fromisoformat(text) and text
+        if text is not None:
+            datetime.fromisoformat(text)
+        return text
     except ValueError:
         raise typer.BadParameter(
             f"{text!r} is no time. Write it as 2026-11-20 or 2026-11-20T09:00:00Z."

@@ -69,7 +69,7 @@ def imported(kind: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 except BaseException as error:
                     IMPORTS.count(kind, "failed")
                     reason = str(error) if isinstance(error, FusionError) else type(error).__name__
-                    tell(logger, f"import of {kind} failed", level=logging.WARNING, reason=reason)
+                    tell(logger, f"import of {kind} failed", reason=reason)
                     raise
                 took_s = time.monotonic() - started_s
                 IMPORTS.count(kind, "done")

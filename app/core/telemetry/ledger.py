@@ -113,7 +113,7 @@ def counting(sessions: Sessions, process: str) -> Iterator[Ledger]:
         try:
             ledger.write()
         except Exception:  # the figures of some seconds: no reason to fail what was done
-            logger.warning("what was counted last is lost: the database is not there", exc_info=True)
+            logger.info("what was counted last is lost: it could not be written", exc_info=True)
 
 
 def totals_of_all(session: Session) -> Totals:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from collections.abc import Iterator
@@ -158,6 +159,6 @@ def test_work_is_done_though_its_figures_are_lost(
         raise ConnectionError("away")
 
     monkeypatch.setattr(Ledger, "write", away)
-    with counting(sessions, "unlucky"):
+    with caplog.at_level(logging.INFO), counting(sessions, "unlucky"):
         APPLES.count("red")
     assert "is lost" in caplog.text
