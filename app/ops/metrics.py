@@ -27,6 +27,13 @@ from app.network.cells import data_version
 from app.ops import store
 
 BUCKETS_S = (0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
+LABELS = {
+    "versant_http_requests_total": ("method", "route", "status"),
+    "versant_http_request_duration_seconds": ("method", "route"),
+    "versant_drives": ("status",),
+    "versant_failures": ("kind",),
+}
+"""Of those that are not counted by ``app.core.telemetry.measures``."""
 METHODS = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS", "PUT", "PATCH"})
 
 router = APIRouter(tags=["operation"])
@@ -90,14 +97,12 @@ class Metrics:
     def __init__(self, read_gauges: Callable[[], Gauges | None]) -> None:
         """``read_gauges`` is called at each scrape and returns None while the database does not answer."""
         self.registry = CollectorRegistry()
-        labels = ("method", "route", "status")
-        self._requests = Counter(
-            "versant_http_requests", "Requests answered.", labels, registry=self.registry
-        )
+        requests, seconds = "versant_http_requests_total", "versant_http_request_duration_seconds"
+        self._requests = Counter(requests, "Requests answered.", LABELS[requests], registry=self.registry)
         self._seconds = Histogram(
-            "versant_http_request_duration_seconds",
+            seconds,
             "Time from a request to the last byte of its answer.",
-            labels[:2],
+            LABELS[seconds],
             buckets=BUCKETS_S,
             registry=self.registry,
         )
@@ -160,7 +165,7 @@ class _DatabaseCollector(Collector):
         )
         if gauges is None:
             return
-        drives = GaugeMetricFamily("versant_drives", "Drives by status.", labels=["status"])
+        drives = GaugeMetricFamily("versant_drives", "Drives by status.", labels=LABELS["versant_drives"])
         for status in DRIVE_STATUSES:
             drives.add_metric([status], gauges.drives_by_status.get(status, 0))
         yield drives
@@ -184,7 +189,9 @@ class _DatabaseCollector(Collector):
             value=gauges.squares.unsolved,
         )
         failed = GaugeMetricFamily(
-            "versant_drives_failed", "Drives that are failed, by the kind of the failure.", labels=["kind"]
+            "versant_failures",
+            "Drives that are failed now, by the kind of the failure.",
+            labels=LABELS["versant_failures"],
         )
         for kind, count in gauges.failures_by_kind.items():
             failed.add_metric([kind], count)

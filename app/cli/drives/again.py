@@ -135,7 +135,9 @@ class Batch:
     @classmethod
     def read(cls, document: dict[str, Any], number: str) -> Batch:
         """Build from the batch's JSON document."""
-        counts = {name: int(document[name]) for name in ("drives", "running", "done", "failed")}
+        counts: dict[str, Any] = {
+            name: int(document[name]) for name in ("drives", "running", "done", "failed")
+        }
         return cls(number, **counts)
 
 

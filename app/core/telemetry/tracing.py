@@ -1,9 +1,9 @@
 """Traces of requests, runs and solutions for an OpenTelemetry collector; off unless ``VERSANT_OTLP_ENDPOINT`` is set.
 
 Off, nothing that makes spans is imported and a span costs a call. The tracer is ours and not the one that libraries
-find: theirs would tell whole addresses, with the boxes and places in their queries. A trace goes on from the request to the worker: the
-drive's row keeps the request's ``traceparent`` (W3C Trace Context). Spans carry ids, names and counts, as the log does,
-and never a place. What cannot be sent is dropped: nobody waits for the collector.
+find: theirs would tell whole addresses, with the boxes and places in their queries. A trace goes on from the request to
+the worker: the drive's row keeps the request's ``traceparent`` (W3C Trace Context). Spans carry ids, names and counts,
+as the log does, and never a place. What cannot be sent is dropped: nobody waits for the collector.
 """
 
 from __future__ import annotations

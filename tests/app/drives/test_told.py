@@ -105,7 +105,7 @@ def test_what_workers_count_is_exposed_by_the_api_and_never_falls(roads: Any, fi
     seen = figures(roads)
     assert value("versant_drives_done_total", method="raw") == 1
     assert value("versant_drives_failed_total", method="raw", kind="unknown-format") == 1
-    assert value("versant_drives_failed", kind="unknown-format") == 1
+    assert value("versant_failures", kind="unknown-format") == 1
     for stage in STAGES | {"publishing"}:
         runs = 2 if stage == "reading" else 1
         assert value("versant_drive_stage_seconds_count", stage=stage, method="raw") == runs
