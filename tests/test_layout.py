@@ -40,7 +40,8 @@ LIBRARY = {
 
 AT_THE_ROOT = {"pipeline", "report", "results", "__init__"}
 """Files at the library's root beside the ground: one drive through everything, its report, several drives
-and their tables, and the front door, which offers names of the rooms to scripts and loads none of them before it is asked for."""
+and their tables, and the front door, which offers names of the rooms to scripts and loads none of them before it is
+asked for."""
 
 SERVICE = {
     "core": set(),

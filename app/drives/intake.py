@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.databases import database_identity
 from app.core.db import Sessions
+from app.core.telemetry.logs import about, tell
 from app.drives import queue
 from app.drives import store as drives
 from app.drives.documents import Drive
@@ -61,6 +62,10 @@ def register_upload(
         raise
     if drive.blob_key != blob.key:
         blobs.delete(blob.key)
+    with about(drive=drive.id):
+        event = "drive uploaded" if created else "drive uploaded again"
+        tell(logger, event, bytes=drive.size_bytes, method=drive.method, status=drive.status)
+        tell(logger, "drive's file", level=logging.DEBUG, filename=filename)
     return drive, created
 
 
@@ -160,7 +165,9 @@ def reprocess(
         drive = drives.request_reprocess(session, drive_id, chosen, wanted)
         if drive is not None:
             queue.enqueue(session, drive.id, drive.generation)
-        return drive
+    if drive is not None:
+        tell(logger, "drive queued again", drive=drive_id, method=drive.method, run=drive.generation)
+    return drive
 
 
 def remove_drive(sessions: Sessions, drive_id: uuid.UUID) -> Drive | None:
@@ -173,7 +180,9 @@ def remove_drive(sessions: Sessions, drive_id: uuid.UUID) -> Drive | None:
         drive, generation = drives.request_removal(session, drive_id)
         if generation is not None:
             queue.enqueue_removal(session, drive_id, generation)
-        return drive
+    if generation is not None:
+        tell(logger, "drive cancelled", drive=drive_id, reason="its removal was asked for")
+    return drive
 
 
 def sweep_blobs(
