@@ -1,7 +1,4 @@
-"""Log formats: bytes in, a ``DriveLog`` out. One file (or folder) per format, one line in the registry below.
-
-Not read yet, to become one more file and line: FIT.
-"""
+"""Log formats: bytes in, a ``DriveLog`` out. One file (or folder) per format, one line in the registry below."""
 
 from __future__ import annotations
 
@@ -14,6 +11,7 @@ from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFor
 from fusion.formats.archive import Member, is_zip, members, shown_name
 from fusion.formats.base import LogFormat, Notes, PartFormat
 from fusion.formats.container import load, refuse
+from fusion.formats.fit.log import FitFormat
 from fusion.formats.gnsslogger import GnssLoggerFormat
 from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
@@ -37,6 +35,7 @@ read it fits the memory of a small server."""
 FORMATS: Registry[LogFormat] = Registry("log format")
 # asked in this order: the loosest, CSV, comes last
 FORMATS.add("rinex", RinexFormat())
+FORMATS.add("fit", FitFormat())
 FORMATS.add("gnsslogger", GnssLoggerFormat())
 FORMATS.add("ubx", UbxFormat())
 FORMATS.add("u-center", UCenterFormat())

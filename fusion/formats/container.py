@@ -44,7 +44,6 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
     (b"\xd4\xc3\xb2\xa1", "a network capture"),
 )
 _AT_OFFSET = (
-    (8, b".FIT", "a Garmin FIT file, which is not read yet"),
     (4, b"ftyp", "an MP4 video"),
     (6, b"OSMHeader", "an OpenStreetMap extract"),
 )

@@ -13,6 +13,7 @@ from pyubx2 import GET, UBXMessage
 
 from fusion.signals import Signals, satellite_name
 from fusion.simulate.write import rinex_file
+from garmin_files import drive_fit
 from gnss_tables import some_signals
 
 START = datetime(2018, 5, 4, 15, 34, 20, tzinfo=UTC)
@@ -274,6 +275,7 @@ def pseudoranges_csv(signals: Signals) -> bytes:
 
 SAMPLES = {
     "rinex": rinex_file.observations(some_signals(1, 6)).encode(),
+    "fit": drive_fit(),
     "gnsslogger": drive_gnsslogger(),
     "pseudoranges-csv": pseudoranges_csv(some_signals(1, 4)),
     "ubx": drive_ubx(),
