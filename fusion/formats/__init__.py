@@ -17,6 +17,7 @@ from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
 from fusion.formats.pseudoranges_csv import PseudorangesCsvFormat
 from fusion.formats.rinex.log import RinexFormat
+from fusion.formats.tcx import TcxFormat
 from fusion.formats.together import Part, join
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat
@@ -41,6 +42,7 @@ FORMATS.add("ubx", UbxFormat())
 FORMATS.add("u-center", UCenterFormat())
 FORMATS.add("nmea", NmeaFormat())
 FORMATS.add("gpx", GpxFormat())
+FORMATS.add("tcx", TcxFormat())
 FORMATS.add("pseudoranges-csv", PseudorangesCsvFormat())
 FORMATS.add("csv", VersantCsvFormat())
 

@@ -50,7 +50,6 @@ _AT_OFFSET = (
 _XML = (
     (b"kml", "a KML file"),
     (b"osm", "an OpenStreetMap file"),
-    (b"TrainingCenterDatabase", "a Garmin TCX file"),
 )
 
 
@@ -203,7 +202,7 @@ def _text_kind(head: bytes) -> str:
     if text.startswith(b"<"):
         root = re.search(rb"<(?:\w+:)?([A-Za-z]\w*)[\s>/]", text)
         known = dict(_XML).get(root.group(1)) if root else None
-        return known or "an XML file, but not GPX"
+        return known or "an XML file, but neither GPX nor TCX"
     if re.match(rb"[\[{]\s*[\"\]}{\[\d]", text):
         return "a JSON file"
     if not text:

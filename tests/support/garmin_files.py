@@ -96,3 +96,31 @@ def drive_fit(records: int = 20, start: datetime = START) -> bytes:
         *(record(when, 50.95 + 6e-5 * k) for k, when in enumerate(seconds)),
         timer(seconds[-1], STOPPED),
     ])  # fmt: skip
+
+
+def trackpoint(when: datetime, lat: float = 50.95, inner: str = "") -> str:
+    """A track point of TCX, with altitude and speed."""
+    return (
+        f"<Trackpoint><Time>{when:%Y-%m-%dT%H:%M:%S.000Z}</Time><Position><LatitudeDegrees>{lat:.7f}</LatitudeDegrees>"
+        "<LongitudeDegrees>1.88</LongitudeDegrees></Position><AltitudeMeters>112.4</AltitudeMeters>"
+        "<DistanceMeters>5.0</DistanceMeters><HeartRateBpm><Value>120</Value></HeartRateBpm>"
+        f"<Extensions><ns3:TPX><ns3:Speed>7.1</ns3:Speed></ns3:TPX></Extensions>{inner}</Trackpoint>"
+    )
+
+
+def tcx(laps: Iterable[Iterable[str]], kind: str = "Activity") -> bytes:
+    """A TCX file of laps, which have tracks, which have points."""
+    body = "".join(f"<Lap>{''.join(f'<Track>{track}</Track>' for track in tracks)}</Lap>" for tracks in laps)
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<TrainingCenterDatabase '
+        'xmlns="http://www.garmin.com/xmlschemas/TrainingCenterDatabase/v2" '
+        'xmlns:ns3="http://www.garmin.com/xmlschemas/ActivityExtension/v2">\n'
+        f'<Activities><{kind} Sport="Biking"><Id>2018-05-04T15:34:20.000Z</Id>{body}</{kind}></Activities>\n'
+        "</TrainingCenterDatabase>\n"
+    ).encode()
+
+
+def track(first: int, count: int) -> str:
+    """Track points, one a second."""
+    seconds = range(first, first + count)
+    return "\n".join(trackpoint(START + timedelta(seconds=k), 50.95 + 6e-5 * k) for k in seconds)
