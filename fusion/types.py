@@ -82,7 +82,10 @@ class SensorTable:
         known = np.isfinite(time_s)
         if table:
             known &= np.any([np.isfinite(c) for c in table.values()], axis=0)
-        time_s, table = time_s[known], {n: c[known] for n, c in table.items()}
+        if not known.all():
+            time_s, table = time_s[known], {n: c[known] for n, c in table.items()}
+        if (np.diff(time_s) > 0).all():
+            return cls(time_s=time_s, **table)  # as it is, for want of a reason to copy long logs
         backwards = int(np.count_nonzero(np.diff(time_s) < 0))
         order = np.argsort(time_s, kind="stable")
         first = np.ones(len(order), bool)

@@ -11,6 +11,7 @@ from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFor
 from fusion.formats.archive import Member, is_zip, members, shown_name
 from fusion.formats.base import LogFormat, NamedColumnsFormat, NamedFileFormat, Notes, PartFormat
 from fusion.formats.container import load, refuse
+from fusion.formats.fit.log import FitFormat
 from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
 from fusion.formats.phones.gnsslogger import GnssLoggerFormat
@@ -19,6 +20,7 @@ from fusion.formats.phones.sensor_logger import SensorLoggerFormat
 from fusion.formats.pseudoranges_csv import PseudorangesCsvFormat
 from fusion.formats.rinex.log import RinexFormat
 from fusion.formats.rtklib_pos import RtklibPosFormat
+from fusion.formats.tcx import TcxFormat
 from fusion.formats.together import Part, join
 from fusion.formats.torque import TorqueFormat
 from fusion.formats.ubx import UbxFormat
@@ -38,11 +40,13 @@ read it fits the memory of a small server."""
 FORMATS: Registry[LogFormat] = Registry("log format")
 # asked in this order: the loosest, CSV, comes last
 FORMATS.add("rinex", RinexFormat())
+FORMATS.add("fit", FitFormat())
 FORMATS.add("gnsslogger", GnssLoggerFormat())
 FORMATS.add("ubx", UbxFormat())
 FORMATS.add("u-center", UCenterFormat())
 FORMATS.add("nmea", NmeaFormat())
 FORMATS.add("gpx", GpxFormat())
+FORMATS.add("tcx", TcxFormat())
 FORMATS.add("pseudoranges-csv", PseudorangesCsvFormat())
 FORMATS.add("sensor-logger", SensorLoggerFormat())
 FORMATS.add("rtklib-pos", RtklibPosFormat())

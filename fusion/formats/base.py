@@ -13,6 +13,7 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 
 from fusion.errors import EmptyLogError
+from fusion.formats.plain_times import plain_seconds
 from fusion.signals import Navigation, RawGnss
 from fusion.types import Bools, DeviceMotion, DriveLog, Floats, GnssFix, Progress, SensorTable
 
@@ -218,16 +219,17 @@ def _calendar(time_s: float) -> str:
 
 def unix_seconds(texts: Sequence[str | None]) -> Floats:
     """Unix seconds (n,) of RFC 3339 / ISO 8601 times; without offset taken as UTC; NaN where unreadable."""
-    if not len(texts):
-        return np.empty(0)
+    out = plain_seconds(texts)
+    others = [(k, text) for k in np.flatnonzero(np.isnan(out)).tolist() if (text := texts[k]) is not None]
+    if not others:
+        return out
     import pandas as pd  # noqa: PLC0415 - it takes longer to load than most logs to read
 
     parsed = pd.to_datetime(
-        pd.Series(list(texts), dtype="object"), utc=True, format="ISO8601", errors="coerce"
+        pd.Series([text for _, text in others], dtype="object"), utc=True, format="ISO8601", errors="coerce"
     )
     micros = parsed.dt.tz_localize(None).to_numpy().astype("datetime64[us]")
-    out = micros.astype(np.int64) / 1e6
-    out[np.isnat(micros)] = np.nan
+    out[[k for k, _ in others]] = np.where(np.isnat(micros), np.nan, micros.astype(np.int64) / 1e6)
     return out
 
 

@@ -44,14 +44,12 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
     (b"\xd4\xc3\xb2\xa1", "a network capture"),
 )
 _AT_OFFSET = (
-    (8, b".FIT", "a Garmin FIT file, which is not read yet"),
     (4, b"ftyp", "an MP4 video"),
     (6, b"OSMHeader", "an OpenStreetMap extract"),
 )
 _XML = (
     (b"kml", "a KML file"),
     (b"osm", "an OpenStreetMap file"),
-    (b"TrainingCenterDatabase", "a Garmin TCX file"),
 )
 
 
@@ -204,7 +202,7 @@ def _text_kind(head: bytes) -> str:
     if text.startswith(b"<"):
         root = re.search(rb"<(?:\w+:)?([A-Za-z]\w*)[\s>/]", text)
         known = dict(_XML).get(root.group(1)) if root else None
-        return known or "an XML file, but not GPX"
+        return known or "an XML file, but neither GPX nor TCX"
     if re.match(rb"[\[{]\s*[\"\]}{\[\d]", text):
         return "a JSON file"
     if not text:

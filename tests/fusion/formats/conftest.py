@@ -13,6 +13,7 @@ from pyubx2 import GET, UBXMessage
 
 from fusion.signals import Signals, satellite_name
 from fusion.simulate.write import rinex_file
+from garmin_files import drive_fit, tcx, track
 from gnss_tables import some_signals
 
 START = datetime(2018, 5, 4, 15, 34, 20, tzinfo=UTC)
@@ -323,12 +324,14 @@ SAMPLES = {
     "rtklib-pos": rtklib_pos(),
     "torque": torque(),
     "rinex": rinex_file.observations(some_signals(1, 6)).encode(),
+    "fit": drive_fit(),
     "gnsslogger": drive_gnsslogger(),
     "pseudoranges-csv": pseudoranges_csv(some_signals(1, 4)),
     "ubx": drive_ubx(),
     "u-center": THESIS_DUMP.encode(),
     "nmea": drive_nmea(),
     "gpx": gpx(),
+    "tcx": tcx([[track(0, 10), track(100, 10)]]),
     "csv": csv(),
 }
 
