@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import DataDir, JsonFile, MapFile, MapScale, in_a_folder, naming, parse_box
+from app.cli.options import DataDir, JsonFile, MapFile, MapScale, in_a_folder, naming, parse_box, usable_map
 
 if TYPE_CHECKING:
     from sqlalchemy.orm import Session
@@ -50,7 +50,6 @@ def export(
     A map shows the box, or all that was driven; beyond 50,000 segments it leaves undriven roads out.
     """
     from app.cli.database import sessions
-    from app.cli.maps import map_of_store
     from app.map.attribution import attribution
     from app.map.outputs import write
     from app.terrain import store as dem
@@ -68,6 +67,8 @@ def export(
             features = _features(session, box, driven, gaps, bars.work(out.name))
             figures |= {"file": str(out), "segments": write(features, out, source=source)}
         if map_file is not None:
+            from app.map.map_file import map_of_store
+
             drawn, notes = map_of_store(
                 session, map_file, box, driven=driven, gaps=gaps, source=source, scale=scale
             )
@@ -83,7 +84,6 @@ def export(
 
 def _usable(out: Path | None, map_file: Path | None, scale: float | None) -> None:
     """Refuse, before any work, names that say nothing of what to write."""
-    from app.cli.maps import usable_map
     from app.map.outputs import output_for
 
     if out is None and map_file is None:
@@ -99,11 +99,11 @@ def _usable(out: Path | None, map_file: Path | None, scale: float | None) -> Non
 def _features(
     session: Session, box: Bounds | None, driven: bool, gaps: bool, progress: Progress
 ) -> Iterator[Segment]:
-    from app.cli.maps import stored
+    from app.map.pages import all_segments
     from app.map.store import count_segments
 
     total = max(count_segments(session, bbox=box, driven=True if driven else None), 1)
-    for done, segment in enumerate(stored(session, box, driven=driven, gaps=gaps), 1):
+    for done, segment in enumerate(all_segments(session, box, driven=driven, gaps=gaps), 1):
         yield segment
         if not done % EACH:
             progress("writing", done / total)

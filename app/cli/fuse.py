@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,7 +15,6 @@ import typer
 
 from app.cli.console import Bars, Console, whole_file, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.maps import map_of_logs, usable_map
 from app.cli.options import (
     GnssName,
     GnssOption,
@@ -24,12 +24,14 @@ from app.cli.options import (
     in_a_folder,
     naming,
     parse_assignments,
+    usable_map,
 )
 from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
     from app.cli.fuse_files import Combined, FusedLog, Fusion
+    from app.map.segment import Segment
     from fusion.methods.base import Options
 
 app = typer.Typer(add_completion=False)
@@ -135,7 +137,7 @@ def fuse(
         write(features, out, source=source, height_datum=datum)
         console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(drives)} logs.")
     if fusion.fused and map_file is not None:
-        map_of_logs(fusion, features, map_file, source, scale)
+        _map(fusion, features, map_file, source, scale)
         console.note(f"{map_file}: map of the slopes.")
     for number, one in enumerate(fusion.fused, 1):
         _pictures(one, number if len(fusion.fused) > 1 else None, profile, track, console)
@@ -214,6 +216,16 @@ def _tell(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]], co
         console.note(outcome["summary"])
         console.warn(outcome["file"], outcome["report"]["warnings"])
     console.warn("", together.remarks)
+
+
+def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, scale: float | None) -> None:
+    from app.map.map_file import map_of_segments
+
+    count = len(fusion.fused)
+    title = f"Slopes from {fusion.fused[0].source.short_name if count == 1 else f'{count} drives'}"
+    map_of_segments(
+        path, features, fusion.roads, fusion.surroundings(), title=title, source=source, scale=scale
+    )
 
 
 def _pictures(

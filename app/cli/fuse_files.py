@@ -15,15 +15,15 @@ import numpy as np
 from app.cli.console import part_of
 from app.cli.logs import LogFiles
 from app.map.segment import Segment
-from fusion.methods.base import OF_TERRAIN, DriveResult, Options
-from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
+from fusion.methods.base import DriveResult, Options
+from fusion.network.combine import NETWORK_ONLY
 from fusion.network.control import ControlPoint
-from fusion.pipeline import network_datum, positions_of, run_drive, solve_network, surroundings
+from fusion.pipeline import positions_of, run_drive, surroundings
 from fusion.report import with_contradiction, with_twin
+from fusion.results import Solution, solve_fused
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
-from fusion.terrain.windows import dem_slopes
 from fusion.types import Floats, Ints, Progress, no_progress
 
 PARTS = {"reading": (0.0, 0.15), "positioning": (0.15, 0.4), "estimating": (0.4, 1.0)}
@@ -100,22 +100,10 @@ class Fusion:
 
     def solve(self, now: datetime | None = None, *, gaps: bool = False) -> Combined:
         """The ``features``, and how the logs agree."""
-        solved = solve_network(self.roads, self.dem, self.fused, self.control)
-        parts = solved.parts
-        for k, one in enumerate(self.fused):
-            for slope in () if one.result.factors or k in solved.repeated else one.result.slopes:
-                said = SlopePart(
-                    slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations,
-                    of_terrain=self.method in OF_TERRAIN,
-                )  # fmt: skip
-                parts.setdefault(int(one.rows[slope.segment]), []).append(said)
-        shown = sorted(row for row, of_row in parts.items() if gaps or any(part.drives for part in of_row))
-        table = self.roads.subset(np.array(shown, np.int64))
-        terrain = dem_slopes(self.dem, table) if self.dem else np.full(len(table), np.nan)
+        solved = solve_fused(self.fused, self.roads, self.dem, control=self.control, gaps=gaps)
         now = now or datetime.now(UTC)
-        features = [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
-        datum = network_datum(self.dem, self.fused, self.control)
-        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum)
+        features = [_feature(solved, row, now) for row in range(len(solved))]
+        return Combined(features, solved.rejected, solved.repeated, solved.remarks, solved.height_datum)
 
     def rasters(self, features: Sequence[Segment]) -> tuple[str, ...]:
         """Names of the rasters that gave heights to these segments, or to the drives."""
@@ -137,10 +125,8 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _feature(
-    table: RoadTable, row: int, parts: Sequence[SlopePart], dem_slope: float, now: datetime
-) -> Segment:
-    total = published_slope(parts)
+def _feature(solved: Solution, row: int, now: datetime) -> Segment:
+    table, total = solved.roads, solved.slopes[row]
     name = table.name[row]
     return Segment(
         id=None,
@@ -157,7 +143,7 @@ def _feature(
         slope_sigma_percent=total.slope_sigma_percent,
         drives=total.drives,
         observations=total.observations,
-        dem_slope_percent=dem_slope,
+        dem_slope_percent=float(solved.dem_slope_percent[row]),
         updated_at=now,
         coordinates=(
             (float(table.lon0_deg[row]), float(table.lat0_deg[row])),

@@ -135,7 +135,12 @@ def draw_key(
     bar = figure.add_axes(
         (left_in / width, 1 - (y + 0.03 + _BAR_IN) / height, (WIDTH_IN - 0.1) / width, _BAR_IN / height)
     )
-    figure.colorbar(ScalarMappable(scale, style.colours), cax=bar, orientation="horizontal", extend="max")
+    drawn = figure.colorbar(
+        ScalarMappable(scale, style.colours), cax=bar, orientation="horizontal", extend="max"
+    )
+    if drawn.solids is not None:  # in a file of lines it would be the only picture of pixels
+        drawn.solids.set_rasterized(False)
+        drawn.solids.set_edgecolor("face")
     bar.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 5, 10]))
     bar.tick_params(labelsize=SMALL_PT, length=2.5)
     y = _draw_rows(figure, from_top, left_in, y + _BAR_WITH_TICKS_IN, colours)

@@ -13,19 +13,23 @@ from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from app.map.attribution import OSM_ATTRIBUTION
+from app.map.drawn_roads import (
+    ARROW_COLOUR,
+    STEEPNESS,
+    draw_known,
+    draw_unknown,
+    unknown_look,
+)
 from app.map.lettering import is_writable, width_pt, wrapped
 from app.map.map_key import (
-    CASE_PT,
     INK,
     MUTED,
     SMALL_PT,
@@ -40,7 +44,7 @@ from app.map.map_key import (
     rows_of,
 )
 from app.map.outputs import whole
-from app.map.slope_map import MapError, MapSegments, arrow_choice, frame_around, line_widths, picture_format
+from app.map.slope_map import MapError, MapSegments, arrow_choice, frame_around, picture_format
 from app.map.street_names import place_names
 from fusion.frames import LocalProjection
 from fusion.types import Floats
@@ -48,15 +52,7 @@ from fusion.types import Floats
 if TYPE_CHECKING:
     from app.core.db import Bounds
 
-# Lightness falls steadily with steepness, so that colour-blind people and grey printers see the order; the flat end,
-# without viridis' palest tenth, is well visible on white: flat is a measurement, and must not look like the grey of
-# an unknown road.
-STEEPNESS = LinearSegmentedColormap.from_list("steepness", colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
-UNKNOWN_COLOUR = "#a9a9a9"
-UNKNOWN_WIDTH_PT, UNKNOWN_DASHES = 0.8, (0, (3, 2.5))
 SCALE_FLOOR_PERCENT = 4.0  # a colour scale of a flat town must not dramatise tenths of a percent
-ARROW_COLOUR = "white"
-ARROWS_ACROSS = 28  # at most, over the longer side of the map
 MAP_IN, EDGE_IN, BETWEEN_IN = 9.0, 0.3, 0.3
 """Inches: longer side of the map, what stays empty at the figure's edge and between map and key."""
 TITLE_PT, NAME_PT = 13.0, 7.5
@@ -65,7 +61,7 @@ DENSE_M_PER_IN, LEAST_THICKNESS = 250.0, 0.3
 """Maps of wider land than the first have thinner lines, else streets merge; never thinner than that share."""
 
 
-def slope_map(
+def write_map(
     path: Path,
     segments: MapSegments,
     *,
@@ -129,8 +125,8 @@ def slope_figure(
     foot = top + max(page.map_in[1] + SCALE_ROW_IN, height_in(colours, groups))
     figure.set_size_inches(page.width_in, foot + FOOT_ROW_IN * len(page.foot) + 0.6 * EDGE_IN)
     axes = _map_axes(figure, view, page.map_in, top)
-    _draw_unknown(axes, lines[~view.segments.known], style.thinner)
-    _draw_known(axes, lines, view.segments, scale, style.thinner)
+    draw_unknown(axes, lines[~view.segments.known], style.thinner)
+    draw_known(axes, lines, view.segments, scale, style.thinner)
     _draw_names(axes, view)
     _draw_scale(figure, view, page.map_in[0], top + page.map_in[1])
     _write(figure, page.title, EDGE_IN, TITLE_ROW_IN, TITLE_PT, INK)
@@ -192,8 +188,7 @@ def _page(view: _View, title: str, credit: str, notes: Sequence[str]) -> _Page:
 
 def _style(view: _View) -> Style:
     thinner = float(np.clip(np.sqrt(DENSE_M_PER_IN / max(view.metres_per_inch, 1e-9)), LEAST_THICKNESS, 1.0))
-    unknown = {"color": UNKNOWN_COLOUR, "lw": UNKNOWN_WIDTH_PT * max(thinner, 0.6), "ls": UNKNOWN_DASHES}
-    return Style(STEEPNESS, unknown, ARROW_COLOUR, thinner)
+    return Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
 
 
 def _signs(segments: MapSegments) -> Signs:
@@ -228,78 +223,6 @@ def _map_axes(figure: Figure, view: _View, map_in: tuple[float, float], top_in: 
     for side in axes.spines.values():
         side.set_color("#c9ced2")
     return axes
-
-
-def _draw_unknown(axes: Axes, lines: Floats, thinner: float) -> None:
-    axes.add_collection(
-        LineCollection(
-            list(lines),
-            colors=UNKNOWN_COLOUR,
-            linewidths=UNKNOWN_WIDTH_PT * max(thinner, 0.6),
-            linestyles=UNKNOWN_DASHES,
-            zorder=1,
-            label="unknown",
-        ),
-        autolim=False,
-    )
-
-
-def _draw_known(axes: Axes, lines: Floats, segments: MapSegments, scale: Normalize, thinner: float) -> None:
-    known = np.flatnonzero(segments.known)
-    # Narrow first, so that what is sure lies on top where roads cross.
-    known = known[np.argsort(-np.nan_to_num(segments.slope_sigma_percent[known], nan=np.inf), kind="stable")]
-    slope, sigma = segments.slope_percent[known], segments.slope_sigma_percent[known]
-    widths = thinner * line_widths(sigma)
-    for structure, style in ((segments.bridge[known], "solid"), (segments.tunnel[known], (0, (1.2, 0.8)))):
-        axes.add_collection(
-            LineCollection(
-                list(lines[known][structure]),
-                colors="black",
-                linewidths=widths[structure] + CASE_PT * max(thinner, 0.5),
-                linestyles=style,
-                capstyle="butt",
-                zorder=2,
-            ),
-            autolim=False,
-        )
-    colours = STEEPNESS(scale(np.abs(slope)))
-    axes.add_collection(
-        LineCollection(
-            list(lines[known]), colors=colours, linewidths=widths, capstyle="round", zorder=3, label="known"
-        ),
-        autolim=False,
-    )
-    _draw_arrows(axes, lines[known], slope, sigma, thinner)
-
-
-def _draw_arrows(axes: Axes, lines: Floats, slope: Floats, sigma: Floats, thinner: float) -> None:
-    middle = lines.mean(axis=1)
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    inside = (middle[:, 0] > left) & (middle[:, 0] < right) & (middle[:, 1] > bottom) & (middle[:, 1] < top)
-    lines, slope, sigma, middle = lines[inside], slope[inside], sigma[inside], middle[inside]
-    chosen = arrow_choice(middle, slope, sigma, max(right - left, top - bottom) / ARROWS_ACROSS)
-    if not len(chosen):
-        return
-    along = lines[chosen, 1] - lines[chosen, 0]
-    uphill = along / np.maximum(np.hypot(*along.T), 1e-9)[:, None] * np.sign(slope[chosen])[:, None]
-    # The shafts must not lie over the road's own colour, so that only heads are drawn, of one size on paper.
-    axes.quiver(
-        *middle[chosen].T,
-        *uphill.T,
-        angles="xy",
-        pivot="middle",
-        units="inches",
-        scale_units="inches",
-        scale=1 / (0.09 * max(thinner, 0.6)),
-        width=0.0077 * max(thinner, 0.6),
-        headwidth=12,
-        headlength=12,
-        headaxislength=9,
-        facecolor=ARROW_COLOUR,
-        edgecolor=INK,
-        linewidth=0.8 * max(thinner, 0.6),
-        zorder=4,
-    )
 
 
 def _draw_names(axes: Axes, view: _View) -> None:

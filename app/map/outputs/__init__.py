@@ -44,6 +44,10 @@ class Output(Protocol):
         """
         ...
 
+    def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
+        """The small files that stand beside ``path``, with their text: how it is drawn, what it has no place for."""
+        ...
+
 
 OUTPUTS: Registry[Output] = Registry("output")
 for _output in (GeoJsonOutput(), GeoParquetOutput(), GeoPackageOutput(), CsvOutput()):
@@ -68,14 +72,19 @@ def write(
 ) -> int:
     """Write segments to ``path`` in the format of its suffix; returns how many were written.
 
-    The file appears complete or not at all: it is written beside its place and moved there at the end.
+    The file appears complete or not at all: it is written beside its place and moved there at the end, and so are its
+    companions then.
     ``source`` defaults to the attribution of OpenStreetMap alone; ``height_datum`` is None where there are no heights.
     Raises ``UnknownNameError`` for an unknown
     suffix and ``OSError`` where the folder cannot be written to.
     """
-    output = output_for(path)
+    output, said = output_for(path), stated(source or attribution(), height_datum)
     with whole(path) as partial:
-        return output.write(segments, partial, stated(source or attribution(), height_datum))
+        count = output.write(segments, partial, said)
+    for place, text in output.companions(path, said).items():
+        with whole(place) as partial:
+            partial.write_text(text, encoding="utf-8")
+    return count
 
 
 @contextmanager

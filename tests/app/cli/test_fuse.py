@@ -7,13 +7,16 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import rasterio
 from PIL import Image
 from typer.testing import CliRunner, Result
 
+import fusion
 from app.cli import app
 from app.map.outputs import OUTPUTS
+from app.map.segment import PROPERTIES
 from fusion.formats import FORMATS, read_log
 from fusion.gnss import POSITIONINGS
 from fusion.methods import METHODS
@@ -81,6 +84,27 @@ def test_order_of_logs_changes_nothing_and_a_repeated_log_counts_once(bundle: Bu
         for properties in slopes.values():
             del properties["updated_at"]
     assert first == second
+
+
+def test_a_script_gets_the_same_numbers(bundle: Bundle, tmp_path: Path) -> None:
+    out = tmp_path / "out.geojson"
+    fuse = ("fuse", *bundle.drives[:2], "--roads", bundle.osm, "--dem", bundle.dem, *FAST, "-o", out)
+    assert run(*fuse).exit_code == 0
+    roads = fusion.read_roads(bundle.osm)
+    with fusion.Dem.open([bundle.dem]) as dem:
+        drives = [fusion.run_drive(fusion.read_log(p), roads, dem, method="raw") for p in bundle.drives[:2]]
+        frame = fusion.segments_frame(fusion.solve(drives, roads, dem))
+    assert [*frame.columns][:-1] == [name for name in PROPERTIES if name not in {"id", "updated_at"}]
+    written = features(out)
+    assert len(frame) == len(written) > 3
+    for _, row in frame.iterrows():
+        properties = written[row.osm_way_id, row.from_node, row.to_node]
+        for name in [*frame.columns][:-1]:
+            value, expected = row[name], properties[name]
+            if isinstance(expected, float):
+                assert value == pytest.approx(expected, abs=1e-3), name
+            else:
+                assert (None if pd.isna(value) else value) == expected, name
 
 
 def test_a_failing_log_is_reported_and_the_others_go_on(bundle: Bundle, tmp_path: Path) -> None:

@@ -119,7 +119,7 @@ def test_heights_are_in_every_output(bundle: Bundle, tmp_path: Path, suffix: str
     elif suffix == ".parquet":
         table = pd.read_parquet(out)
     else:
-        table = geopandas.read_file(out)
+        table = geopandas.read_file(out, layer="segments" if suffix == ".gpkg" else None)
     of_network = ["height_from_m", "height_to_m", "height_sigma_m", "steepest_percent", "driven_share"]
     assert table[of_network].notna().all().all()
     assert table.driven_share.between(0, 1).all()
