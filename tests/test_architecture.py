@@ -43,7 +43,9 @@ SQL_PLACES = {
         "roads/imports.py",
         "roads/losses.py",
         "roads/store.py",
+        "terrain/coverage.py",
         "terrain/store.py",
+        "upkeep/store.py",
     )
 }
 """Beside ``app/network/``: each subject's statements stand beside the code that they belong to, in one of these."""

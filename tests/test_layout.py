@@ -39,8 +39,8 @@ LIBRARY = {
 """Room -> the rooms of the library that it may import from."""
 
 AT_THE_ROOT = {"pipeline", "report", "results", "__init__"}
-"""Files at the library's root beside the ground: one drive through everything, its report, several drives
-and their tables, and the front door, which offers names of the rooms to scripts and loads none of them before it is asked for."""
+"""Files at the library's root beside the ground: one drive through everything, its report, several of them and their
+tables, and the front door, which offers names of the rooms to scripts and loads none of them before it is asked for."""
 
 SERVICE = {
     "core": set(),
@@ -52,8 +52,9 @@ SERVICE = {
     "map": {"core", "network", "roads", "terrain"},
     "drives": {"core", "jobs", "map", "network", "roads", "terrain"},
     "ops": {"core", "drives", "network", "roads"},
+    "upkeep": {"core", "drives", "embedded", "network", "ops", "terrain"},
     "main": {"core", "drives", "map", "ops"},
-    "cli": {"core", "embedded", "drives", "main", "map", "network", "roads", "terrain"},
+    "cli": {"core", "embedded", "drives", "main", "map", "network", "roads", "terrain", "upkeep"},
     "demo": {"cli", "core", "embedded", "map", "roads", "terrain"},
 }
 """Room -> the rooms of the service that it may import from."""

@@ -109,7 +109,11 @@ def reprocess(
     every: Annotated[bool, typer.Option("--all", help="Every drive that is done or failed.")] = False,
     stale: Annotated[
         bool,
-        typer.Option("--stale", help="Drives that another version of the code, or other defaults, computed."),
+        typer.Option(
+            "--stale",
+            help="Drives that another version of the code, other defaults, or other elevation rasters where "
+            "they drove, computed.",
+        ),
     ] = False,
     failed: Annotated[bool, typer.Option("--failed", help="Drives that failed.")] = False,
     region: Annotated[str | None, typer.Option(metavar="NAME", help="For later: see --bbox.")] = None,

@@ -53,6 +53,7 @@ def export(
     from app.map.attribution import attribution
     from app.map.outputs import write
     from app.terrain import store as dem
+    from app.terrain.coverage import rasters_over
 
     console: Console = ctx.obj
     box = parse_box(bbox)
@@ -62,7 +63,7 @@ def export(
         # One snapshot, so that a drive that ends meanwhile is in it altogether or not at all.
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
         terrain = dem.current_dem(session, settings.dem_dir)
-        source = attribution(terrain.names if terrain else ())
+        source = attribution(rasters_over(session, terrain, bbox=box, driven=driven))
         if out is not None:
             features = _features(session, box, driven, gaps, bars.work(out.name))
             figures |= {"file": str(out), "segments": write(features, out, source=source)}

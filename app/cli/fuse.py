@@ -128,7 +128,7 @@ def fuse(
         drives = drives_of(logs, together)
         outcomes = [_one(fusion, source, console, bars) for source in drives]
         said = fusion.solve(gaps=gaps)
-        source = attribution(fusion.rasters(said.features))
+        source = attribution(said.rasters)
     features, datum = said.features, said.height_datum
     _tell(fusion, said, outcomes, console)
     if fusion.fused and out is None:

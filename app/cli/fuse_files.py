@@ -10,14 +10,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from app.cli.console import part_of
 from app.cli.logs import LogFiles
 from app.map.segment import Segment
 from fusion.methods.base import DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY
 from fusion.network.control import ControlPoint
+from fusion.network.unknowns import knot_positions
 from fusion.pipeline import positions_of, run_drive, surroundings
 from fusion.report import with_contradiction, with_twin
 from fusion.results import Solution, solve_fused
@@ -55,6 +54,8 @@ class Combined(NamedTuple):
     """Sentences on control points and the elevation model."""
     height_datum: str | None
     """What the heights refer to; None where there are none."""
+    rasters: tuple[str, ...]
+    """Names of the elevation rasters that give the heights of these segments."""
 
 
 @dataclass
@@ -103,17 +104,9 @@ class Fusion:
         solved = solve_fused(self.fused, self.roads, self.dem, control=self.control, gaps=gaps)
         now = now or datetime.now(UTC)
         features = [_feature(solved, row, now) for row in range(len(solved))]
-        return Combined(features, solved.rejected, solved.repeated, solved.remarks, solved.height_datum)
-
-    def rasters(self, features: Sequence[Segment]) -> tuple[str, ...]:
-        """Names of the rasters that gave heights to these segments, or to the drives."""
-        if self.dem is None:
-            return ()
-        ends = np.array([end for one in features for end in one.coordinates], float).reshape(-1, 2)
-        tracks = [one.result.track for one in self.fused]
-        lon = np.concatenate([ends[:, 0], *(track.lon_deg for track in tracks)])
-        lat = np.concatenate([ends[:, 1], *(track.lat_deg for track in tracks)])
-        return self.dem.sources_at(lon, lat)
+        datum = solved.height_datum
+        rasters = self.dem.sources_at(*knot_positions(solved.roads)) if self.dem else ()
+        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum, rasters)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""

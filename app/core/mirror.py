@@ -57,6 +57,18 @@ def fetch(place: FilePlace, name: str, sha256: str) -> Path:
     return copy
 
 
+def problem(place: FilePlace, name: str, sha256: str) -> str:
+    """What is wrong with a file that is kept, empty where nothing is. Of one that is kept elsewhere it is only asked
+    whether it is there: nothing is fetched.
+    """
+    if not isinstance(place, Path):
+        fs, root = file_system(place.url)
+        return "" if fs.exists(f"{root}/{name}") else f"{name} is not in {place.url}"
+    if not (place / name).is_file():
+        return f"{name} is not in {place}"
+    return "" if _sha256(place / name) == sha256 else f"{name} is not as it was"
+
+
 def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
     """Remove a file with those beside it, if they are there and came longer ago than that; whether they are gone."""
     fs, root = file_system(str(place) if isinstance(place, Path) else place.url)

@@ -21,6 +21,7 @@ from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue
 from app.drives.renewal import HeightFiller, renew
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
+from app.terrain.files import sweep_rasters
 
 logger = logging.getLogger(__name__)
 
@@ -136,6 +137,9 @@ def _chores(bench: Workbench, settings: Settings) -> tuple[tuple[Chore, float], 
 
 
 def _sweep(bench: Workbench, older_than: timedelta) -> None:
-    """Clear the blob store."""
-    if removed := intake.sweep_blobs(bench.sessions, bench.blobs, older_than).removed:
-        logger.info("removed %d blobs that no drive refers to", removed)
+    """Clear the blob store, and what no other database uses either that of rasters."""
+    found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)
+    if found.removed:
+        logger.info("removed %d blobs that no drive refers to", found.removed)
+    if not found.strangers and (rasters := sweep_rasters(bench.sessions, bench.dem_dir, older_than)):
+        logger.info("removed %d elevation rasters that are in no use any more", len(rasters))

@@ -117,29 +117,6 @@ _RETIRED = text(
     """
 )
 
-# Of boxes of rasters, those in which there are segments.
-_WITH_SEGMENTS = """
-    SELECT box.number
-    FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]), CAST(:north AS float8[]))
-         WITH ORDINALITY AS box (west, south, east, north, number)
-    WHERE EXISTS (
-        SELECT FROM segments AS s
-        WHERE s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326) {and_within})
-"""
-_WITHIN = """
-            AND ST_Intersects(s.geom, ST_MakeEnvelope(:w, :s, :e, :n, 4326))
-"""
-_DRIVEN = """
-            AND EXISTS (SELECT FROM segment_slopes AS a WHERE a.segment_id = s.id AND a.drives > 0)
-"""
-_COUNT = text(
-    """
-    SELECT count(s.id) FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
-        CAST(:north AS float8[])) WITH ORDINALITY AS box (west, south, east, north, number)
-    LEFT JOIN segments AS s ON s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
-    GROUP BY box.number ORDER BY box.number
-    """
-)
 
 # Only rows whose values change are written; NaN stands for an unknown slope in the array.
 _ACTIVE_ID = text("SELECT coalesce(max(id), 0) FROM dem_versions WHERE active")
@@ -217,36 +194,6 @@ def set_sources(session: Session, version_id: int, sources: Sequence[DemSource])
 def retired_rasters(session: Session, older_than: timedelta) -> list[str]:
     """Paths of rasters that have been in no active set for so long."""
     return list(session.execute(_RETIRED, {"age": older_than}).scalars())
-
-
-def rasters_over(
-    session: Session, active: DemSet | None, *, bbox: Bounds | None = None, driven: bool = False
-) -> tuple[str, ...]:
-    """Names of the rasters that cover a segment, one that meets the box and one that was driven where that is asked.
-
-    A raster of unknown bounds counts.
-    """
-    if active is None:
-        return ()
-    within = (_WITHIN if bbox else "") + (_DRIVEN if driven else "")
-    corners = dict(zip("wsen", bbox, strict=True)) if bbox else {}
-    known = [source for source in active.sources if source.bounds_deg is not None]
-    query = text(_WITH_SEGMENTS.format(and_within=within))
-    numbers = session.execute(query, {**_columns(known), **corners}).scalars()
-    covering = {known[number - 1].uri for number in numbers}
-    return tuple(s.name for s in active.sources if s.bounds_deg is None or s.uri in covering)
-
-
-def segments_under(session: Session, sources: Sequence[DemSource]) -> list[int | None]:
-    """How many segments meet the box of each raster; None of unknown bounds."""
-    known = [source for source in sources if source.bounds_deg is not None]
-    counts = iter(session.execute(_COUNT, _columns(known)).scalars().all())
-    return [None if source.bounds_deg is None else int(next(counts)) for source in sources]
-
-
-def _columns(sources: Sequence[DemSource]) -> dict[str, list[float]]:
-    bounds = [source.bounds_deg for source in sources if source.bounds_deg is not None]
-    return {name: [box[k] for box in bounds] for k, name in enumerate(("west", "south", "east", "north"))}
 
 
 def dem_version_id(session: Session) -> int:

@@ -30,10 +30,11 @@ class Dem:
     Where several cover a point, the one of the highest priority counts, of one priority the finest, of one grid the
     first; where it has a void, the next one fills. Two rasters seldom agree at a seam: ``heights`` steps there by as
     much as they differ, ``heights_along`` keeps each line on one of them, and ``posts`` keeps to the grid of one, its
-    voids filled. ``datum`` says
-    what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
-    "mixed (...)" where the rasters differ. ``description`` is a line for people, ``names`` are the rasters' files;
-    ``without_quality`` are those of them without a quality layer, which ``filtered`` leaves as they are.
+    voids filled.
+
+    ``datum`` says what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
+    "mixed (...)" where the rasters differ. ``description`` is a line for people, ``names`` are the rasters' files,
+    ``postings_m`` the distances between the posts of each grid, along rows and along columns; ``without_quality`` are those of them without a quality layer, which ``filtered`` leaves as they are.
     """
 
     def __init__(self, mosaics: Sequence[Mosaic], cache: DemCache) -> None:
@@ -46,6 +47,7 @@ class Dem:
         self.without_quality = tuple(raster.path.name for raster in rasters if raster.quality is None)
         datums = sorted({raster.datum for raster in rasters})
         self.datum = datums[0] if len(datums) == 1 else f"mixed ({', '.join(datums)})"
+        self.postings_m = tuple(mosaic.posting_m for mosaic in mosaics)
         postings = ", ".join(sorted({f"{max(mosaic.posting_m):.3g} m" for mosaic in mosaics}))
         self.description = f"{len(rasters)} rasters, posting {postings}, datum {self.datum}"
         if len(self.without_quality) < len(rasters):

@@ -43,7 +43,8 @@ class Selection(BaseModel):
     which: Which = Field(
         Which.OTHER,
         description="`other`: drives that are not of `method` already; `stale`: whose estimates were made by another "
-        "version of the code, or with other defaults, than would be taken now; `failed`; `all`.",
+        "version of the code, with other defaults, or with other elevation rasters where they drove, than would be "
+        "taken now; `failed`; `all`.",
     )
     from_method: Name | None = Field(
         None, description="Only drives that were processed by this method.", examples=["particle"]

@@ -17,12 +17,31 @@ _STALE = """
             LATERAL (SELECT ARRAY(SELECT jsonb_object_keys(d.options))) AS own (names)
         WHERE p.drive_id = d.id AND (
             p.code_version <> :present_version
-            OR p.options - own.names IS DISTINCT FROM (now_default -> d.method) - own.names))
+            OR p.options - own.names IS DISTINCT FROM (now_default -> d.method) - own.names
+            OR {other_elevation}))
+"""
+
+# Rasters that came, went, or have another priority since. One elsewhere changes nothing of a drive; one whose bounds
+# are not known may be anywhere.
+_OTHER_ELEVATION = """
+            p.dem_version_id IS DISTINCT FROM (SELECT id FROM dem_versions WHERE active) AND EXISTS (
+                SELECT FROM (SELECT s FROM dem_versions AS v, jsonb_array_elements(v.sources) AS s
+                             WHERE v.id = p.dem_version_id) AS former (s)
+                FULL JOIN (SELECT s FROM dem_versions AS v, jsonb_array_elements(v.sources) AS s
+                           WHERE v.active) AS present (s)
+                ON former.s ->> 'uri' = present.s ->> 'uri'
+                    AND coalesce(former.s ->> 'priority', '0') = coalesce(present.s ->> 'priority', '0'),
+                LATERAL (SELECT coalesce(present.s, former.s) -> 'bounds_deg' AS corner) AS raster
+                WHERE (former.s IS NULL OR present.s IS NULL) AND (
+                    d.bounds IS NULL OR coalesce(jsonb_typeof(corner), 'null') = 'null'
+                    OR d.bounds && ST_MakeEnvelope(
+                        CAST(corner ->> 0 AS float8), CAST(corner ->> 1 AS float8), CAST(corner ->> 2 AS float8),
+                        CAST(corner ->> 3 AS float8), 4326)))
 """
 
 _WHICH = {
     Which.OTHER: "d.method <> :method",
-    Which.STALE: _STALE,
+    Which.STALE: _STALE.format(other_elevation=_OTHER_ELEVATION),
     Which.FAILED: "d.status = 'failed'",
     Which.ALL: "true",
 }
