@@ -30,6 +30,7 @@ SQL_PLACES = {
     for place in (
         "core/databases.py",
         "core/schema.py",
+        "core/telemetry/ledger.py",
         "drives/batches/store.py",
         "drives/endings.py",
         "drives/queue.py",

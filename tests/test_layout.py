@@ -39,8 +39,9 @@ LIBRARY = {
 """Room -> the rooms of the library that it may import from."""
 
 AT_THE_ROOT = {"pipeline", "report", "results", "__init__"}
-"""Files at the library's root beside the ground: one drive through everything, its report, several of them and their
-tables, and the front door, which offers names of the rooms to scripts and loads none of them before it is asked for."""
+"""Files at the library's root beside the ground: one drive through everything, its report, several drives
+and their tables, and the front door, which offers names of the rooms to scripts and loads none of them before it is
+asked for."""
 
 SERVICE = {
     "core": set(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -92,6 +93,18 @@ class Console:
             *columns, console=err, transient=True, disable=self.quiet or not err.is_terminal
         ) as bars:
             yield Bars(bars)
+
+
+class LogConsole(Console):
+    """The voice of a command that runs for as long as the service: it speaks in lines of the log, as all else does."""
+
+    def note(self, text: str) -> None:
+        """A remark."""
+        logging.getLogger(__name__).info(text)
+
+    def complain(self, text: str) -> None:
+        """Say what went wrong."""
+        logging.getLogger(__name__).warning(_one_line(text))
 
 
 class Bars:

@@ -13,6 +13,9 @@ from app.core.databases import require_reachable
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings, load_settings
 from app.core.standing_back import stand_back
+from app.core.telemetry.ledger import counting
+from app.core.telemetry.logs import begin_logging
+from app.core.telemetry.tracing import begin_tracing, end_tracing
 from app.embedded.cluster import EmbeddedPostgres
 from app.embedded.data_folder import has_cluster
 from app.embedded.errors import NothingHereError
@@ -29,18 +32,24 @@ def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[
     """Settings and sessions of the database that ``--data-dir`` or the environment names.
 
     Whoever is answered by the service goes before the command that works with them. Where there is no embedded
-    database yet one is made, and said so to ``make``; without it, ``NothingHereError``.
+    database yet one is made, and said so to ``make``; without it, ``NothingHereError``. What it counts
+    is added to the service's figures; it logs where the environment says how.
     """
     chosen, embedded = settings_for(data_dir), True if data_dir else None
     see_to_cluster(chosen, embedded, make)
     with database(chosen, embedded=embedded) as settings:
         assert settings.database_url is not None  # noqa: S101 - what the block above is for
         stand_back()
+        if settings.model_fields_set & {"log_level", "log_format"}:
+            begin_logging(settings, "command")
+        begin_tracing(settings, "command")
         engine = make_engine(settings.database_url, pool_size=1, behind=True)
         try:
-            yield settings, session_factory(engine)
+            with counting(session_factory(engine), "command"):
+                yield settings, session_factory(engine)
         finally:
             engine.dispose()
+            end_tracing()
 
 
 @contextmanager

@@ -16,6 +16,7 @@ import typer
 from app.cli.console import Bars, Console, whole_file, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import (
+    ColumnsOption,
     GnssName,
     GnssOption,
     JsonFile,
@@ -24,6 +25,7 @@ from app.cli.options import (
     in_a_folder,
     naming,
     parse_assignments,
+    parse_columns,
     usable_map,
 )
 from fusion.errors import FusionError
@@ -63,6 +65,7 @@ def fuse(
     ] = None,
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
+    columns: ColumnsOption = None,
     together: Together = False,
     control: Annotated[
         Path | None,
@@ -116,7 +119,8 @@ def fuse(
     from fusion.terrain.dem import Dem
 
     console: Console = ctx.obj
-    chosen = _usable(method, option or [], gnss, gnss_option or [], out)
+    named = {"columns": parse_columns(columns)} if columns else {}
+    chosen = _usable(method, named, option or [], gnss, gnss_option or [], out)
     usable_map(map_file, scale)
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
@@ -161,14 +165,16 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
     return rest, dem + more
 
 
-def _usable(method: str, option: list[str], gnss: str, gnss_option: list[str], out: Path | None) -> Options:
+def _usable(
+    method: str, named: dict[str, Any], option: list[str], gnss: str, gnss_option: list[str], out: Path | None
+) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
     from app.map.outputs import output_for
     from fusion.gnss import POSITIONINGS, options_of
     from fusion.methods import METHODS
     from fusion.pipeline import parse_options
 
-    options = parse_assignments(option, "--option")
+    options = named | parse_assignments(option, "--option")
     of_positioning = parse_assignments(gnss_option, "--gnss-option")
     if out is not None:
         with naming("--out"):

@@ -83,7 +83,7 @@ class Fusion:
         reading, positioning, estimating = (
             part_of(progress, *PARTS[name]) for name in ("reading", "positioning", "estimating")
         )
-        found = positions_of(source.read(reading), self.options, positioning)
+        found = positions_of(source.read(reading, self.options.columns), self.options, positioning)
         network, result = run_drive(
             found, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
         )
@@ -104,8 +104,8 @@ class Fusion:
         solved = solve_fused(self.fused, self.roads, self.dem, control=self.control, gaps=gaps)
         now = now or datetime.now(UTC)
         features = [_feature(solved, row, now) for row in range(len(solved))]
-        datum = solved.height_datum
         rasters = self.dem.sources_at(*knot_positions(solved.roads)) if self.dem else ()
+        datum = solved.height_datum
         return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum, rasters)
 
     def surroundings(self) -> RoadTable:

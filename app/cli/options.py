@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fusion.errors import BadOptionsError, UnknownNameError
+from fusion.registry import check_columns
 
 if TYPE_CHECKING:
     from app.core.db import Bounds
@@ -74,6 +75,15 @@ GnssOption = Annotated[
         show_default=False,
     ),
 ]
+ColumnsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--columns",
+        metavar="NAME=HEADER",
+        help="A column of a CSV that is called otherwise, such as alt_msl_m=Altitude; may be given several times.",
+        show_default=False,
+    ),
+]
 GnssName = Annotated[
     str,
     typer.Option(
@@ -107,6 +117,21 @@ def naming(option: str) -> Iterator[None]:
         yield
     except (UnknownNameError, BadOptionsError) as error:
         raise typer.BadParameter(str(error), param_hint=f"'{option}'") from error
+
+
+def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
+    """``name=header`` each, a column of ours and what it is called; raises ``typer.BadParameter``."""
+    columns: dict[str, str] = {}
+    for text in texts or ():
+        ours, equals, theirs = text.partition("=")
+        if not equals:
+            raise typer.BadParameter(
+                f"{text!r} is not NAME=HEADER, such as alt_msl_m=Altitude.", param_hint="'--columns'"
+            )
+        columns[ours.strip()] = theirs.strip()
+    with naming("--columns"):
+        check_columns(columns)
+    return columns
 
 
 def parse_assignments(texts: Sequence[str] | None, option: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import typer
 
 from app.cli.console import Bars, Console, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import GnssOption, JsonFile, parse_assignments
+from app.cli.options import ColumnsOption, GnssOption, JsonFile, parse_assignments, parse_columns
 from fusion.errors import FusionError
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def upload(
     ] = None,
     gnss: GnssChoice = None,
     gnss_option: GnssOption = None,
+    columns: ColumnsOption = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait until each drive is done or failed.")] = False,
     json_file: JsonFile = None,
 ) -> None:
@@ -59,6 +60,8 @@ def upload(
     options = parse_assignments(option, "--option")
     if gnss_option:
         options["gnss_options"] = parse_assignments(gnss_option, "--gnss-option")
+    if columns:
+        options["columns"] = parse_columns(columns)
     chosen = Chosen(method, options, gnss)
     uploads = [Upload(source) for source in drives_of(files, together)]
     with service_client(server) as client, console.progress() as bars:

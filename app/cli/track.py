@@ -12,7 +12,16 @@ import typer
 
 from app.cli.console import Console, part_of, whole_file, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, naming, parse_assignments
+from app.cli.options import (
+    ColumnsOption,
+    GnssName,
+    GnssOption,
+    JsonFile,
+    in_a_folder,
+    naming,
+    parse_assignments,
+    parse_columns,
+)
 from fusion.errors import FusionError
 from fusion.registry import DEFAULT_POSITIONING
 
@@ -32,6 +41,7 @@ def track(
     ],
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
+    columns: ColumnsOption = None,
     together: Together = False,
     json_file: JsonFile = None,
 ) -> None:
@@ -48,6 +58,7 @@ def track(
             f"No track is written to files ending in {out.suffix!r}. Choose .csv or .geojson.",
             param_hint="'--out'",
         )
+    named = parse_columns(columns)
     chosen = parse_assignments(gnss_option, "--gnss-option")
     with naming("--gnss"):
         positioning = POSITIONINGS[gnss]
@@ -60,7 +71,7 @@ def track(
         for source in drives:
             reason = None
             try:
-                tracks.append(_read(source, gnss, chosen, bars.work(source.short_name)))
+                tracks.append(_read(source, named, gnss, chosen, bars.work(source.short_name)))
                 console.warn(source.name, tracks[-1].warnings)
             except (FusionError, OSError) as error:
                 reason = console.complain_of(source.name, error)
@@ -85,11 +96,13 @@ def track(
         raise typer.Exit(1)
 
 
-def _read(source: LogFiles, gnss: str, options: Mapping[str, Any], progress: Progress) -> Positions:
+def _read(
+    source: LogFiles, columns: Mapping[str, str], gnss: str, options: Mapping[str, Any], progress: Progress
+) -> Positions:
     from app.cli.positions import Positions
     from fusion.gnss import positioned
 
-    read = source.read(part_of(progress, 0.0, 0.3))
+    read = source.read(part_of(progress, 0.0, 0.3), columns)
     found = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))
     log, solved = found.log, found.solved_epochs()
     return Positions(

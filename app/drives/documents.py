@@ -117,6 +117,7 @@ class Drive(BaseModel):
     # The service's own, in no document.
     blob_key: str = Field(exclude=True)
     generation: int = Field(exclude=True)
+    traceparent: str | None = Field(None, exclude=True)
 
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Drive:

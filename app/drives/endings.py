@@ -9,6 +9,7 @@ removed drive, whose row is what tells that something of it is still shown. Call
 from __future__ import annotations
 
 import uuid
+from typing import Any, NamedTuple
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
@@ -19,7 +20,9 @@ from app.network.marks import GIVEN_UP
 # to say so, too.
 _PUBLISHED = text(
     """
-    SELECT d.id FROM drives AS d
+    SELECT d.id, d.report, d.method, d.distance_m,
+           CAST(greatest(extract(epoch FROM clock_timestamp() - d.computed_at), 0) AS float8) AS waited_s
+    FROM drives AS d
     WHERE d.status = 'running' AND d.stage = 'publishing' AND NOT EXISTS (
         SELECT FROM network_marks AS m
         WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries < :given_up)
@@ -46,14 +49,25 @@ _REMOVED = text(
         WHERE d.status = 'cancelled' AND d.stage = 'removing' AND NOT EXISTS (
             SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
         FOR UPDATE OF d SKIP LOCKED)
-    RETURNING blob_key
+    RETURNING id, blob_key
     """
 )
 
 
-def published_drives(session: Session) -> list[uuid.UUID]:
-    """Drives whose squares are all solved, or given up for now. Their rows are held."""
-    return list(session.execute(_PUBLISHED, {"given_up": GIVEN_UP}).scalars())
+class Published(NamedTuple):
+    """A drive whose squares are all solved, or given up for now."""
+
+    id: uuid.UUID
+    report: dict[str, Any]
+    method: str
+    distance_m: float | None
+    waited_s: float | None
+    """For them; None where it was computed by code that did not note when."""
+
+
+def published_drives(session: Session) -> list[Published]:
+    """The drives that wait for no square any more. Their rows are held."""
+    return [Published(*row) for row in session.execute(_PUBLISHED, {"given_up": GIVEN_UP})]
 
 
 def mark_done(session: Session, drive_id: uuid.UUID) -> None:
@@ -72,6 +86,6 @@ def mark_removing(session: Session, drive_id: uuid.UUID) -> None:
     session.execute(_SET_REMOVING, {"id": drive_id})
 
 
-def delete_removed(session: Session) -> list[str]:
-    """Delete the rows of drives of which nothing is left on the map; the keys of their blobs."""
-    return list(session.execute(_REMOVED).scalars())
+def delete_removed(session: Session) -> list[tuple[uuid.UUID, str]]:
+    """Delete the rows of drives of which nothing is left on the map; their ids and the keys of their blobs."""
+    return [(row.id, row.blob_key) for row in session.execute(_REMOVED)]

@@ -16,6 +16,8 @@ from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_json, plain_text
+from app.core.telemetry.tracing import traceparent
+from app.core.version import code_version
 from app.drives.documents import Drive, DrivePlace
 from app.network.hearing import hearings
 from app.network.marks import PATIENCE
@@ -42,15 +44,19 @@ _GET_BY_CONTENT = text(
 
 # Answered from the indexes on (created_at, id) and (status, created_at, id): what is not asked for is left out.
 _OF_STATUS = " AND d.status = :status"
+_OF_FAILURE = " AND d.status = 'failed' AND d.failure_kind = :failure"
+_SINCE = " AND d.created_at >= :created_after"
+_OF_BATCH = " AND d.batch_id = :batch"
 _AFTER = " AND (d.created_at, d.id) < (:after_created_at, :after_id)"
 _NEWEST_FIRST = " ORDER BY d.created_at DESC, d.id DESC LIMIT :limit"
 
 # Another upload of the same bytes or content that has not committed yet is waited for.
 _CREATE = text(
     """
-    INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options)
+    INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options,
+                        traceparent)
     VALUES (:id, :sha256, :content_sha256, :filename, :size_bytes, :blob_key, 'queued', :method,
-            CAST(:options AS jsonb))
+            CAST(:options AS jsonb), :traceparent)
     ON CONFLICT DO NOTHING RETURNING id
     """
 )
@@ -92,7 +98,7 @@ _FAIL = text(
     """
     UPDATE drives
     SET status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
-        finished_at = clock_timestamp()
+        failure_version = :version, finished_at = clock_timestamp()
     WHERE id = :id AND generation = :generation AND status = 'running'
         AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
@@ -111,7 +117,7 @@ _SET_PUBLISHING = text(
     UPDATE drives
     SET stage = 'publishing', progress = :progress, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
         report = CAST(:report AS jsonb), bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326),
-        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time
+        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time, computed_at = clock_timestamp()
     WHERE id = :id
     """
 )
@@ -129,7 +135,8 @@ _CANCEL = text(
 # By the higher generation a worker that still computes the older request finds that its result is unwanted.
 ANEW = """
     status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
-    generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL
+    generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL,
+    traceparent = :traceparent
 """
 _ASK_ANEW = text(
     f"""
@@ -172,6 +179,7 @@ def create_drive(
         "blob_key": blob_key,
         "method": method,
         "options": _json(options),
+        "traceparent": traceparent(),
     }
     same = {"sha256": sha256, "content_sha256": content_sha256 or sha256}
     while True:
@@ -205,15 +213,32 @@ def get_drives(session: Session, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, 
 
 
 def list_drives(
-    session: Session, *, status: str | None = None, limit: int = 100, after: DrivePlace | None = None
+    session: Session,
+    *,
+    status: str | None = None,
+    failure: str | None = None,
+    created_after: datetime | None = None,
+    batch: int | None = None,
+    limit: int = 100,
+    after: DrivePlace | None = None,
 ) -> list[Drive]:
-    """At most ``limit`` drives, newest upload first, that come after the place ``after`` in that order."""
+    """At most ``limit`` drives, newest upload first, that come after the place ``after`` in that order.
+
+    Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, of a batch.
+    """
+    values: dict[str, Any] = {"limit": limit}
+    asked: dict[str, dict[str, Any]] = {
+        _OF_STATUS: {"status": status},
+        _OF_FAILURE: {"failure": failure},
+        _SINCE: {"created_after": created_after},
+        _OF_BATCH: {"batch": batch},
+        _AFTER: {} if after is None else {"after_created_at": after.created_at, "after_id": after.id},
+    }
     query = _DRIVES + "WHERE true"
-    query += _OF_STATUS if status is not None else ""
-    values: dict[str, Any] = {"status": status, "limit": limit}
-    if after is not None:
-        query += _AFTER
-        values |= {"after_created_at": after.created_at, "after_id": after.id}
+    for condition, named in asked.items():
+        if named and None not in named.values():
+            query += condition
+            values |= named
     return _shown(session, session.execute(text(query + _NEWEST_FIRST), values))
 
 
@@ -248,7 +273,8 @@ def mark_failed(
     texts = {
         name: plain_text(value) for name, value in (("stage", stage), ("reason", reason), ("where", where))
     }
-    return _changed(session, _FAIL, {"id": drive_id, "generation": generation, "kind": kind, **texts})
+    run = {"id": drive_id, "generation": generation, "version": code_version()}
+    return _changed(session, _FAIL, {**run, "kind": kind, **texts})
 
 
 def lock_running(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
@@ -281,7 +307,7 @@ def request_reprocess(
     A worker that still computes the older request discards its result. What is published stays until the new
     run replaces it. The caller enqueues the job in the same transaction (``app.drives.intake.reprocess``).
     """
-    values = {"id": drive_id, "method": method, "options": _json(options)}
+    values = {"id": drive_id, "method": method, "options": _json(options), "traceparent": traceparent()}
     return get_drive(session, drive_id) if _changed(session, _ASK_ANEW, values) else None
 
 

@@ -13,6 +13,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.core.telemetry.measures import LOCK_WAIT_S
 
 # Any constants that no other user of this database takes.
 _NETWORK = 0x5653_4E54  # "VSNT"
@@ -36,12 +37,14 @@ HOUR_S = 3600.0
 
 def own_network(session: Session) -> None:
     """Wait for and keep out all who share the network until this transaction ends."""
-    session.execute(_OWN, {"key": _NETWORK})
+    with LOCK_WAIT_S.timed("own_network"):
+        session.execute(_OWN, {"key": _NETWORK})
 
 
 def share_network(session: Session) -> None:
     """Keep the roads and what lies under them as they are until this transaction ends."""
-    session.execute(_SHARE, {"key": _NETWORK})
+    with LOCK_WAIT_S.timed("share_network"):
+        session.execute(_SHARE, {"key": _NETWORK})
 
 
 def try_share_network(session: Session) -> bool:
@@ -56,7 +59,8 @@ def own_hours(session: Session, moments_s: Iterable[float], apart_s: float) -> N
     Only such drives can be one and the same, and each has to see the other.
     """
     hours = {int((m + d) // HOUR_S) for m in moments_s for d in (-apart_s, apart_s)}
-    session.execute(_HOUR, {"key": _HOURS, "hours": sorted(hours)})
+    with LOCK_WAIT_S.timed("own_hours"):
+        session.execute(_HOUR, {"key": _HOURS, "hours": sorted(hours)})
 
 
 class CellClaims:

@@ -19,6 +19,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.settings import FilePlace
+from app.core.telemetry.events import imported
 from app.network.cells import raise_versions
 from app.network.locks import own_network
 from app.network.swap import solve_all_marked
@@ -52,6 +53,7 @@ class ImportCounts:
     skipped: Mapping[str, int] = field(default_factory=dict)
 
 
+@imported("roads")
 def import_roads(
     sessions: Sessions, path: Path, dem_dir: FilePlace, progress: Progress = no_progress
 ) -> ImportCounts:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from app.core.db import Sessions
 from app.core.settings import FilePlace
+from app.core.telemetry.events import imported
 from app.network.locks import own_network
 from app.terrain.files import reach_deg, store_files, with_bounds
 from app.terrain.heights import renewing
@@ -26,6 +27,7 @@ _Change = Callable[[Sequence[DemSource]], list[DemSource]]
 """The active rasters -> those that are to be active, in the order in which they count where nothing else decides."""
 
 
+@imported("elevation")
 def import_dem(
     sessions: Sessions,
     paths: Sequence[Path],

@@ -6,15 +6,16 @@ Knows no format.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from fusion.errors import EmptyLogError
+from fusion.formats.plain_times import plain_seconds
 from fusion.signals import Navigation, RawGnss
-from fusion.types import Bools, DriveLog, Floats, GnssFix, Progress, SensorTable
+from fusion.types import Bools, DeviceMotion, DriveLog, Floats, GnssFix, Progress, SensorTable
 
 Data = bytes | memoryview
 Place = Callable[[int], str]
@@ -85,6 +86,28 @@ class PartFormat(LogFormat, Protocol):
 
     def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
         """As ``read``, but a log without any position is given too; ``navigation`` is that of the parts before."""
+        ...
+
+
+@runtime_checkable
+class NamedColumnsFormat(LogFormat, Protocol):
+    """A format whose columns have names that a person may have to explain, and whose header tells what it lacks."""
+
+    def with_columns(self, columns: Mapping[str, str]) -> Self:
+        """The same format, knowing which column of ours is which of the header's."""
+        ...
+
+    def refuse_header(self, head: bytes, *, part: bool) -> None:
+        """Raise the ``LogError`` that reading would raise because of the header, where there is one."""
+        ...
+
+
+@runtime_checkable
+class NamedFileFormat(LogFormat, Protocol):
+    """A format of several files in which only a file's name tells what its columns are of."""
+
+    def with_name(self, name: str) -> Self:
+        """The same format, knowing what the file is called."""
         ...
 
 
@@ -196,16 +219,17 @@ def _calendar(time_s: float) -> str:
 
 def unix_seconds(texts: Sequence[str | None]) -> Floats:
     """Unix seconds (n,) of RFC 3339 / ISO 8601 times; without offset taken as UTC; NaN where unreadable."""
-    if not len(texts):
-        return np.empty(0)
+    out = plain_seconds(texts)
+    others = [(k, text) for k in np.flatnonzero(np.isnan(out)).tolist() if (text := texts[k]) is not None]
+    if not others:
+        return out
     import pandas as pd  # noqa: PLC0415 - it takes longer to load than most logs to read
 
     parsed = pd.to_datetime(
-        pd.Series(list(texts), dtype="object"), utc=True, format="ISO8601", errors="coerce"
+        pd.Series([text for _, text in others], dtype="object"), utc=True, format="ISO8601", errors="coerce"
     )
     micros = parsed.dt.tz_localize(None).to_numpy().astype("datetime64[us]")
-    out = micros.astype(np.int64) / 1e6
-    out[np.isnat(micros)] = np.nan
+    out[[k for k, _ in others]] = np.where(np.isnat(micros), np.nan, micros.astype(np.int64) / 1e6)
     return out
 
 
@@ -231,6 +255,7 @@ def build_log(
     advice: str = "",
     raw: RawGnss | None = None,
     part: bool = False,
+    device: DeviceMotion | None = None,
 ) -> DriveLog:
     """Put a ``DriveLog`` together, or raise ``EmptyLogError`` naming the first offender.
 
@@ -260,5 +285,6 @@ def build_log(
         repaired=notes.repaired,
         warnings=tuple(notes.warnings),
         raw=raw,
+        device=device or DeviceMotion(),
         **tables,  # type: ignore[arg-type]
     )

@@ -44,14 +44,12 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
     (b"\xd4\xc3\xb2\xa1", "a network capture"),
 )
 _AT_OFFSET = (
-    (8, b".FIT", "a Garmin FIT file, which is not read yet"),
     (4, b"ftyp", "an MP4 video"),
     (6, b"OSMHeader", "an OpenStreetMap extract"),
 )
 _XML = (
     (b"kml", "a KML file"),
     (b"osm", "an OpenStreetMap file"),
-    (b"TrainingCenterDatabase", "a Garmin TCX file"),
 )
 
 
@@ -112,7 +110,7 @@ def gunzip(data: bytes, max_bytes: int, notes: Notes, progress: Progress) -> byt
             try:
                 out.write(member.decompress(feed, CHUNK_BYTES))
             except zlib.error as error:
-                out.write(_up_to_damage(before, feed))
+                out.write(up_to_damage(before, feed))
                 _say_damaged(out.tell(), error, notes)
                 return out.getvalue()
             feed = member.unconsumed_tail
@@ -124,7 +122,7 @@ def gunzip(data: bytes, max_bytes: int, notes: Notes, progress: Progress) -> byt
     return out.getvalue()
 
 
-def _up_to_damage(member: zlib._Decompress, feed: bytes | memoryview) -> bytes:
+def up_to_damage(member: zlib._Decompress, feed: bytes | memoryview) -> bytes:
     """What a piece of gzip with damage in it unpacks to before: zlib withholds it when fed the whole piece.
 
     At most ``CHUNK_BYTES``, since the whole piece was to give no more in one step.
@@ -204,7 +202,7 @@ def _text_kind(head: bytes) -> str:
     if text.startswith(b"<"):
         root = re.search(rb"<(?:\w+:)?([A-Za-z]\w*)[\s>/]", text)
         known = dict(_XML).get(root.group(1)) if root else None
-        return known or "an XML file, but not GPX"
+        return known or "an XML file, but neither GPX nor TCX"
     if re.match(rb"[\[{]\s*[\"\]}{\[\d]", text):
         return "a JSON file"
     if not text:

@@ -1,38 +1,44 @@
-"""GPX 1.0 and 1.1: track points with time, elevation and, where written, speed and course."""
+"""GPX 1.0 and 1.1: track points with time, elevation and, where written, speed, course and accuracy.
+
+What stands in the point itself (GPX 1.0) and what programs write into its extensions is told by the same names:
+
+- ``speed`` (m/s) and ``course`` (Garmin's TrackPointExtension v2, Apple), ``cog`` (Coros) or ``bearing`` (Android's
+  direction of movement) make a velocity; a speed without a direction is the vehicle's own signal. ``heading`` is not
+  used: OsmAnd writes the phone's compass there.
+- ``hAcc``, ``vAcc`` (Apple), ``hacc``, ``vacc``, ``sacc`` and OpenTracks' ``accuracy_horizontal`` and
+  ``accuracy_vertical`` are one-sigma accuracies, metres (m/s).
+- ``hdop`` is a dilution, by which errors of unknown size are multiplied, and says nothing in metres: except from OsmAnd
+  and Locus, which write Android's accuracy in metres there. ``vdop`` and ``pdop`` are not used.
+- ``geoidheight`` makes ellipsoidal heights of elevations. Temperatures (``atemp``) are of no use without a pressure.
+"""
 
 from __future__ import annotations
 
-import io
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any
-from xml.etree.ElementTree import ParseError
 
 import numpy as np
-from defusedxml import DefusedXmlException
-from defusedxml.ElementTree import iterparse
 
-from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats.base import Data, Notes, build_log, ground_velocity, unix_seconds, usable_positions
-from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Progress
+from fusion.errors import EmptyLogError
+from fusion.formats.base import Data, Notes, build_log, ground_velocity, usable_positions
+from fusion.formats.xml_points import Layout, Points, read_points
+from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Odometry, Progress, SensorTable
 
+HEAD_BYTES = 8192
 ROOT = re.compile(rb"<(?:[\w.-]+:)?gpx[\s>]")
-NAN = float("nan")
-PROGRESS_EVERY = 1 << 14
-_VALUES = ("ele", "geoidheight", "speed", "course")
-
-
-@dataclass
-class _Points:
-    """Track points in file order; ``segment`` numbers the track segments of all tracks together."""
-
-    time: list[str | None] = field(default_factory=list)
-    lat: list[float] = field(default_factory=list)
-    lon: list[float] = field(default_factory=list)
-    values: list[tuple[float, ...]] = field(default_factory=list)
-    segment: list[int] = field(default_factory=list)
-    others: int = 0
+METRES_AS_HDOP = re.compile(rb"<(?:[\w.-]+:)?gpx\s[^>]*\bcreator\s*=\s*[\"']\s*(?:OsmAnd|Locus)")
+LAYOUT = Layout(
+    what="GPX",
+    point="trkpt",
+    time="time",
+    attributes=("lat", "lon"),
+    fields={
+        "ele": "ele", "geoidheight": "geoidheight", "speed": "speed", "course": "course", "cog": "cog",
+        "bearing": "bearing", "hdop": "hdop", "hAcc": "h_acc", "hacc": "h_acc", "accuracy_horizontal": "h_acc",
+        "vAcc": "v_acc", "vacc": "v_acc", "accuracy_vertical": "v_acc", "sacc": "s_acc",
+    },
+    breaks=("trkseg",),
+    others=("rtept", "wpt"),
+)  # fmt: skip
 
 
 class GpxFormat:
@@ -51,121 +57,86 @@ class GpxFormat:
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        return bool(ROOT.search(head[:8192].replace(b"\x00", b"")))
+        return bool(ROOT.search(_beginning(head)))
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""
         notes = Notes()
-        points = _parse(data, notes, progress)
-        if not points.time:
+        points = read_points(data, LAYOUT, notes, progress)
+        if not len(points):
             what = "routes or waypoints, but no track" if points.others else "no track"
             raise EmptyLogError(f"This GPX file holds {what}. Export the recorded track, with times.")
-        if not any(points.time):
+        if not points.timed:
             raise EmptyLogError(
-                f"None of the {len(points.time)} track points of this GPX file has a time, "
+                f"None of the {len(points)} track points of this GPX file has a time, "
                 "so it tells no drive. Export the track with times (not a planned route)."
             )
-        return _assemble(points, notes)
+        good = usable_positions(
+            points.time_s, points.column("lat"), points.column("lon"), notes, lambda i: f"track point {i + 1}"
+        )
+        tables = _tables(
+            points, slice(None) if good.all() else good, bool(METRES_AS_HDOP.search(_beginning(data))), notes
+        )
+        return build_log("gpx", "GPX file", notes, tables, gaps_s=_gaps(points, good))
 
 
-def _parse(data: Data, notes: Notes, progress: Progress) -> _Points:
-    points = _Points()
-    stream = io.BytesIO(data)
-    try:
-        segment = -1
-        for element in _finished(stream):
-            tag = _local(element.tag)
-            if tag == "trkseg":
-                segment += 1
-            elif tag == "trkpt":
-                _add(points, element, segment + 1)
-                if len(points.time) % PROGRESS_EVERY == 0:
-                    progress("read points", stream.tell() / len(data))
-            elif tag in ("rtept", "wpt"):
-                points.others += 1
-    except DefusedXmlException as error:
-        raise MalformedLogError(
-            "This GPX file defines XML entities, as attacks do and recorders never. Export it again."
-        ) from error
-    except (ParseError, ValueError, LookupError) as error:
-        line = getattr(error, "position", (0, 0))[0]
-        where = f"line {line}" if line else "the beginning"
-        if not points.time:
-            raise MalformedLogError(
-                f"This GPX file is broken at {where}, before its first track point. Upload the whole file.",
-                where=where,
-            ) from error
-        notes.repaired["broken XML: read up to the break"] += 1
-        notes.warn(f"The GPX file is broken at {where}: the {len(points.time)} points before it are used.")
-    return points
+def _beginning(data: Data) -> bytes:
+    """The first bytes, of UTF-16 as if of ASCII."""
+    return bytes(data[:HEAD_BYTES]).replace(b"\x00", b"")
 
 
-def _finished(stream: io.BytesIO) -> Iterator[Any]:
-    """Elements as they end, those within a track point excepted; none is kept, so that memory stays flat."""
-    above: list[Any] = []
-    point = None
-    for event, element in iterparse(stream, events=("start", "end")):
-        if event == "start":
-            above.append(element)
-            if point is None and _local(element.tag) == "trkpt":
-                point = element
-            continue
-        above.pop()
-        if point is None or element is point:
-            point = None
-            yield element
-            if above:
-                del above[-1][:]
+def _tables(
+    points: Points, good: Bools | slice, metres_as_hdop: bool, notes: Notes
+) -> dict[str, SensorTable]:
+    time_s = points.time_s[good]
 
+    def column(*names: str) -> Floats:
+        """The first of these that a point has."""
+        out = points.column(names[0])[good]
+        for name in names[1:]:
+            if name in points.columns:
+                out = np.where(np.isnan(out), points.column(name)[good], out)
+        return out
 
-def _local(tag: str) -> str:
-    return tag.rpartition("}")[2]
-
-
-def _number(text: str | None) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        return NAN
-    return value if np.isfinite(value) else NAN
-
-
-def _add(points: _Points, element: Any, segment: int) -> None:
-    """Speed and course stand in the point itself (GPX 1.0) or in its extensions (1.1)."""
-    found: dict[str, str | None] = {}
-    for child in element.iter():
-        found.setdefault(_local(child.tag), child.text)
-    points.time.append((found.get("time") or "").strip() or None)
-    points.lat.append(_number(element.get("lat")))
-    points.lon.append(_number(element.get("lon")))
-    points.values.append(tuple(_number(found.get(name)) for name in _VALUES))
-    points.segment.append(segment)
-
-
-def _assemble(points: _Points, notes: Notes) -> DriveLog:
-    time_s = unix_seconds(points.time)
-    lat, lon = np.array(points.lat), np.array(points.lon)
-    elevation, separation, speed, course = np.array(points.values, float).reshape(-1, len(_VALUES)).T
-    unread = np.flatnonzero(np.isnan(time_s) & np.array([t is not None for t in points.time]))
-    if len(unread):
-        example = f"point {unread[0] + 1}: {points.time[unread[0]]!r:.60} is no time"
-        notes.skip("times that cannot be read", len(unread), example, position=True)
-    good = usable_positions(time_s, lat, lon, notes, lambda i: f"track point {i + 1}")
+    elevation = column("ele")
     fix = GnssFix.assemble(
-        time_s[good],
+        time_s,
         notes.repaired,
-        lat_deg=lat[good],
-        lon_deg=lon[good],
-        alt_msl_m=elevation[good],
-        height_ell_m=(elevation + separation)[good],
+        lat_deg=column("lat"),
+        lon_deg=column("lon"),
+        alt_msl_m=elevation,
+        height_ell_m=elevation + column("geoidheight"),
+        h_acc_m=_positive(column("h_acc", "hdop") if metres_as_hdop else column("h_acc")),
+        v_acc_m=_positive(column("v_acc")),
     )
-    north, east = ground_velocity(speed, np.radians(course))
-    velocity = GnssVelocity.assemble(time_s[good], vel_n_mps=north[good], vel_e_mps=east[good])
-    gaps = _gaps(time_s[good], np.array(points.segment)[good])
-    return build_log("gpx", "GPX file", notes, {"fix": fix, "velocity": velocity}, gaps_s=gaps)
+    speed = column("speed")
+    if not np.isfinite(speed).any():
+        return {"fix": fix}
+    speed = np.where(speed >= 0, speed, np.nan)  # Apple writes -1 for unknown
+    course = column("course", "cog", "bearing")
+    north, east = ground_velocity(speed, np.radians(np.where(course >= 0, course, np.nan)))
+    known = np.isfinite(north)
+    velocity = GnssVelocity.assemble(
+        time_s[known],
+        vel_n_mps=north[known],
+        vel_e_mps=east[known],
+        s_acc_mps=_positive(column("s_acc")[known]),
+    )
+    alone = np.isfinite(speed) & ~known
+    return {
+        "fix": fix,
+        "velocity": velocity,
+        "odometry": Odometry.assemble(time_s[alone], speed_mps=speed[alone]),
+    }
 
 
-def _gaps(time_s: Floats, segment: np.ndarray[Any, np.dtype[np.int64]]) -> Floats:
+def _positive(accuracy: Floats) -> Floats:
+    """Accuracies; 0 and less are written for unknown."""
+    return np.where(accuracy > 0, accuracy, np.nan)
+
+
+def _gaps(points: Points, good: Bools) -> Floats:
     """The time of each segment's first point, save the first segment's."""
+    segment = points.pieces(("trkseg",))[good]
     begins = np.flatnonzero(np.diff(segment) != 0) + 1
-    return time_s[begins]
+    return points.time_s[good][begins]

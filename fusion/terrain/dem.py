@@ -34,7 +34,8 @@ class Dem:
 
     ``datum`` says what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
     "mixed (...)" where the rasters differ. ``description`` is a line for people, ``names`` are the rasters' files,
-    ``postings_m`` the distances between the posts of each grid, along rows and along columns; ``without_quality`` are those of them without a quality layer, which ``filtered`` leaves as they are.
+    ``postings_m`` the distances between the posts of each grid, along rows and along columns; ``without_quality`` are
+    those rasters without a quality layer, which ``filtered`` leaves as they are.
     """
 
     def __init__(self, mosaics: Sequence[Mosaic], cache: DemCache) -> None:

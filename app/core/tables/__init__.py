@@ -165,6 +165,8 @@ class Drive(Base):
     failure_kind: Mapped[str | None]
     failure_reason: Mapped[str | None]
     failure_where: Mapped[str | None]
+    failure_version: Mapped[str | None]
+    """The version of the code that it last failed by; NULL where that was not noted."""
     method: Mapped[str]
     options: Mapped[dict[str, Any]]
     generation: Mapped[int] = mapped_column(server_default="1")
@@ -186,6 +188,10 @@ class Drive(Base):
     queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
+    computed_at: Mapped[datetime | None]
+    """When its last run had said all; from then on it waited for its squares to be solved."""
+    traceparent: Mapped[str | None]
+    """The trace of the request that asked for it (W3C Trace Context); NULL where none is recorded."""
 
     __table_args__ = (
         CheckConstraint("status IN ('queued', 'running', 'done', 'failed', 'cancelled')", name="status"),

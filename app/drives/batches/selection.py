@@ -7,7 +7,7 @@ from typing import Any
 
 from app.core.db import plain_json
 from app.core.version import code_version
-from app.drives.batches.documents import Selection, Which
+from app.drives.batches.documents import HOPELESS, Selection, Which
 from fusion.registry import METHOD_NAMES
 
 # Options that the drive names itself are its own affair: however they were written, they are the same now.
@@ -39,6 +39,11 @@ _OTHER_ELEVATION = """
                         CAST(corner ->> 3 AS float8), 4326)))
 """
 
+# What failed by code that did not note its version is tried once more.
+_HOPELESS = """
+    d.status = 'failed' AND d.failure_kind = ANY(:hopeless) AND d.failure_version IS NOT DISTINCT FROM :present_version
+"""
+
 _WHICH = {
     Which.OTHER: "d.method <> :method",
     Which.STALE: _STALE.format(other_elevation=_OTHER_ELEVATION),
@@ -59,21 +64,32 @@ _FILTERS = {
 _BOX = "d.bounds && ST_MakeEnvelope({west}, :south, {east}, :north, 4326)"
 
 
-def conditions(selection: Selection, method: str | None) -> tuple[str, dict[str, Any]]:
+def conditions(
+    selection: Selection, method: str | None, *, skipped: bool = False
+) -> tuple[str, dict[str, Any]]:
     """What follows ``WHERE ...`` of the drives ``d``, each part with its AND, and the values in it.
 
-    ``method`` is the one that they are to be processed by; only drives ``other`` than of it need one.
+    ``method`` is the one that they are to be processed by; only drives ``other`` than of it need one. ``skipped``: of
+    those that are left out although they fit, since their logs cannot be used.
     """
     asked = {name: value for name in _FILTERS if (value := getattr(selection, name)) is not None}
     parts = [_WHICH[selection.which], *(_FILTERS[name] for name in asked)]
     values: dict[str, Any] = {**asked, "method": method}
     if selection.which is Which.STALE:
         values |= {"present_version": code_version(), "defaults": json.dumps(_defaults())}
+    if skipped or not includes_hopeless(selection):
+        parts.append(_HOPELESS if skipped else f"NOT ({_HOPELESS})")
+        values |= {"present_version": code_version(), "hopeless": list(HOPELESS)}
     if selection.bbox is not None:
         west, south, east, north = selection.bbox
         parts.append(_boxes(west, east))
         values |= {"west": west, "south": south, "east": east, "north": north}
     return "".join(f" AND ({part})" for part in parts), values
+
+
+def includes_hopeless(selection: Selection) -> bool:
+    """Whether no drive is left out for its log's sake: that was asked for, or a kind of failure was named."""
+    return bool(selection.force) or selection.failure is not None
 
 
 def _boxes(west: float, east: float) -> str:

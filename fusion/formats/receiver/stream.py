@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, Place, build_log
-from fusion.formats.receiver import nmea_epochs, ubx_navigation, ubx_raw, ubx_subframes
+from fusion.formats.receiver import nmea_epochs, ubx_navigation, ubx_older, ubx_raw, ubx_subframes
 from fusion.formats.receiver.nmea_sentences import WRONG_CHECKSUM
 from fusion.formats.receiver.ubx_frames import SYNC, Frames, find_frames, without_frames
 from fusion.signals import RawGnss
 from fusion.types import DriveLog, Progress, SensorTable
 
 ENABLE = (
-    "Switch on UBX-NAV-PVT (better: with NAV-ATT and ESF-MEAS), UBX-RXM-RAWX with RXM-SFRBX, or the NMEA sentences "
-    "RMC and GGA in the receiver, record with satellite reception and upload again."
+    "Switch on UBX-NAV-PVT (better: with NAV-ATT and ESF-MEAS; before u-blox 7: NAV-SOL, NAV-POSLLH and NAV-VELNED), "
+    "UBX-RXM-RAWX with RXM-SFRBX, or the NMEA sentences RMC and GGA in the receiver, record with satellite reception "
+    "and upload again."
 )
 
 
@@ -101,7 +102,8 @@ def _merge(
         return dict(content.tables), nmea_epochs.GEOID, None
     stream = ubx_navigation.Stream.decode(data, frames, notes)
     raw = ubx_subframes.read_raw(stream, notes, where)
-    if not stream.messages.keys() - {ubx_raw.RAWX, ubx_subframes.SFRBX} and not content.tables:
+    no_positions = {ubx_raw.RAWX, ubx_subframes.SFRBX, *ubx_older.NO_POSITIONS}
+    if not stream.messages.keys() - no_positions and not content.tables:
         notes.first_offender = notes.first_offender or f"the file holds only {stream.inventory()}"
     notes.dated_after_all()  # undated sentences do not matter beside dated messages
     tables = ubx_navigation.ubx_tables(stream, content.marks, content.dated, notes, where)

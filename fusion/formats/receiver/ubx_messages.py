@@ -1,7 +1,7 @@
 """The UBX messages that are read, as numpy structured types, and decoding in bulk.
 
-Sources: u-blox 8 / M8 receiver description; F9 interface description; spec 1 section 9. A later message is one more
-entry.
+Sources: u-blox 6 and u-blox 8 / M8 receiver descriptions; F9 interface description; spec 1 section 9. A later message
+is one more entry.
 """
 
 from __future__ import annotations
@@ -47,6 +47,20 @@ TYPES: dict[str, tuple[int, np.dtype[Any]]] = {
         ("gSpeed", "<i4"), ("headMot", "<i4"), ("sAcc", "<u4"), ("headAcc", "<u4"), ("pDOP", "<u2"),
         ("flags3", "<u2"), ("reserved", "V4"),
     ])),
+    "NAV-POSLLH": (0x0102, np.dtype([("iTOW", "<u4"), *_PLACE, ("hAcc", "<u4"), ("vAcc", "<u4")])),
+    "NAV-STATUS": (0x0103, np.dtype([
+        ("iTOW", "<u4"), ("gpsFix", "u1"), ("flags", "u1"), ("fixStat", "u1"), ("flags2", "u1"),
+        ("ttff", "<u4"), ("msss", "<u4"),
+    ])),
+    "NAV-SOL": (0x0106, np.dtype([
+        ("iTOW", "<u4"), ("fTOW", "<i4"), ("week", "<i2"), ("gpsFix", "u1"), ("flags", "u1"), ("ecef", "<i4", (3,)),
+        ("pAcc", "<u4"), ("ecefV", "<i4", (3,)), ("sAcc", "<u4"), ("pDOP", "<u2"), ("reserved", "u1"),
+        ("numSV", "u1"), ("reserved2", "V4"),
+    ])),
+    "NAV-VELNED": (0x0112, np.dtype([
+        ("iTOW", "<u4"), ("velN", "<i4"), ("velE", "<i4"), ("velD", "<i4"), ("speed", "<u4"), ("gSpeed", "<u4"),
+        ("heading", "<i4"), ("sAcc", "<u4"), ("cAcc", "<u4"),
+    ])),
     "NAV-ATT": (0x0105, np.dtype(_ATTITUDE)),
     "NAV-EOE": (0x0161, np.dtype([("iTOW", "<u4")])),
     "NAV-TIMEUTC": (0x0121, np.dtype([
@@ -79,11 +93,7 @@ ESF_STATUS = 0x1010
 _NAMES = {kind: name for name, (kind, _) in TYPES.items()}
 _NAMES |= {ESF_MEAS: "ESF-MEAS", ESF_RAW: "ESF-RAW", ESF_STATUS: "ESF-STATUS"}
 _NAMES |= {
-    0x0102: "NAV-POSLLH",
-    0x0112: "NAV-VELNED",
-    0x0106: "NAV-SOL",
     0x0135: "NAV-SAT",
-    0x0103: "NAV-STATUS",
     0x1015: "ESF-INS",
 }
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.formats.base import Data, Notes, Place, ground_velocity, usable_positions
+from fusion.formats.receiver import ubx_older
 from fusion.formats.receiver.time_tags import Marks
 from fusion.formats.receiver.ubx_clock import (
     Evidence,
@@ -49,13 +50,18 @@ class Stream:
 
     @classmethod
     def decode(cls, data: Data, frames: Frames, notes: Notes) -> Stream:
-        """Decode every known message; those too short for their type are counted."""
+        """Decode every known message; those too short for their type are counted.
+
+        Where there is no NAV-PVT, it is put together from older messages.
+        """
         messages = {}
         for name in TYPES:
             records, offset, short = decode(data, frames, name)
             notes.skip(f"{name} messages too short", short)
             if len(records):
                 messages[name] = records, offset
+        if "NAV-PVT" not in messages and (epochs := ubx_older.epochs(messages)):
+            messages["NAV-PVT"] = epochs
         return cls(data, frames, messages)
 
     def inventory(self) -> str:
@@ -94,7 +100,7 @@ def ubx_tables(
 def utc_evidence(stream: Stream) -> Evidence:
     """What the messages say of UTC beside the time of week."""
     parts: list[tuple[Ints, Floats, Floats, Ints]] = []
-    for name in ("NAV-PVT", "HNR-PVT", "NAV-TIMEUTC", "NAV-TIMEGPS", RAWX):
+    for name in ("NAV-PVT", "HNR-PVT", "NAV-TIMEUTC", "NAV-TIMEGPS", "NAV-SOL", RAWX):
         if name not in stream.messages:
             continue
         records, offset = stream.messages[name]
@@ -102,6 +108,8 @@ def utc_evidence(stream: Stream) -> Evidence:
             utc, trust = utc_of(records), np.where(records["recStat"] & LEAP_KNOWN == 1, 3, 2)
         elif name == "NAV-TIMEGPS":
             utc, trust = gps_utc_seconds(records), np.where(records["valid"] & 7 == 7, 3, 0)
+        elif name == "NAV-SOL":
+            utc, trust = ubx_older.week_utc_seconds(records), np.full(len(records), 2)
         else:
             utc, trust = utc_seconds(records), trust_of(records)
         itow_s = records["rcvTow"] if name == RAWX else records["iTOW"] * 1e-3

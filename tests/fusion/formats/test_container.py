@@ -47,7 +47,6 @@ def test_gzipped_once_or_twice_in_members_or_streamed_equals_plain(
         (b'{"type": "FeatureCollection", "features": []}', "JSON"),
         (b'<?xml version="1.0"?><kml xmlns="x"><Document/></kml>', "KML"),
         (b"<!DOCTYPE html><html><body>no</body></html>", "HTML"),
-        (b"\x0e\x10\x43\x08\x00\x00\x00\x00.FIT" + bytes(50), "FIT"),
         (bytes(range(14, 32)) * 10, "no format"),
     ],
 )

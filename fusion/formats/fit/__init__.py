@@ -1,0 +1,1 @@
+"""FIT, what Garmin, Wahoo and other bicycle computers, watches and cameras record."""

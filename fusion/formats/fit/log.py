@@ -1,0 +1,260 @@
+"""FIT: the recordings of Garmin, Wahoo and other bicycle computers, watches and action cameras.
+
+What is read, and what not, by message of the FIT profile:
+
+- ``record``: position, altitude, speed, stated accuracy, pressure. The altitude is the device's own, above mean sea
+  level, by its barometer where it has one. The speed has no direction and may come from a wheel sensor: it is the
+  vehicle's own signal. ``grade`` and ``vertical_speed`` are not used: the device derives them from altitudes that are
+  here already, by filters that nobody states.
+- ``gps_metadata`` (cameras): position, and velocity east, north and up, several times a second.
+- ``barometer_data``: pressure, each sample at its own time. ``absolute_pressure`` of records counts only beside no
+  altitude, which is made of it: the same barometer would be two witnesses.
+- ``event``: where the timer was stopped and started, nothing was recorded in between, and there is a gap.
+- Inertial samples are left out: they are in the axes of a device, and how it sits on the vehicle is not known.
+- Fields of developers' apps are left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fusion.errors import EmptyLogError, MalformedLogError
+from fusion.formats.base import Data, Notes, build_log, ground_velocity, usable_positions
+from fusion.formats.fit.messages import HEAD_BYTES, MAGIC, FitFile, read_files
+from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Odometry, Pressure, Progress, SensorTable
+
+EPOCH_S = 631065600.0
+"""1989-12-31 in Unix seconds, from which FIT counts."""
+SYSTEM_TIME_S = float(0x10000000)
+"""Timestamps below are seconds since the device was switched on (FIT profile, ``date_time``)."""
+SEMICIRCLE_DEG = 180.0 / 2**31
+LONGEST_PAUSE_STEP_S = 2.0
+"""Records around a pause that are no farther apart have none between them missing."""
+ZERO_CELSIUS_K = 273.15
+GEOID = "the device's own (bicycle computers and watches: mostly barometric, set by its GNSS or by hand)"
+STARTS, STOPS = ("start",), ("stop", "stop_all", "stop_disable", "stop_disable_all")
+UNRECORDED = {
+    "course": "a planned course",
+    "workout": "a planned workout",
+    "settings": "a device's settings",
+    "sport": "a device's settings",
+    "segment": "a segment to race on",
+    "totals": "totals of past activities",
+    "monitoring_a": "a day of steps and heart rate",
+    "monitoring_b": "a day of steps and heart rate",
+    "monitoring_daily": "a day of steps and heart rate",
+}
+"""What kinds of FIT files that are no recordings hold."""
+EXPORT = "Upload the recorded activity, as the device or its app exports it."
+
+
+class FitFormat:
+    """Recognised by ``.FIT`` in the header."""
+
+    name = "fit"
+    description = "FIT file"
+    suffixes = (".fit",)
+    altitude_advice = (
+        "Record an outdoor activity with satellite reception, on a device with a barometer if you have the choice: "
+        "the altitude is written whenever the device knows it."
+    )
+    doppler_advice = (
+        "FIT files of bicycle computers and watches hold no vertical velocity: their barometer stands in for it, with "
+        "recording every second instead of smart recording; for more, record a u-blox receiver's UBX-NAV-PVT beside it."
+    )
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        return head[8:HEAD_BYTES] == MAGIC and head[0] >= HEAD_BYTES
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        notes = Notes()
+        progress("read messages", 0.0)
+        files = read_files(data, notes, progress)
+        _refuse_unrecorded(files, notes)
+        parts = [_Part(file, notes) for file in files]
+        tables, gaps = _tables(parts, notes)
+        for file in files:
+            for name, count in file.unused.items():
+                notes.skip(f"{name} samples, in the device's own axes", count)
+        return build_log(self.name, self.description, notes, tables, gaps_s=gaps, geoid=GEOID, advice=EXPORT)
+
+
+def _refuse_unrecorded(files: list[FitFile], notes: Notes) -> None:
+    """Raise ``EmptyLogError`` for what nobody drove, ``MalformedLogError`` where damage left nothing of it."""
+    kinds = [UNRECORDED.get(file.first_word("file_id", "type"), "") for file in files]
+    records = [len(file.columns["record"]["timestamp"]) for file in files]
+    if all(kinds) and kinds:
+        raise EmptyLogError(f"This FIT file holds {kinds[0]}, no recording. {EXPORT}")
+    sports = [str(row.get("sub_sport")) for file in files for row in file.words.get("session", ())]
+    if sports and all(sport == "virtual_activity" for sport in sports):
+        raise EmptyLogError("This FIT file is of a virtual ride, on roads of a game. Upload a ride outdoors.")
+    if not any(records) and not any(len(file.columns["gps_metadata"]["timestamp"]) for file in files):
+        if notes.warnings:
+            raise MalformedLogError(
+                f"This FIT file has no record before its damage. {notes.warnings[0]} Copy it again from the device."
+            )
+        raise EmptyLogError(f"This FIT file holds no recording: it has no record messages. {EXPORT}")
+    indoors = next((s for s in sports if s.startswith("indoor") or s in ("treadmill", "spin")), "")
+    placed = any(
+        np.isfinite(file.columns[name]["position_lat"]).any()
+        for file in files
+        for name in ("record", "gps_metadata")
+    )
+    if not placed:
+        where = f" ({indoors.replace('_', ' ')})" if indoors else ""
+        raise EmptyLogError(
+            f"None of the {sum(records)} records of this FIT file{where} has a position: it was recorded indoors, "
+            "under water or without satellite reception. Upload a recording with positions."
+        )
+
+
+class _Part:
+    """One FIT file of a chain with its times in Unix seconds."""
+
+    def __init__(self, file: FitFile, notes: Notes) -> None:
+        self.file = file
+        self._turned_on_s = _turned_on(file)
+        self.record = file.columns["record"]
+        # an absent or invalid fraction is none
+        self.record_s = self._unix(self.record["timestamp"], np.nan_to_num(self.record["time128"]))
+        camera = file.columns["gps_metadata"]
+        self.camera = camera
+        self.camera_s = self._unix(camera["timestamp"], np.nan_to_num(camera["timestamp_ms"]) * 1e-3)
+        barometer = file.columns["barometer_data"]
+        offset_ms = np.nan_to_num(barometer["timestamp_ms"]) + barometer["sample_time_offset"]
+        self.barometer_s = self._unix(barometer["timestamp"], offset_ms * 1e-3)
+        self.pressure_pa = barometer["baro_pres"]
+
+    @property
+    def is_cameras(self) -> bool:
+        """Whether its positions are a camera's, which come several times a second."""
+        counts = [np.isfinite(one["position_lat"]).sum() for one in (self.camera, self.record)]
+        return bool(counts[0] > counts[1])
+
+    def _unix(self, stamp: Floats, fraction_s: Floats) -> Floats:
+        """Unix seconds; NaN for those since switching on where no message says when that was."""
+        system = stamp < SYSTEM_TIME_S
+        return np.asarray(np.where(system, self._turned_on_s, EPOCH_S) + stamp + fraction_s)
+
+    def pauses(self) -> list[tuple[float, float]]:
+        """(stopped, started), Unix seconds, each time that the timer was started again."""
+        out, stopped = [], None
+        for event in self.file.words.get("event", ()):
+            stamp = event.get("timestamp")
+            if event.get("event") != "timer" or not isinstance(stamp, int | float):
+                continue
+            now = float(self._unix(np.array([float(stamp)]), np.zeros(1))[0])
+            if event.get("event_type") in STOPS and stopped is None:
+                stopped = now
+            elif event.get("event_type") in STARTS and stopped is not None:
+                out.append((stopped, now))
+                stopped = None
+        return out
+
+
+def _turned_on(file: FitFile) -> float:
+    """When the device was switched on, Unix seconds, from messages that state both times; NaN where none does."""
+    pairs = file.columns["timestamp_correlation"]
+    camera = file.columns["gps_metadata"]
+    utc = np.concatenate(
+        [pairs["timestamp"] + np.nan_to_num(pairs["timestamp_ms"]) * 1e-3, camera["utc_timestamp"]]
+    )
+    system = np.concatenate([
+        pairs["system_timestamp"] + np.nan_to_num(pairs["system_timestamp_ms"]) * 1e-3,
+        camera["timestamp"] + np.nan_to_num(camera["timestamp_ms"]) * 1e-3,
+    ])  # fmt: skip
+    known = (utc >= SYSTEM_TIME_S) & (system < SYSTEM_TIME_S)
+    return EPOCH_S + float(np.median((utc - system)[known])) if known.any() else float("nan")
+
+
+def _tables(parts: list[_Part], notes: Notes) -> tuple[dict[str, SensorTable], Floats]:
+    """The tables, and where the recording begins anew."""
+    sources = [(p.camera, p.camera_s) if p.is_cameras else (p.record, p.record_s) for p in parts]
+    columns = [source for source, _ in sources]
+    time_s = np.concatenate([time for _, time in sources])
+
+    def column(name: str) -> Floats:
+        return np.concatenate(
+            [c[name] if name in c else np.full(len(c["timestamp"]), np.nan) for c in columns]
+        )
+
+    lat, lon = column("position_lat") * SEMICIRCLE_DEG, column("position_long") * SEMICIRCLE_DEG
+    placed = np.isfinite(lat) | np.isfinite(lon)
+    notes.skip("records without a position", int((~placed).sum()))
+    good = placed & usable_positions(time_s, lat, lon, notes, lambda i: f"record {i + 1}", need=placed)
+    accuracy = column("gps_accuracy")
+    fix = GnssFix.assemble(
+        time_s[good],
+        notes.repaired,
+        lat_deg=lat[good],
+        lon_deg=lon[good],
+        alt_msl_m=column("enhanced_altitude")[good],
+        h_acc_m=np.where(accuracy > 0, accuracy, np.nan)[good],
+    )
+    return {
+        "fix": fix,
+        "velocity": _velocity(parts),
+        "odometry": _odometry(parts),
+        "pressure": _pressure(parts, notes),
+    }, _gaps(parts, fix.time_s)
+
+
+def _velocity(parts: list[_Part]) -> GnssVelocity:
+    """The camera's velocity vector; for want of it, its speed and course."""
+    time_s = np.concatenate([p.camera_s for p in parts])
+    columns = {name: np.concatenate([p.camera[name] for p in parts]) for name in parts[0].camera}
+    north, east = ground_velocity(columns["enhanced_speed"], np.radians(columns["heading"]))
+    known = np.isfinite(columns["velocity_0"]) & np.isfinite(columns["velocity_1"])
+    return GnssVelocity.assemble(
+        time_s,
+        vel_n_mps=np.where(known, columns["velocity_1"], north),
+        vel_e_mps=np.where(known, columns["velocity_0"], east),
+        vel_d_mps=-columns["velocity_2"],
+    )
+
+
+def _odometry(parts: list[_Part]) -> Odometry:
+    return Odometry.assemble(
+        np.concatenate([p.record_s for p in parts]),
+        speed_mps=np.concatenate([p.record["enhanced_speed"] for p in parts]),
+    )
+
+
+def _pressure(parts: list[_Part], notes: Notes) -> Pressure:
+    """Pressures, with the temperature that the device states at the time."""
+    record_s = np.concatenate([p.record_s for p in parts])
+    record = {n: np.concatenate([p.record[n] for p in parts]) for n in parts[0].record}
+    time_s = np.concatenate([p.barometer_s for p in parts])
+    pressure = np.concatenate([p.pressure_pa for p in parts])
+    own = np.isfinite(record["absolute_pressure"])
+    if np.isfinite(record["enhanced_altitude"]).any():
+        notes.skip("pressures of records whose altitude is made of them", int(own.sum()))
+    elif not len(time_s):
+        time_s, pressure = record_s[own], record["absolute_pressure"][own]
+    warm = np.isfinite(record["temperature"]) & np.isfinite(record_s)
+    temperature = np.full(len(time_s), np.nan)
+    if warm.any() and len(time_s):
+        order = np.argsort(record_s[warm], kind="stable")
+        temperature = (
+            np.interp(time_s, record_s[warm][order], record["temperature"][warm][order]) + ZERO_CELSIUS_K
+        )
+    measured = np.isfinite(pressure) & (pressure > 0)
+    return Pressure.assemble(
+        time_s[measured], notes.repaired, pressure_pa=pressure[measured], temperature_k=temperature[measured]
+    )
+
+
+def _gaps(parts: list[_Part], time_s: Floats) -> Floats:
+    """The first position after each pause, and of each file of a chain but the first."""
+    begins = sorted(float(np.nanmin(p.record_s)) for p in parts if np.isfinite(p.record_s).any())
+    out = [time_s[k] for k in np.searchsorted(time_s, begins[1:]) if 0 < k < len(time_s)]
+    for stopped, started in (pause for p in parts for pause in p.pauses()):
+        first = max(int(np.searchsorted(time_s, stopped, side="right")), 1)
+        last = int(np.searchsorted(time_s, started))
+        k = np.arange(first, min(last, len(time_s) - 1) + 1)
+        # some devices record on while the timer stands still
+        missing_s = np.minimum(time_s[k], started) - np.maximum(time_s[k - 1], stopped)
+        out += time_s[k[missing_s > LONGEST_PAUSE_STEP_S]].tolist()
+    return np.array(out, float)

@@ -1,0 +1,107 @@
+"""TCX, Garmin's Training Center XML: track points with time, altitude and, where written, speed.
+
+``Speed`` of the extensions (TPX) has no direction and may come from a wheel sensor: it is the vehicle's own signal.
+``DistanceMeters`` is not used: without a wheel sensor it is summed from these positions, and with one the speed tells
+the same. A new ``Track`` is a gap, as the timer was stopped; where a lap was counted and recording went on, it is none.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from fusion.errors import EmptyLogError
+from fusion.formats.base import Data, Notes, build_log, usable_positions
+from fusion.formats.xml_points import Layout, Points, read_points
+from fusion.types import Bools, DriveLog, Floats, GnssFix, Odometry, Progress
+
+HEAD_BYTES = 8192
+ROOT = re.compile(rb"<(?:[\w.-]+:)?TrainingCenterDatabase[\s>]")
+LAPS_STEP_S = 10.0
+"""A lap that follows within the longest step of devices that record at will had no pause before it."""
+LAYOUT = Layout(
+    what="TCX",
+    point="Trackpoint",
+    time="Time",
+    attributes=(),
+    fields={
+        "LatitudeDegrees": "lat", "LongitudeDegrees": "lon", "AltitudeMeters": "alt", "Speed": "speed",
+    },
+    breaks=("Lap", "Track"),
+    others=("Course", "Activity"),
+)  # fmt: skip
+
+
+class TcxFormat:
+    """TCX activities of any program; courses and workouts are no drives."""
+
+    name = "tcx"
+    description = "TCX file"
+    suffixes = (".tcx",)
+    altitude_advice = (
+        "Upload the device's own FIT file instead, or a TCX file with `AltitudeMeters` as measured."
+    )
+    doppler_advice = (
+        "TCX files hold no vertical velocity: record every second on a device with a barometer and upload its FIT "
+        "file, or record a u-blox receiver's UBX-NAV-PVT."
+    )
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        return bool(ROOT.search(head[:HEAD_BYTES].replace(b"\x00", b"")))
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        notes = Notes()
+        points = read_points(data, LAYOUT, notes, progress)
+        _refuse_undriven(points)
+        lat, lon = points.column("lat"), points.column("lon")
+        placed = np.isfinite(lat) | np.isfinite(lon)
+        notes.skip("track points without a position", int((~placed).sum()))
+        good = usable_positions(points.time_s, lat, lon, notes, lambda i: f"track point {i + 1}", need=placed)
+        speed = points.column("speed")
+        moving = good & (speed >= 0)
+        here = good & placed
+        fix = GnssFix.assemble(
+            points.time_s[here],
+            notes.repaired,
+            lat_deg=lat[here],
+            lon_deg=lon[here],
+            alt_msl_m=points.column("alt")[here],
+        )
+        odometry = Odometry.assemble(points.time_s[moving], speed_mps=speed[moving])
+        return build_log(
+            self.name, self.description, notes, {"fix": fix, "odometry": odometry}, gaps_s=_gaps(points, here)
+        )
+
+
+def _refuse_undriven(points: Points) -> None:
+    """Raise ``EmptyLogError`` for what nobody drove."""
+    if points.others.get("Course") and not points.others.get("Activity"):
+        raise EmptyLogError(
+            "This TCX file holds a planned course, no recording. Export the recorded activity."
+        )
+    if not len(points):
+        raise EmptyLogError(
+            "This TCX file holds no track. Export the recorded activity, with its track points."
+        )
+    if not np.isfinite(points.column("lat")).any():
+        raise EmptyLogError(
+            f"None of the {len(points)} track points of this TCX file has a position: it was recorded indoors or "
+            "without satellite reception. Upload a recording with positions."
+        )
+    if not points.timed:
+        raise EmptyLogError(
+            f"None of the {len(points)} track points of this TCX file has a time, so it tells no drive. Export the "
+            "recorded activity with times."
+        )
+
+
+def _gaps(points: Points, here: Bools) -> Floats:
+    """The first position of each track, save the first, and save those of laps that follow at once."""
+    time_s = points.time_s[here]
+    track, lap = points.pieces(("Track",))[here], points.pieces(("Lap",))[here]
+    begins = np.flatnonzero(np.diff(track) != 0) + 1
+    lap_only = (np.diff(lap)[begins - 1] != 0) & (time_s[begins] - time_s[begins - 1] <= LAPS_STEP_S)
+    return np.asarray(time_s[begins[~lap_only]])

@@ -1,0 +1,279 @@
+"""Points of a track out of XML, as columns: what GPX and TCX share. Knows neither.
+
+By expat with handlers, since a tree, or even an event an element, costs several times as much: a point is a few numbers
+in arrays from the moment that it is read. Prefixes of names are ignored, declared or not.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import repeat
+from xml.parsers import expat
+
+import numpy as np
+
+from fusion.errors import MalformedLogError
+from fusion.formats.base import Data, Notes, unix_seconds
+from fusion.types import Floats, Ints, Progress
+
+NAN = float("nan")
+CHUNK_BYTES = 1 << 18
+TIMES_AT_ONCE = 1 << 15
+LONGEST_TEXT = 64
+"""Characters of a value that are looked at, beyond any number or time."""
+DEEPEST = 100
+"""Elements within each other, several times what any recorder writes: each that is open costs memory."""
+
+MOST_NAMES = 1000
+"""Names of elements that are remembered: a document may make them up without end."""
+
+TIME, IGNORED, POINT, BREAK, OTHER = -1, -2, -3, -4, -5
+"""What an element is, where it is no field, which are numbered from 0."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Local names of elements in a kind of document.
+
+    ``point`` holds a point, with numbers in the ``attributes`` and elements named in ``fields`` (element -> column; the
+    first of a column counts); ``time`` is the element of its time. ``breaks`` are elements that begin a new piece of
+    track, ``others`` such as make a document of another purpose; both are counted.
+    """
+
+    what: str
+    point: str
+    time: str
+    attributes: tuple[str, ...]
+    fields: Mapping[str, str]
+    breaks: tuple[str, ...]
+    others: tuple[str, ...]
+
+
+@dataclass
+class Points:
+    """Points in file order, ``count`` of them: ``columns`` (n,) by name, NaN where unknown.
+
+    ``breaks`` are (element, index of the next point) in file order; ``others`` how often each of those came; ``timed``
+    points have a time, readable or not.
+    """
+
+    time_s: Floats
+    columns: dict[str, Floats]
+    breaks: list[tuple[str, int]]
+    others: dict[str, int]
+    timed: int
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def column(self, name: str) -> Floats:
+        """A column, all NaN where no point has it."""
+        return self.columns.get(name, np.full(len(self), np.nan))
+
+    def pieces(self, elements: Iterable[str]) -> Ints:
+        """By point, how many of these elements began before it."""
+        wanted = set(elements)
+        starts = np.array([at for element, at in self.breaks if element in wanted], np.int64)
+        return np.searchsorted(starts, np.arange(len(self)), side="right")
+
+
+def read_points(data: Data, layout: Layout, notes: Notes, progress: Progress) -> Points:
+    """The points of a document up to where it is broken, which is said.
+
+    Raises ``MalformedLogError`` if it is broken before the first point, or an attack.
+    """
+    reader = _Reader(layout)
+    view, what = memoryview(data), layout.what
+    try:
+        for at in range(0, len(view), CHUNK_BYTES):
+            progress("read points", at / len(view))
+            reader.feed(bytes(view[at : at + CHUNK_BYTES]))
+        reader.close()
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        line = getattr(error, "lineno", 0)
+        where = f"line {line}" if line else "the beginning"
+        if not reader.count:
+            raise MalformedLogError(
+                f"This {what} file is broken at {where}, before its first track point. Upload the whole file.",
+                where=where,
+            ) from error
+        notes.repaired["broken XML: read up to the break"] += 1
+        notes.warn(f"The {what} file is broken at {where}: the {reader.count} points before it are used.")
+    return reader.points(notes)
+
+
+class _Kinds(dict[str, int]):
+    """What to do with an element, by its name with any prefix."""
+
+    def __init__(self, local: Mapping[str, int]) -> None:
+        super().__init__()
+        self._local = local
+
+    def __missing__(self, name: str) -> int:
+        kind = self._local.get(name.rpartition(":")[2], IGNORED)
+        if len(self) < MOST_NAMES:
+            self[name] = kind
+        return kind
+
+
+class _Reader:
+    """The handlers, and what they fill. They run for every tag: so there are few steps in each."""
+
+    __slots__ = (
+        "_attributes", "_breaks", "_depth", "_inside", "_kinds", "_others", "_parser", "_pieces", "_targets", "_wanted",
+        "_what", "columns", "count", "times",
+    )  # fmt: skip
+
+    def __init__(self, layout: Layout) -> None:
+        self._what = layout.what
+        self.columns = {name: array("d") for name in (*layout.attributes, *layout.fields.values())}
+        self.times = _Times()
+        self.count = 0
+        """Points that are complete."""
+        self._breaks: list[tuple[str, int]] = []
+        self._others: dict[str, int] = {}
+        self._kinds = _Kinds(
+            dict.fromkeys(layout.breaks, BREAK)
+            | dict.fromkeys(layout.others, OTHER)
+            | {element: k for k, element in enumerate(layout.fields)}
+            | {layout.time: TIME, layout.point: POINT}
+        )
+        self._targets = [self.columns[column] for column in layout.fields.values()]
+        self._attributes = [(name, self.columns[name]) for name in layout.attributes]
+        self._depth = 0
+        self._inside = 0
+        """How deep the point is that the parser is in; 0: in none."""
+        self._wanted = IGNORED
+        """What the text that is read is: a field, ``TIME``, or nothing."""
+        self._pieces: list[str] = []
+        parser = expat.ParserCreate()
+        parser.buffer_text = True
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._pieces.append
+        parser.EntityDeclHandler = self._refuse_entities
+        self._parser = parser
+
+    def feed(self, piece: bytes) -> None:
+        """Read on."""
+        self._parser.Parse(piece)
+        if self._depth > DEEPEST:
+            raise MalformedLogError(
+                f"This {self._what} file has elements nested more than {DEEPEST} deep, as attacks do and recorders "
+                "never. Export it again."
+            )
+        # no number and no time is as long as what may have come together here
+        self._pieces[:] = ["".join(self._pieces)[:LONGEST_TEXT]]
+
+    def close(self) -> None:
+        """Raises ``ExpatError`` if the document is not complete."""
+        self._parser.Parse(b"", True)
+
+    def _refuse_entities(self, *_: object) -> None:
+        raise MalformedLogError(
+            f"This {self._what} file defines XML entities, as attacks do and recorders never. Export it again."
+        )
+
+    def _start(self, name: str, found: dict[str, str]) -> None:
+        self._depth += 1
+        kind = self._kinds[name]
+        if kind == IGNORED:
+            return
+        if self._inside:
+            if kind >= TIME:
+                self._wanted = kind
+                self._pieces.clear()
+        elif kind == POINT:
+            self._inside = self._depth
+            for attribute, column in self._attributes:
+                column.append(_number(found.get(attribute, "")))
+        elif kind == BREAK:
+            self._breaks.append((name.rpartition(":")[2], self.count))
+        elif kind == OTHER:
+            local = name.rpartition(":")[2]
+            self._others[local] = self._others.get(local, 0) + 1
+
+    def _end(self, name: str) -> None:
+        kind = self._wanted
+        if kind != IGNORED:
+            self._wanted = IGNORED
+            pieces = self._pieces
+            text = pieces[0] if len(pieces) == 1 else "".join(pieces)
+            if kind == TIME:
+                self.times.take(self.count, text)
+            else:
+                column = self._targets[kind]
+                missing = self.count - len(column)
+                if missing > 0:
+                    column.extend(repeat(NAN, missing))
+                if missing >= 0:  # the first counts
+                    column.append(_number(text))
+        elif self._depth == self._inside:
+            self._inside = 0
+            self.count += 1
+        self._depth -= 1
+
+    def points(self, notes: Notes) -> Points:
+        """What was read, to be called once."""
+        columns = {}
+        for name, values in self.columns.items():
+            if len(values):
+                values.extend(repeat(NAN, self.count - len(values)))
+                column = np.frombuffer(values)[: self.count]
+                column[~np.isfinite(column)] = np.nan
+                columns[name] = column
+        return Points(
+            self.times.seconds(self.count, notes), columns, self._breaks, self._others, self.times.known
+        )
+
+
+class _Times:
+    """The texts of times, turned into seconds many at once."""
+
+    def __init__(self) -> None:
+        self._texts: list[str | None] = []
+        self._seconds: list[Floats] = []
+        self._done = 0
+        self._unread = 0
+        self._first_unread = ""
+        self.known = 0
+        """Points that have a time, readable or not."""
+
+    def take(self, point: int, text: str) -> None:
+        """The time of a point; the first counts."""
+        missing = point - self._done - len(self._texts)
+        if missing < 0:
+            return
+        self._texts += [None] * missing
+        self._texts.append(text.strip() or None)
+        if len(self._texts) >= TIMES_AT_ONCE:
+            self._read()
+
+    def seconds(self, count: int, notes: Notes) -> Floats:
+        """Unix seconds of the first ``count`` points, NaN where they have no time; says what cannot be read."""
+        self._texts += [None] * (count - self._done - len(self._texts))
+        self._read()
+        notes.skip("times that cannot be read", self._unread, self._first_unread, position=True)
+        return np.concatenate(self._seconds)[:count]
+
+    def _read(self) -> None:
+        time_s = unix_seconds(self._texts)
+        known = np.array([text is not None for text in self._texts], bool)
+        unread = np.flatnonzero(np.isnan(time_s) & known)
+        if len(unread) and not self._unread:
+            at = int(unread[0])
+            self._first_unread = f"point {self._done + at + 1}: {self._texts[at]!r:.60} is no time"
+        self._unread += len(unread)
+        self.known += int(known.sum())
+        self._seconds.append(time_s)
+        self._done += len(time_s)
+        self._texts = []
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return NAN
