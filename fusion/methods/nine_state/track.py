@@ -96,7 +96,7 @@ class EpochRows(NamedTuple):
         return {
             "epochs_filtered": int(self.done.sum()),
             "outage_share": int((self.done & ~epochs.has_gnss).sum()) / filtered,
-            "dem_share": int(self.ground.sum()) / filtered,
+            "dem_used_share": int(self.ground.sum()) / filtered,
             "filter_starts": int(self.start.sum()),
             "gnss_outliers": int(self.outlier.sum()),
         }

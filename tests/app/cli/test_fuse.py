@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import rasterio
+from affine import Affine
 from PIL import Image
 from typer.testing import CliRunner, Result
 
@@ -158,7 +159,12 @@ def test_the_quality_layer_of_the_terrain_is_found_or_may_be_named(
     elevations, quality = aster
     out = tmp_path / "out.geojson"
     fuse = ("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, "-o", out)
-    for named in ((), ("--dem", quality)):
+    far = tmp_path / "far.tif"
+    with rasterio.open(bundle.dem) as raster:
+        east = Affine.translation(10.0, 0.0) @ raster.transform
+        with rasterio.open(far, "w", **{**raster.profile, "transform": east}) as moved:
+            moved.write(raster.read())
+    for named in ((), ("--dem", quality), ("--dem", far)):  # a raster elsewhere is not credited
         result = run(*fuse, "--dem", elevations, *named)
         assert result.exit_code == 0, result.stderr
         assert json.loads(out.read_text())["attribution"].endswith(f"elevation from {elevations.name}")

@@ -17,7 +17,7 @@ from fusion.pipeline import parse_options, run_drive
 from fusion.registry import DEFAULT_METHOD, METHOD_NAMES
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog
+from fusion.types import CUES, DriveLog
 
 MakeLog = Callable[..., DriveLog]
 QUICK = {"particle": {"particles": 2000}}
@@ -44,6 +44,7 @@ def test_a_method_describes_itself_and_its_options(method: str) -> None:
     assert thing.source
     assert thing.description.endswith(".")
     assert thing.needs
+    assert set(thing.cues) <= set(CUES)
     for name, field in thing.options_model.model_fields.items():
         assert field.description, f"{method}.{name} has no description"
         assert not field.is_required()
@@ -78,6 +79,11 @@ def test_the_report_is_json_and_says_what_was_done(
     assert 0.5 < again["matched_share"] <= 1
     assert again["segments_estimated"] > 5
     assert again["epochs"] > 200
+    assert again["distance_m"] > 500
+    assert again["median_slope_sigma_percent"] > 0
+    assert again["dem_share"] > 0.8
+    assert again["dem_only"] == (not METHODS[method].cues)
+    assert [warning for warning in again["warnings"] if "elevation model" in warning] == []
 
 
 @pytest.mark.slow

@@ -81,7 +81,7 @@ def test_every_window_is_taken(window: str, make_log: MakeLog, town: Town, town_
     result = run(make_log(1, duration_s=240), town, town_dem, dem_window=window)
     assert len(result.slopes) > 5
     assert result.report["options"]["dem_window"] == window
-    assert 0.5 < result.report["dem_share"] <= 1.0
+    assert 0.5 < result.report["dem_used_share"] <= 1.0
 
 
 def test_the_spread_of_the_sigma_points_hardly_matters(make_log: MakeLog, town: Town, town_dem: Dem) -> None:

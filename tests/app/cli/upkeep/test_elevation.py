@@ -60,6 +60,16 @@ def test_rasters_are_listed_ranked_and_removed(tmp_path: Path) -> None:
     assert "Warning: no road that is imported lies under far.tif." in said
     assert json.loads(figures.read_text())["without_roads"] == ["far.tif"]
 
+    out = tmp_path / "out.geojson"
+    for place, credited in (
+        ((), "near.tif"),
+        (("--driven",), "near.tif"),
+        (("--bbox", "8.0,48,8.1,49.9"), None),
+    ):
+        run("export", "-o", out, *place)
+        said = json.loads(out.read_text())["attribution"]
+        assert said.endswith(f"elevation from {credited}") if credited else "elevation" not in said
+
     table = run("elevation", "list", "--json", figures)
     assert [line.split()[0] for line in table.splitlines()[1:]] == ["far.tif", "near.tif"]
     rows = {row["name"]: row for row in json.loads(figures.read_text())["rasters"]}

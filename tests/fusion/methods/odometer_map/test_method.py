@@ -238,7 +238,7 @@ def test_terrain_gives_the_heights_that_a_log_lacks(make_log: MakeLog, town: Tow
         velocity=GnssVelocity.empty(),
     )
     network, result = run_drive(flat, town.roads, town_dem, method=NAME)
-    assert result.report["dem_share"] > 0.8
+    assert result.report["dem_used_share"] > 0.8
     truth = dict(zip(identities(town.roads), town.true_slope_percent, strict=True))
     keys = identities(network.table)
     error = np.array([s.slope_percent - truth[keys[s.segment]] for s in result.slopes])
@@ -246,7 +246,7 @@ def test_terrain_gives_the_heights_that_a_log_lacks(make_log: MakeLog, town: Tow
     assert len(error) > 10
     assert np.mean(np.abs(error) <= 1.96 * sigma) > 0.85
     with_heights = run_drive(log, town.roads, town_dem, method=NAME)[1]
-    assert with_heights.report["dem_share"] == 0.0
+    assert with_heights.report["dem_used_share"] == 0.0
 
 
 def test_what_is_not_given_follows_the_policy() -> None:

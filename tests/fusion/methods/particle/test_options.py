@@ -114,7 +114,7 @@ def test_posts_of_poor_quality_are_left_out_and_a_missing_layer_is_said(
     with Dem.open([dem_file]) as dem:
         shares = [
             run(log, town, dem, dem_window="tin", dem_sigma_m=2.0, dem_min_quality=least)[1].report[
-                "dem_share"
+                "dem_used_share"
             ]
             for least in (0, 3)
         ]
