@@ -222,6 +222,7 @@ def _pictures(
     one: FusedLog, number: int | None, profile: Path | None, track: Path | None, console: Console
 ) -> None:
     from app.drives.outputs.profile import build_profile, table_facts
+    from app.drives.outputs.profile_marks import datum_words
     from app.drives.outputs.profile_picture import profile_png
     from app.drives.outputs.track import track_chunks
     from app.map.attribution import attribution
@@ -232,7 +233,8 @@ def _pictures(
         facts = table_facts(one.network.table, estimated.segment)
         columns = build_profile(estimated, estimated.segment, slopes, facts)
         path = _numbered(profile, number)
-        path.write_bytes(profile_png(columns, one.source.short_name, one.result.measurements))
+        datum = datum_words(one.result.report)
+        path.write_bytes(profile_png(columns, one.source.short_name, one.result.measurements, datum=datum))
         console.note(f"{path}: profile of {one.source.short_name}.")
     if track is not None:
         path = _numbered(track, number)
