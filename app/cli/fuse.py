@@ -23,6 +23,7 @@ from app.cli.options import (
     in_a_folder,
     parse_assignments,
     usable_map,
+    usable_picture,
 )
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
@@ -83,7 +84,7 @@ def fuse(
         Path | None,
         typer.Option(
             metavar="OUT.png",
-            help="Elevation profile; one per log, numbered if several.",
+            help="Elevation profile: .png, .pdf or .svg; one per log, numbered if several.",
             callback=in_a_folder,
         ),
     ] = None,
@@ -114,6 +115,7 @@ def fuse(
     console: Console = ctx.obj
     chosen = _usable(method, option or [], gnss, gnss_option or [], out)
     usable_map(map_file, scale)
+    usable_picture(profile, "--profile")
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
         points = read_control(control) if control else []
@@ -223,9 +225,11 @@ def _pictures(
 ) -> None:
     from app.drives.outputs.profile import build_profile, table_facts
     from app.drives.outputs.profile_marks import datum_words
-    from app.drives.outputs.profile_picture import profile_png
+    from app.drives.outputs.profile_picture import printable, profile_figure, written
     from app.drives.outputs.track import track_chunks
     from app.map.attribution import attribution
+    from app.map.outputs import whole
+    from app.map.slope_map import picture_format
 
     estimated = one.result.track
     if profile is not None:
@@ -233,8 +237,10 @@ def _pictures(
         facts = table_facts(one.network.table, estimated.segment)
         columns = build_profile(estimated, estimated.segment, slopes, facts)
         path = _numbered(profile, number)
-        datum = datum_words(one.result.report)
-        path.write_bytes(profile_png(columns, one.source.short_name, one.result.measurements, datum=datum))
+        datum, title = datum_words(one.result.report), printable(one.source.short_name)
+        figure = profile_figure(columns, title, one.result.measurements, datum=datum)
+        with whole(path) as partial:
+            partial.write_bytes(written(figure, picture_format(path)))
         console.note(f"{path}: profile of {one.source.short_name}.")
     if track is not None:
         path = _numbered(track, number)

@@ -71,9 +71,13 @@ def profile_png(
 
     ``measurements``: what the sensors said, drawn as pale dots behind. ``datum``: a sentence on what heights refer to.
     """
+    return written(profile_figure(profile, printable(title), measurements, datum=datum, dpi=dpi), "png")
+
+
+def written(figure: Figure, kind: str) -> bytes:
+    """A figure as png, pdf or svg."""
     buffer = BytesIO()
-    figure = profile_figure(profile, printable(title), measurements, datum=datum, dpi=dpi)
-    figure.savefig(buffer, format="png", metadata={"Software": "Versant"})
+    figure.savefig(buffer, format=kind, metadata={"Software" if kind == "png" else "Creator": "Versant"})
     return buffer.getvalue()
 
 
