@@ -85,7 +85,12 @@ def test_the_list_tells_what_a_drive_is_and_cuts_long_reasons(run: Run) -> None:
 
 
 def test_a_drive_is_shown_in_groups(run: Run) -> None:
-    report = {"warnings": ["Odd.", "Very odd."], "segments_estimated": 80, "matched_share": 0.98, "code_version": "1.2"}
+    report = {
+        "warnings": ["Odd.", "Very odd."],
+        "segments_estimated": 80,
+        "matched_share": 0.98,
+        "code_version": "1.2",
+    }
     more = {
         "distance_m": 6240.3,
         "size_bytes": 5_021_417,
