@@ -23,6 +23,7 @@ from fusion.registry import LOG_COLUMNS
 
 COLUMNS = LOG_COLUMNS
 NUMBERS = tuple(name for name in COLUMNS if name != "time")
+MOST_CELLS = 1000
 DELIMITERS = ",;\t|"
 LINE_END = re.compile(rb"\r\n|\r|\n")
 _DECIMAL_COMMA = re.compile(rb"(?:^|[;\t|\n]) *-?\d{1,20},\d{1,20} *(?:[;\t|\r\n]|$)")
@@ -110,6 +111,12 @@ def understood_header(data: bytes, schema: Schema) -> tuple[Known, list[str], st
     number, _, line = first_line(data)
     delimiter = delimiter_of(line)
     header = written_cells(line, delimiter)
+    if len(header) > MOST_CELLS:
+        raise MalformedLogError(
+            f"The first line of this CSV, line {number}, has {len(header)} cells; {MOST_CELLS} are read at most. Put a "
+            "header before the rows.",
+            where=f"line {number}",
+        )
     if schema.understood is not None:
         known = schema.understood(header, schema)
     else:

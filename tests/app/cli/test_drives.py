@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from app.cli import app
 from app.cli.client import Client
-from processing_support import carry_out_removals
+from processing_support import HEADER, carry_out_removals
 
 SERVER = "http://service.example"
 FAILURE = {"kind": "no-match", "reason": "No road is near."}
@@ -172,7 +172,8 @@ def test_reprocess_of_single_drives(run: Run) -> None:
 
 def test_the_real_service_counts_takes_on_and_calls_off(web: Any) -> None:
     drives = [
-        web.client.post("/v1/drives?method=raw", content=b"no log %d" % k).json()["id"] for k in range(2)
+        web.client.post("/v1/drives?method=raw", content=HEADER + b"no row %d" % k).json()["id"]
+        for k in range(2)
     ]
     server = ["--server", web.base]
 

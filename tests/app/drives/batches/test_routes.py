@@ -11,7 +11,7 @@ from app.drives.batches import enqueuing
 from app.drives.batches.documents import Selection, Which
 from app.drives.worker import run_worker
 from fusion.registry import DEFAULT_METHOD
-from processing_support import carry_out_removals
+from processing_support import HEADER, carry_out_removals
 
 
 @pytest.fixture
@@ -19,11 +19,11 @@ def made(web: Any) -> list[str]:
     """Two failed drives of ``raw``, one of ``dem``, and one of ``dem`` that still waits."""
     found = []
     for number, method in enumerate(("raw", "raw", "dem")):
-        answer = web.client.post(f"/v1/drives?method={method}", content=b"nonsense %d" % number)
+        answer = web.client.post(f"/v1/drives?method={method}", content=HEADER + b"nonsense %d" % number)
         found.append(str(answer.json()["id"]))
     run_worker(web.settings, wait=False)
     assert {web.client.get(f"/v1/drives/{drive}").json()["status"] for drive in found} == {"failed"}
-    answer = web.client.post("/v1/drives?method=dem", content=b"later")
+    answer = web.client.post("/v1/drives?method=dem", content=HEADER + b"later")
     return [*found, str(answer.json()["id"])]
 
 
