@@ -38,9 +38,9 @@ def main() -> None:
     options = _options()
     rows: list[dict[str, Any]] = []
     for number, name in enumerate(options.names):
-        show_progress(name, number / len(options.names))
+        show_progress(f"{name}, {number + 1} of {len(options.names)}")
         rows.append(_measured(name, options.records, options.repeats))
-    print(text_table(COLUMNS, rows))
+    print(text_table(rows, COLUMNS))
     if options.json:
         write_json(options.json, {"records": options.records, "readers": rows})
     if options.check and any(row["said"] for row in rows):

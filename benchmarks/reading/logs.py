@@ -183,9 +183,9 @@ def ucenter(records: int) -> bytes:
         for k, _, lat, lon in _places(max(records // 2, 1)):
             place = f"{round(lon * 1e7)}  {round(lat * 1e7)}"
             yield (
-                f"-----\n01 07 NAV-PVT    - 8C 3B : 8C 3B 100\nNAV-PVT {401_678_000 + 100 * k}      -8451 3\n    {place}"
-                "      38091      -7563      971      1636\n        0        1        -10        1  18558394      115"
-                "      237647\n    1.59 14"
+                f"-----\n01 07 NAV-PVT    - 8C 3B : 8C 3B 100\nNAV-PVT {401_678_000 + 100 * k}      -8451 3\n"
+                f"    {place}      38091      -7563      971      1636\n"
+                "        0        1        -10        1  18558394      115      237647\n    1.59 14"
             )
             tag = 346_160 + 100 * k
             yield (

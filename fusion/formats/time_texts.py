@@ -61,7 +61,7 @@ def times_of(texts: Sequence[str | None], seconds: float | None = None) -> tuple
     for k in np.flatnonzero(np.isfinite(out)):
         end = (texts[k] or "")[-8:]
         bare[k] = end[-1:] not in "zZ" and not _ISO_ZONE.search(end)
-    left = [k for k in np.flatnonzero(np.isnan(out)) if texts[k]]
+    left = [int(k) for k in np.flatnonzero(np.isnan(out)) if texts[k]]
     by_length: dict[int, list[int]] = {}
     for k in left:
         by_length.setdefault(len(texts[k] or ""), []).append(k)

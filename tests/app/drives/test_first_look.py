@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sqlalchemy import text
 
-from app.drives import first_look
-from app.drives.first_look import FirstLook
+from app.drives.receiving import first_look
+from app.drives.receiving.first_look import FirstLook
 from fusion import formats
 from fusion.errors import LogError, MalformedLogError, UnknownFormatError
 
