@@ -31,6 +31,7 @@ from app.core.middleware import (
 from app.core.openapi import TAGS, describe
 from app.core.problems import install_error_handlers
 from app.core.settings import Settings, SettingsError, get_settings
+from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
 from app.drives import events, upload
 from app.drives import results as drive_parts
@@ -109,6 +110,7 @@ def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane])
         Middleware(CollectAfterRequests),
         Middleware(Turnstile),
         Middleware(HeadMiddleware),
+        Middleware(RequestLog),
         Middleware(MetricsMiddleware, metrics=metrics),
         Middleware(EndWithClient),
         Middleware(KnownHosts, settings=settings),

@@ -30,9 +30,10 @@ from typing import Any
 import numpy as np
 
 from fusion.formats import read_logs
+from fusion.frames import geodetic
 from fusion.gnss import SOLVERS
 from fusion.gnss.aids import aids_of
-from fusion.gnss.earth import ecef, geodetic
+from fusion.gnss.earth import ecef
 from fusion.gnss.measure import measure
 from fusion.gnss.measurements import Solution, Solver
 from fusion.signals import WEEK_S, unix_from_gps

@@ -6,7 +6,7 @@ Pure geometry: no sensor, no road.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from pyproj import CRS, Transformer
@@ -19,6 +19,19 @@ METRES_PER_DEGREE = 111_132.0
 """Of latitude, on the mean. For margins and for telling fine from coarse; measuring takes ``LocalProjection``."""
 SHORTEST_DEGREE_M = 110_000.0
 """A little less than any degree of latitude has, so that boxes in degrees come out wider than asked for."""
+
+
+@cache
+def ecef_to_geodetic() -> Transformer:
+    """From earth-centred coordinates (m) to longitude, latitude (degrees) and height above WGS 84 (m)."""
+    return Transformer.from_crs(CRS.from_epsg(4978), CRS.from_epsg(4979), always_xy=True)
+
+
+def geodetic(position_m: Floats) -> tuple[Floats, Floats, Floats]:
+    """Longitude and latitude (degrees) and height above the ellipsoid (m), (n,) each, of ECEF places (n, 3)."""
+    x, y, z = np.asarray(position_m, float).reshape(-1, 3).T
+    lon, lat, height = ecef_to_geodetic().transform(x, y, z)
+    return np.asarray(lon, float), np.asarray(lat, float), np.asarray(height, float)
 
 
 @dataclass(frozen=True)

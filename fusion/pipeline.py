@@ -13,13 +13,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fusion.errors import EmptyLogError, MethodError, NoMatchError
+from fusion.errors import EmptyLogError, MethodError, MissingSensorError, NoMatchError
 from fusion.frames import LocalProjection
 from fusion.gnss import POSITIONINGS, Positioned, options_of, positioned, validated
 from fusion.methods import METHODS
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.epochs.computed_positions import (
-    NO_GRADE,
     above_ellipsoid,
     heights_under,
     knows_grade,
@@ -31,16 +30,17 @@ from fusion.network.combine import SlopePart
 from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import heights_at
-from fusion.network.unknowns import knot_positions
+from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.network.window import gap_rows
 from fusion.network.witnesses import Witness, repeated
 from fusion.registry import DEFAULT_METHOD
+from fusion.report import Ground, advice_of, drive_report, ground_under, without_placeholders
 from fusion.roads.along import boxes_along
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
-from fusion.terrain.datum import datum_of_log, datum_of_network
+from fusion.terrain.datum import datum_of_network
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats, Ints, Progress, Track, no_progress
+from fusion.types import DriveLog, Floats, Ints, Progress, no_progress
 
 ROAD_MARGIN_M = 250.0
 """Roads this far around a log's positions are loaded: farther than a method looks for a road, or a gap is long."""
@@ -79,6 +79,7 @@ def run_drive(
     estimator = METHODS[method]
     chosen = options if isinstance(options, Options) else parse_options(method, options)
     found = log if isinstance(log, Positioned) else positions_of(log, chosen, progress)
+    found = replace(found, log=without_placeholders(found.log))
     log = found.log
     if len(log.fix) < MIN_FIXES:
         raise EmptyLogError(
@@ -97,14 +98,21 @@ def run_drive(
     network = RoadNetwork.project(near, _plane(log))
     if dem:
         found = _helped(found, network, dem)
-    log, graded = _for_slopes(found, dem)
-    result = estimator.estimate(log, network, dem, chosen, progress)
+    ground = ground_under(found.log, dem)
+    log, graded = _for_slopes(found, ground)
+    try:
+        result = estimator.estimate(log, network, dem, chosen, progress)
+    except MissingSensorError as error:
+        advice = advice_of(found.log, estimator.cues, dem, ground)
+        raise MissingSensorError(f"{error} {advice}".strip(), where=error.where) from error
     result = result if graded else places_alone(result)
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))
-    progress("filter", 1.0)
-    report = _report(log, result, method, chosen, dem) | {"gnss": found.report}
-    return network, replace(result, report=report)
+    progress("slopes", 1.0)
+    report = drive_report(
+        log, result, estimator, chosen, dem, ground, computed=found.solution is not None, graded=graded
+    )
+    return network, replace(result, report=report | {"gnss": found.report})
 
 
 def positions_of(log: DriveLog, options: Options, progress: Progress = no_progress) -> Positioned:
@@ -120,11 +128,11 @@ def _helped(found: Positioned, network: RoadNetwork, dem: Dem) -> Positioned:
     return found.with_heights(height) if np.isfinite(height).any() else found
 
 
-def _for_slopes(found: Positioned, dem: Dem | None) -> tuple[DriveLog, bool]:
+def _for_slopes(found: Positioned, ground: Ground | None) -> tuple[DriveLog, bool]:
     """The log as methods take it, and whether slopes may be made of it."""
     if found.solution is None:
         return found.log, True
-    graded = dem is not None or knows_grade(found.log)
+    graded = (ground is not None and ground.share > 0) or knows_grade(found.log)
     return (without_heights(found.log) if graded else found.log), graded
 
 
@@ -147,52 +155,6 @@ def _far_message(log: DriveLog) -> str:
         "degrees east, and no position in it comes near a known road. Import the roads of that area, or check the "
         "log's coordinates (latitude and longitude swapped?)."
     )
-
-
-def _report(
-    log: DriveLog, result: DriveResult, method: str, options: Options, dem: Dem | None
-) -> dict[str, Any]:
-    """The method's own report with what is the same for every method."""
-    track = result.track
-    return {
-        "format": log.source_format,
-        "method": method,
-        "options": options.model_dump(mode="json"),
-        "epochs": len(track),
-        "duration_s": float(np.ptp(track.time_s)) if len(track) else 0.0,
-        "matched_share": result.report.get("matched_share", _matched_share(track)),
-        "segments_driven": len(
-            {*track.segment[track.segment >= 0].tolist(), *(s.segment for s in result.slopes)}
-        ),
-        "segments_estimated": len(result.slopes),
-        "dem": None if dem is None else dem.description,
-        "dem_datum": None if dem is None else dem.datum,
-        "geoid": log.geoid,
-        "height_datum": datum_of_log(log),
-        "missing": list(log.missing),
-        "skipped": dict(log.skipped),
-        "repaired": dict(log.repaired),
-        "warnings": [*log.warnings, *result.report.get("warnings", ()), *_warnings(result)],
-        **{k: v for k, v in result.report.items() if k not in ("matched_share", "warnings")},
-    }
-
-
-def _matched_share(track: Track) -> float:
-    return float(np.mean(track.segment >= 0)) if len(track) else 0.0
-
-
-def _warnings(result: DriveResult) -> list[str]:
-    """Why nothing came out, where nothing did."""
-    if result.slopes or NO_GRADE in result.report.get("warnings", ()):
-        return []
-    track = result.track
-    matched = np.mean(track.segment >= 0)
-    spacing = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
-    return [
-        f"No segment got a slope: {matched:.0%} of the epochs lie on roads, {spacing:.1f} s apart. A slope needs "
-        "several epochs with a height on one segment, at more than walking pace: record at 1 Hz or more, and check "
-        "that the log or the DEM has heights there and that the roads are those that were driven, in their direction."
-    ]
 
 
 class FusedDrive(Protocol):
@@ -256,7 +218,8 @@ def network_datum(
     if not with_heights:
         return None
     logs = [report["height_datum"] for report in with_heights]
-    return datum_of_network(logs, dem.datum if dem else None, bool(control))
+    known = dem is not None and any(report["dem_share"] for report in with_heights)
+    return datum_of_network(logs, dem.datum if dem and known else None, bool(control))
 
 
 def surroundings(drives: Sequence[FusedDrive]) -> Ints:
@@ -314,7 +277,7 @@ def _solved(
     solved = driven | gap_rows(table, driven)
     table, rows = table.subset(solved), near[solved]
     row_of = {int(row): k for k, row in enumerate(rows)}
-    terrain = heights_at(dem.heights(*knot_positions(table))) if dem else None
+    terrain = heights_at(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
     own = {k: [f.over(row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
     result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)

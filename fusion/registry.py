@@ -1,9 +1,10 @@
 """One kind of registry for everything that can be chosen by name: formats, methods, windows, outputs."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
 from typing import Generic, TypeVar
 
-from fusion.errors import UnknownNameError
+from fusion.errors import BadOptionsError, UnknownNameError
 
 T = TypeVar("T")
 
@@ -24,6 +25,31 @@ METHOD_NAMES = (
 """What ``fusion.methods.METHODS`` holds (a test holds them equal)."""
 DEFAULT_POSITIONING = "auto"
 """How positions are computed from a log; one of ``fusion.gnss.POSITIONINGS``."""
+
+LOG_COLUMNS: tuple[str, ...] = (
+    "time", "time_s", "lat_deg", "lon_deg", "alt_msl_m", "height_ell_m", "h_acc_m", "v_acc_m",
+    "vel_n_mps", "vel_e_mps", "vel_d_mps", "s_acc_mps", "speed_mps", "heading_deg",
+    "acc_x_mps2", "acc_y_mps2", "acc_z_mps2", "gyr_x_dps", "gyr_y_dps", "gyr_z_dps",
+    "roll_deg", "pitch_deg", "yaw_deg", "pitch_acc_deg",
+    "wheel_left_rad", "wheel_right_rad", "odo_speed_mps", "pressure_hpa", "temperature_c",
+)  # fmt: skip
+"""The columns of a CSV log, as Versant calls them."""
+
+
+def check_columns(columns: Mapping[str, str]) -> None:
+    """Refuse names on the left that are none of ``LOG_COLUMNS``: ``BadOptionsError`` names what is near."""
+    for ours, theirs in columns.items():
+        if ours not in LOG_COLUMNS:
+            near = get_close_matches(ours.lower(), LOG_COLUMNS, 3, 0.5)
+            meant = f"Did you mean {' or '.join(near)}?" if near else f"There are {', '.join(LOG_COLUMNS)}."
+            raise BadOptionsError(
+                f"columns: {ours[:60]!r} (of {ours[:60]}={theirs[:60]}) is no column of Versant. {meant}",
+                where="columns",
+            )
+        if not theirs.strip():
+            raise BadOptionsError(
+                f"columns: {ours}= names no column of the file. Write {ours}=ITS_NAME.", where="columns"
+            )
 
 
 def unknown_name(role: str, name: str, known: Iterable[str]) -> UnknownNameError:

@@ -25,6 +25,12 @@ LONGEST_BRIDGED_GAP_S = 120.0
 """An estimate bridges gaps of the recording up to this long; after a longer one, or one that the log states, it begins
 anew."""
 
+PAUSE_S = 10.0
+"""Longer pauses between two epochs interrupt a track: nothing is counted or drawn over what was not recorded."""
+
+CUES = ("altitude", "doppler", "pitch", "specific force", "barometer")
+"""What a drive's own sensors can say of height and grade."""
+
 Progress = Callable[[str, float], None]
 """Called with the stage's name and the share of the work done, 0..1. It may raise to abort the work."""
 
@@ -173,6 +179,36 @@ class Pressure(SensorTable):
 
 
 @dataclass(frozen=True)
+class ThreeAxes(SensorTable):
+    """A vector along a device's own axes, right-handed, whatever they are in the vehicle."""
+
+    x: Floats
+    y: Floats
+    z: Floats
+
+
+@dataclass(frozen=True)
+class DeviceMotion:
+    """What a phone's inertial sensors say in the phone's axes, m/s2 and rad/s.
+
+    ``force`` is with gravity; ``moved`` without it, and ``gravity`` is what was taken off. Some devices state all three
+    with the opposite sign, and some in units of standard gravity: who uses them finds that out.
+    """
+
+    force: ThreeAxes = field(default_factory=ThreeAxes.empty)
+    moved: ThreeAxes = field(default_factory=ThreeAxes.empty)
+    gravity: ThreeAxes = field(default_factory=ThreeAxes.empty)
+    rate: ThreeAxes = field(default_factory=ThreeAxes.empty)
+
+    def tables(self) -> dict[str, ThreeAxes]:
+        """The tables by name."""
+        return {spec.name: getattr(self, spec.name) for spec in fields(self)}
+
+    def __bool__(self) -> bool:
+        return any(len(table) for table in self.tables().values())
+
+
+@dataclass(frozen=True)
 class DriveLog:
     """One drive as its sensors recorded it: a table per sensor, never resampled to a common clock.
 
@@ -181,7 +217,8 @@ class DriveLog:
     on. ``geoid`` says what ``alt_msl_m`` refers to, as far as the format says it. ``missing`` lists sensors and columns
     that the log does not have, ``skipped`` counts input that could not be used (by reason), ``repaired`` counts what
     was put right (by reason), ``warnings`` are sentences for the driver. ``raw`` holds pseudoranges and ephemerides,
-    where there are any; a log may have those and no position yet.
+    where there are any; a log may have those and no position yet. ``device`` holds what a phone's inertial sensors say
+    in its own axes, until it is known how it lies in the vehicle.
     """
 
     source_format: str
@@ -198,6 +235,7 @@ class DriveLog:
     repaired: Counter[str] = field(default_factory=Counter)
     warnings: tuple[str, ...] = ()
     raw: RawGnss | None = None
+    device: DeviceMotion = field(default_factory=DeviceMotion)
 
     SENSORS = ("fix", "velocity", "force", "rate", "attitude", "odometry", "pressure")
 

@@ -30,6 +30,7 @@ SQL_PLACES = {
     for place in (
         "core/databases.py",
         "core/schema.py",
+        "core/telemetry/ledger.py",
         "drives/batches/store.py",
         "drives/endings.py",
         "drives/queue.py",
@@ -43,7 +44,9 @@ SQL_PLACES = {
         "roads/imports.py",
         "roads/losses.py",
         "roads/store.py",
+        "terrain/coverage.py",
         "terrain/store.py",
+        "upkeep/store.py",
     )
 }
 """Beside ``app/network/``: each subject's statements stand beside the code that they belong to, in one of these."""

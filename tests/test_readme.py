@@ -19,9 +19,12 @@ import typer
 from app.cli import COMMANDS
 from app.cli import app as cli
 from app.core.settings import ENV_PREFIX, Settings
+from app.core.telemetry.measures import MEASURES
 from app.main import create_app
 from app.map.outputs import OUTPUTS
 from app.map.segment import PROPERTIES
+from app.ops.metrics import LABELS, Gauges, Metrics
+from app.ops.store import Squares
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
@@ -33,7 +36,7 @@ from fusion.terrain.windows import WINDOWS
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 README = REPOSITORY / "README.md"
-PAGES = (README, REPOSITORY / ".docs" / "methods.md", REPOSITORY / ".docs" / "positioning.md")
+PAGES = (README, *(REPOSITORY / ".docs" / name for name in ("methods.md", "positioning.md", "operation.md")))
 TABLE = re.compile(r"<!-- table: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
@@ -161,6 +164,18 @@ def outputs() -> str:
     return table(("suffix", "what"), [(code(item.suffix), item.description) for _, item in OUTPUTS.items()])
 
 
+def metrics() -> str:
+    """Every metric that a service with a database exposes."""
+    nothing = Gauges({}, 0, 0.0, 0, Squares(0, 0), {}, 0, {})
+    rows = []
+    for family in Metrics(lambda: nothing).registry.collect():
+        name = f"{family.name}_total" if family.type == "counter" else family.name
+        labels = {label for measure in MEASURES if measure.name == name for label in measure.labels}
+        labels |= set(LABELS.get(name, ()))
+        rows.append((code(name), family.type, " ".join(map(code, sorted(labels))), family.documentation))
+    return table(("metric", "kind", "labels", "meaning"), rows)
+
+
 MAKERS: dict[str, Callable[[], str]] = {
     maker.__name__: maker
     for maker in (
@@ -176,6 +191,7 @@ MAKERS: dict[str, Callable[[], str]] = {
         positionings,
         solver_options,
         outputs,
+        metrics,
     )
 }
 

@@ -61,7 +61,15 @@ COMMANDS = {
     "settle": Command(
         "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."
     ),
-    "sweep": Command("app.cli.storage", "Remove stored logs that no drive refers to any more."),
+    "elevation": Command(
+        "app.cli.upkeep.elevation", "List, rank or remove the elevation rasters that are in use."
+    ),
+    "backup": Command(
+        "app.cli.upkeep.backup", "Copy the database, the logs and the elevation rasters of a running service."
+    ),
+    "restore": Command("app.cli.upkeep.backup", "Bring a backup back into an empty database."),
+    "doctor": Command("app.cli.upkeep.doctor", "Look for what is wrong with a service; changes nothing."),
+    "sweep": Command("app.cli.upkeep.storage", "Remove stored logs that no drive refers to any more."),
     "fuse": Command(
         "app.cli.fuse",
         "Fuse logs with roads and terrain into segment slopes, without a server or a database.",

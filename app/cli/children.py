@@ -157,7 +157,7 @@ def lanes(settings: Settings) -> list[Child]:
     return [
         Child(
             "worker" if count == 1 else f"worker {number}",
-            versant("worker", *(["--without-chores"] if number > 1 else [])),
+            versant("worker", "--lane", str(number), *(["--without-chores"] if number > 1 else [])),
             environment,
         )
         for number in range(1, count + 1)

@@ -62,6 +62,13 @@ class RemoteDrive:
             document=document,
         )
 
+    def link(self, rel: str, kind: str | None = None) -> str | None:
+        """The address of the document's link of that relation and, if given, media type; None without one."""
+        for link in self.document.get("links", ()):
+            if link["rel"] == rel and kind in (None, link.get("type")):
+                return str(link["href"])
+        return None
+
     @property
     def final(self) -> bool:
         """Whether nothing more will happen to it by itself."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import rich.console
 import typer
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 if TYPE_CHECKING:
@@ -24,7 +32,7 @@ SHORT_CELL = 40  # characters that a terminal always has room for
 
 @dataclass(frozen=True)
 class Console:
-    """One command's voice; ``quiet`` silences bars and notes, never results and errors."""
+    """One command's voice; ``quiet`` silences bars and notes, never results, warnings and errors."""
 
     quiet: bool = False
     debug: bool = False
@@ -33,6 +41,11 @@ class Console:
         """A remark for a person, on standard error."""
         if not self.quiet:
             typer.echo(text, err=True)
+
+    def warn(self, name: str, warnings: Iterable[str]) -> None:
+        """Say on standard error what a person should know of a log, or without a name of all that was given."""
+        for warning in warnings:
+            typer.echo(f"{name}: {_one_line(warning)}" if name else _one_line(warning), err=True)
 
     def complain(self, text: str) -> None:
         """Say on standard error what went wrong, in one line."""
@@ -73,12 +86,25 @@ class Console:
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=30),
             TaskProgressColumn(),
+            TimeRemainingColumn(),
             TextColumn("{task.fields[stage]}", markup=False),
         )
         with Progress(
             *columns, console=err, transient=True, disable=self.quiet or not err.is_terminal
         ) as bars:
             yield Bars(bars)
+
+
+class LogConsole(Console):
+    """The voice of a command that runs for as long as the service: it speaks in lines of the log, as all else does."""
+
+    def note(self, text: str) -> None:
+        """A remark."""
+        logging.getLogger(__name__).info(text)
+
+    def complain(self, text: str) -> None:
+        """Say what went wrong."""
+        logging.getLogger(__name__).warning(_one_line(text))
 
 
 class Bars:
@@ -88,7 +114,7 @@ class Bars:
         self._bars = bars
 
     def work(self, name: str) -> ProgressCall:
-        """A new bar, driven by the library's ``Progress`` calls: it starts anew at each stage."""
+        """A new bar, driven by ``Progress`` calls, which count from 0 to 1 over all of the work (``part_of``)."""
         task = self._bars.add_task(name, total=1.0, stage="")
 
         def show(stage: str, share: float) -> None:
@@ -106,6 +132,42 @@ class Bars:
         return advance
 
 
+def part_of(progress: ProgressCall, start: float, end: float) -> ProgressCall:
+    """A ``Progress`` for the part of some work from the share ``start`` of the whole to ``end``.
+
+    The share never falls: a part of several stages, each counted from 0, waits at where the first came to.
+    """
+    reached = start
+
+    def show(stage: str, share: float) -> None:
+        nonlocal reached
+        reached = max(reached, start + (end - start) * min(max(share, 0.0), 1.0))
+        progress(stage, reached)
+
+    return show
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Where to write a file, so that it appears complete or not at all, whatever interrupts; ``path`` otherwise stays.
+
+    What is no file, such as ``/dev/stdout``, is written to as it is.
+    """
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
+    try:
+        yield partial
+        partial.replace(path)
+    except OSError as error:
+        if error.filename == str(partial):  # a name that nobody gave
+            error.filename = str(path)
+        raise
+    finally:
+        partial.unlink(missing_ok=True)
+
+
 def figure(value: Any) -> str:
     """A table's cell: floats with two decimals, None and NaN as a dash."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
@@ -118,7 +180,8 @@ def figure(value: Any) -> str:
 def write_json(path: Path | None, figures: Any) -> None:
     """Write what a command reports to ``--json FILE``; NaN becomes null. Without a path, nothing."""
     if path is not None:
-        path.write_text(json.dumps(_finite(figures), indent=2, default=str) + "\n", encoding="utf-8")
+        with whole_file(path) as partial:
+            partial.write_text(json.dumps(_finite(figures), indent=2, default=str) + "\n", encoding="utf-8")
 
 
 def _finite(value: Any) -> Any:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
+from app.cli.console import Console
 from app.core import migrate
+from app.core.databases import require_reachable
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings, load_settings
 from app.core.standing_back import stand_back
+from app.core.telemetry.ledger import counting
+from app.core.telemetry.logs import begin_logging
+from app.core.telemetry.tracing import begin_tracing, end_tracing
 from app.embedded.cluster import EmbeddedPostgres
+from app.embedded.data_folder import has_cluster
+from app.embedded.errors import NothingHereError
 
 
 def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
@@ -21,19 +28,65 @@ def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
 
 
 @contextmanager
-def sessions(data_dir: Path | None) -> Iterator[tuple[Settings, Sessions]]:
+def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[tuple[Settings, Sessions]]:
     """Settings and sessions of the database that ``--data-dir`` or the environment names.
 
-    Whoever is answered by the service goes before the command that works with them.
+    Whoever is answered by the service goes before the command that works with them. Where there is no embedded
+    database yet one is made, and said so to ``make``; without it, ``NothingHereError``. What it counts
+    is added to the service's figures; it logs where the environment says how.
     """
-    with database(settings_for(data_dir), embedded=True if data_dir else None) as settings:
+    chosen, embedded = settings_for(data_dir), True if data_dir else None
+    see_to_cluster(chosen, embedded, make)
+    with database(chosen, embedded=embedded) as settings:
         assert settings.database_url is not None  # noqa: S101 - what the block above is for
         stand_back()
+        if settings.model_fields_set & {"log_level", "log_format"}:
+            begin_logging(settings, "command")
+        begin_tracing(settings, "command")
         engine = make_engine(settings.database_url, pool_size=1, behind=True)
         try:
-            yield settings, session_factory(engine)
+            with counting(session_factory(engine), "command"):
+                yield settings, session_factory(engine)
         finally:
             engine.dispose()
+            end_tracing()
+
+
+@contextmanager
+def as_it_is(
+    settings: Settings, *, embedded: bool | None, make: bool = False
+) -> Iterator[tuple[Settings, Sessions]]:
+    """Settings and sessions of a database that is not migrated, for who looks after it or brings it back.
+
+    ``embedded`` as of ``database``. ``make``: where there is no embedded database, an empty one is made.
+    """
+    if not make:
+        see_to_cluster(settings, embedded)
+    with ExitStack() as stack:
+        if embedded or (embedded is None and settings.database_url is None):
+            cluster = stack.enter_context(EmbeddedPostgres(settings.data_dir))
+            settings = settings.model_copy(update={"database_url": cluster.url})
+        assert settings.database_url is not None  # noqa: S101 - what the lines above are for
+        require_reachable(settings.database_url)
+        stand_back()
+        engine = make_engine(settings.database_url, pool_size=1, behind=True)
+        stack.callback(engine.dispose)
+        yield settings, session_factory(engine)
+
+
+def see_to_cluster(settings: Settings, embedded: bool | None, make: Console | None = None) -> None:
+    """Whether there is a cluster where ``database`` would start one; if not it is said to ``make``, or
+    ``NothingHereError``, so that no mistyped folder becomes an empty database.
+    """
+    uses_cluster = settings.database_url is None if embedded is None else embedded
+    if not uses_cluster or has_cluster(settings.data_dir):
+        return
+    if make is None:
+        raise NothingHereError(
+            f"There is no Versant database in {settings.data_dir}. `versant up --data-dir {settings.data_dir}` or "
+            "`versant import-roads` makes one; --data-dir or VERSANT_DATA_DIR names the folder of one that is there."
+        )
+    make.note(f"There is no database in {settings.data_dir} yet: a new one is made.")
 
 
 @contextmanager

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -12,10 +13,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.console import Bars, Console, write_json
+from app.cli.console import Bars, Console, whole_file, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
-from fusion.errors import BadOptionsError, FusionError, UnknownNameError
+from app.cli.options import (
+    ColumnsOption,
+    GnssName,
+    GnssOption,
+    JsonFile,
+    MapFile,
+    MapScale,
+    in_a_folder,
+    naming,
+    parse_assignments,
+    parse_columns,
+    usable_map,
+)
+from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
@@ -25,6 +38,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False)
 
+LONGEST_NAME = 60
+"""Characters of a log's name in the names of its pictures."""
 RASTER_SUFFIXES = (".hgt", ".tif", ".tiff", ".vrt")
 
 
@@ -50,6 +65,7 @@ def fuse(
     ] = None,
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
+    columns: ColumnsOption = None,
     together: Together = False,
     control: Annotated[
         Path | None,
@@ -74,7 +90,7 @@ def fuse(
         Path | None,
         typer.Option(
             metavar="OUT.png",
-            help="Elevation profile; one per log, numbered if several.",
+            help="Elevation profile; one per log, with its number and name if several.",
             callback=in_a_folder,
         ),
     ] = None,
@@ -82,19 +98,12 @@ def fuse(
         Path | None,
         typer.Option(
             metavar="OUT.geojson",
-            help="Estimated track; one per log, numbered if several.",
+            help="Estimated track; one per log, with its number and name if several.",
             callback=in_a_folder,
         ),
     ] = None,
-    map_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--map",
-            metavar="OUT.png",
-            help="Map of the slopes, with all roads around the drives.",
-            callback=in_a_folder,
-        ),
-    ] = None,
+    map_file: MapFile = None,
+    scale: MapScale = None,
     json_file: JsonFile = None,
 ) -> None:
     """Fuse logs with roads and terrain into segment slopes, without a server or a database.
@@ -110,7 +119,9 @@ def fuse(
     from fusion.terrain.dem import Dem
 
     console: Console = ctx.obj
-    chosen = _usable(method, option or [], gnss, gnss_option or [], out)
+    named = {"columns": parse_columns(columns)} if columns else {}
+    chosen = _usable(method, named, option or [], gnss, gnss_option or [], out)
+    usable_map(map_file, scale)
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
         points = read_control(control) if control else []
@@ -121,16 +132,17 @@ def fuse(
         drives = drives_of(logs, together)
         outcomes = [_one(fusion, source, console, bars) for source in drives]
         said = fusion.solve(gaps=gaps)
+        source = attribution(said.rasters)
     features, datum = said.features, said.height_datum
-    _agreement(fusion, said, outcomes, console)
-    source = attribution(terrain.names if terrain else ())
+    _tell(fusion, said, outcomes, console)
     if fusion.fused and out is None:
         sys.stdout.writelines(collection_chunks(features, stated(source, datum)))
     elif fusion.fused and out is not None:
         write(features, out, source=source, height_datum=datum)
         console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(drives)} logs.")
     if fusion.fused and map_file is not None:
-        _map(fusion, features, map_file, source, console)
+        _map(fusion, features, map_file, source, scale)
+        console.note(f"{map_file}: map of the slopes.")
     for number, one in enumerate(fusion.fused, 1):
         _pictures(one, number if len(fusion.fused) > 1 else None, profile, track, console)
     figures = {
@@ -153,22 +165,32 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
     return rest, dem + more
 
 
-def _usable(method: str, option: list[str], gnss: str, gnss_option: list[str], out: Path | None) -> Options:
+def _usable(
+    method: str, named: dict[str, Any], option: list[str], gnss: str, gnss_option: list[str], out: Path | None
+) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
     from app.map.outputs import output_for
+    from fusion.gnss import POSITIONINGS, options_of
+    from fusion.methods import METHODS
     from fusion.pipeline import parse_options
 
-    try:
-        if out is not None:
+    options = named | parse_assignments(option, "--option")
+    of_positioning = parse_assignments(gnss_option, "--gnss-option")
+    if out is not None:
+        with naming("--out"):
             output_for(out)
-        positioning = {"gnss": gnss, "gnss_options": parse_assignments(gnss_option)}
-        return parse_options(method, {**positioning, **parse_assignments(option)})
-    except (UnknownNameError, BadOptionsError) as error:
-        raise typer.BadParameter(str(error)) from error
+    with naming("--gnss"):
+        positioning = POSITIONINGS[gnss]
+    with naming("--gnss-option"):
+        options_of(positioning, of_positioning)
+    with naming("--method"):
+        METHODS[method]
+    with naming("--option"):
+        return parse_options(method, {"gnss": gnss, "gnss_options": of_positioning, **options})
 
 
 def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict[str, Any]:
-    from app.cli.fuse_files import summary
+    from app.cli.fuse_files import outcome_of
 
     try:
         twin = fusion.twin(source)
@@ -180,10 +202,7 @@ def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict
                 "reason": f"the same bytes as {twin}",
                 "segments": 0,
             }
-        outcome = summary(fusion.add(source, bars.work(source.short_name)))
-        for why in () if outcome["segments"] else outcome["report"]["warnings"]:
-            console.note(f"{source.name}: {why}")
-        return outcome
+        return outcome_of(fusion.add(source, bars.work(source.short_name)))
     except (FusionError, OSError) as error:
         if console.debug:
             raise
@@ -191,29 +210,28 @@ def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict
         return {"file": source.name, "status": "failed", "reason": reason, "segments": 0}
 
 
-def _agreement(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]], console: Console) -> None:
-    """Say of each log how it agrees with the others, in its outcome and, where a person must know it, aloud."""
+def _tell(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]], console: Console) -> None:
+    """Say of each log what came of it and what a person should know, and put the same into its outcome."""
+    from app.cli.fuse_files import agreement
+    from app.drives.outputs.summary import summary
+
     done = [outcome for outcome in outcomes if outcome["status"] == "done"]
-    for k, (outcome, count) in enumerate(zip(done, together.rejected, strict=True)):
-        outcome["rejected_segments"] = count
-        if k in together.repeated:
-            said = f"The same drive as {fusion.fused[together.repeated[k]].source.name}: heard once, from that log."
-            console.note(f"{fusion.fused[k].source.name}: {said}")
-            outcome["report"]["warnings"].append(said)
-    for remark in together.remarks:
-        console.note(remark)
+    agreement(together, [one.source.name for one in fusion.fused], done)
+    for outcome in done:
+        outcome["summary"] = summary(outcome["file"], outcome["report"])
+        console.note(outcome["summary"])
+        console.warn(outcome["file"], outcome["report"]["warnings"])
+    console.warn("", together.remarks)
 
 
-def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, console: Console) -> None:
-    from app.drives.outputs.profile_picture import printable
-    from app.map.slope_picture import slope_map_png
+def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, scale: float | None) -> None:
+    from app.map.map_file import map_of_segments
 
     count = len(fusion.fused)
-    title = (
-        f"Slopes from {fusion.fused[0].source.short_name}" if count == 1 else f"Slopes from {count} drives"
+    title = f"Slopes from {fusion.fused[0].source.short_name if count == 1 else f'{count} drives'}"
+    map_of_segments(
+        path, features, fusion.roads, fusion.surroundings(), title=title, source=source, scale=scale
     )
-    slope_map_png(path, fusion.surroundings(), features, title=printable(title), credit=source)
-    console.note(f"{path}: map of the slopes.")
 
 
 def _pictures(
@@ -229,15 +247,21 @@ def _pictures(
         slopes = {s.segment: (s.slope_percent, s.slope_sigma_percent) for s in one.result.slopes}
         facts = table_facts(one.network.table, estimated.segment)
         columns = build_profile(estimated, estimated.segment, slopes, facts)
-        path = _numbered(profile, number)
-        path.write_bytes(profile_png(columns, one.source.short_name, one.result.measurements))
+        path = _numbered(profile, number, one.source)
+        with whole_file(path) as partial:
+            partial.write_bytes(profile_png(columns, one.source.short_name, one.result.measurements))
         console.note(f"{path}: profile of {one.source.short_name}.")
     if track is not None:
-        path = _numbered(track, number)
-        with path.open("w", encoding="utf-8") as file:
+        path = _numbered(track, number, one.source)
+        with whole_file(path) as partial, partial.open("w", encoding="utf-8") as file:
             file.writelines(track_chunks(estimated, estimated.segment, {"attribution": attribution()}))
         console.note(f"{path}: track of {one.source.short_name}.")
 
 
-def _numbered(path: Path, number: int | None) -> Path:
-    return path if number is None else path.with_name(f"{path.stem}-{number}{path.suffix}")
+def _numbered(path: Path, number: int | None, source: LogFiles) -> Path:
+    """The file of one log among several: ``profile.png`` becomes ``profile-2-tuesday.png``."""
+    if number is None:
+        return path
+    log = Path(source.paths[0].name.removesuffix(".gz")).stem
+    name = re.sub(r"[^\w.-]+", "_", log)[:LONGEST_NAME]
+    return path.with_name(f"{path.stem}-{number}-{name}{path.suffix}")

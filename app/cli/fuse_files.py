@@ -10,19 +10,23 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from app.cli.console import part_of
 from app.cli.logs import LogFiles
 from app.map.segment import Segment
-from fusion.methods.base import OF_TERRAIN, DriveResult, Options
-from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
+from fusion.methods.base import DriveResult, Options
+from fusion.network.combine import NETWORK_ONLY
 from fusion.network.control import ControlPoint
-from fusion.pipeline import network_datum, positions_of, run_drive, solve_network, surroundings
+from fusion.network.unknowns import knot_positions
+from fusion.pipeline import positions_of, run_drive, surroundings
+from fusion.report import with_contradiction, with_twin
+from fusion.results import Solution, solve_fused
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
-from fusion.terrain.windows import dem_slopes
 from fusion.types import Floats, Ints, Progress, no_progress
+
+PARTS = {"reading": (0.0, 0.15), "positioning": (0.15, 0.4), "estimating": (0.4, 1.0)}
+"""The parts of the work on one log, and the shares of the whole at which they begin and end."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,8 @@ class Combined(NamedTuple):
     """Sentences on control points and the elevation model."""
     height_datum: str | None
     """What the heights refer to; None where there are none."""
+    rasters: tuple[str, ...]
+    """Names of the elevation rasters that give the heights of these segments."""
 
 
 @dataclass
@@ -74,9 +80,12 @@ class Fusion:
         """Read and fuse one log; raises ``FusionError`` or ``OSError`` and leaves the others untouched."""
         started = time.perf_counter()
         source = LogFiles((log,)) if isinstance(log, Path) else log
-        found = positions_of(source.read(progress), self.options, progress)
+        reading, positioning, estimating = (
+            part_of(progress, *PARTS[name]) for name in ("reading", "positioning", "estimating")
+        )
+        found = positions_of(source.read(reading, self.options.columns), self.options, positioning)
         network, result = run_drive(
-            found, self.roads, self.dem, method=self.method, options=self.options, progress=progress
+            found, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
         )
         rows, seconds = rows_of(self.roads, network.table), time.perf_counter() - started
         fused = FusedLog(source, network, rows, result, found.log.fix.time_s, seconds)
@@ -92,22 +101,12 @@ class Fusion:
 
     def solve(self, now: datetime | None = None, *, gaps: bool = False) -> Combined:
         """The ``features``, and how the logs agree."""
-        solved = solve_network(self.roads, self.dem, self.fused, self.control)
-        parts = solved.parts
-        for k, one in enumerate(self.fused):
-            for slope in () if one.result.factors or k in solved.repeated else one.result.slopes:
-                said = SlopePart(
-                    slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations,
-                    of_terrain=self.method in OF_TERRAIN,
-                )  # fmt: skip
-                parts.setdefault(int(one.rows[slope.segment]), []).append(said)
-        shown = sorted(row for row, of_row in parts.items() if gaps or any(part.drives for part in of_row))
-        table = self.roads.subset(np.array(shown, np.int64))
-        terrain = dem_slopes(self.dem, table) if self.dem else np.full(len(table), np.nan)
+        solved = solve_fused(self.fused, self.roads, self.dem, control=self.control, gaps=gaps)
         now = now or datetime.now(UTC)
-        features = [_feature(table, k, parts[row], float(terrain[k]), now) for k, row in enumerate(shown)]
-        datum = network_datum(self.dem, self.fused, self.control)
-        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum)
+        features = [_feature(solved, row, now) for row in range(len(solved))]
+        rasters = self.dem.sources_at(*knot_positions(solved.roads)) if self.dem else ()
+        datum = solved.height_datum
+        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum, rasters)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
@@ -119,10 +118,8 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _feature(
-    table: RoadTable, row: int, parts: Sequence[SlopePart], dem_slope: float, now: datetime
-) -> Segment:
-    total = published_slope(parts)
+def _feature(solved: Solution, row: int, now: datetime) -> Segment:
+    table, total = solved.roads, solved.slopes[row]
     name = table.name[row]
     return Segment(
         id=None,
@@ -139,7 +136,7 @@ def _feature(
         slope_sigma_percent=total.slope_sigma_percent,
         drives=total.drives,
         observations=total.observations,
-        dem_slope_percent=dem_slope,
+        dem_slope_percent=float(solved.dem_slope_percent[row]),
         updated_at=now,
         coordinates=(
             (float(table.lon0_deg[row]), float(table.lat0_deg[row])),
@@ -149,7 +146,7 @@ def _feature(
     )
 
 
-def summary(fused: FusedLog) -> dict[str, Any]:
+def outcome_of(fused: FusedLog) -> dict[str, Any]:
     """What ``--json`` says of one log."""
     return {
         "file": fused.source.name,
@@ -159,3 +156,12 @@ def summary(fused: FusedLog) -> dict[str, Any]:
         "seconds": round(fused.seconds, 3),
         "report": fused.result.report,
     }
+
+
+def agreement(together: Combined, names: Sequence[str], outcomes: Sequence[dict[str, Any]]) -> None:
+    """Add to the outcomes of the logs that were fused, of these names, how each agrees with the others."""
+    for k, (outcome, rejected) in enumerate(zip(outcomes, together.rejected, strict=True)):
+        report, twin = outcome["report"], together.repeated.get(k)
+        warnings = with_contradiction(report["warnings"], rejected, report["segments_in_network"])
+        report["warnings"] = warnings if twin is None else with_twin(warnings, names[twin])
+        report["rejected_segments"] = outcome["rejected_segments"] = rejected

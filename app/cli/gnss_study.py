@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.console import Console, write_json
+from app.cli.console import Console, part_of, write_json
 from app.cli.logs import drives_of
-from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
-from fusion.errors import BadOptionsError, MissingSensorError, UnknownNameError
+from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, naming, parse_assignments
+from fusion.errors import MissingSensorError
 
 if TYPE_CHECKING:
     from fusion.gnss.quality.study import Study
@@ -45,16 +45,20 @@ def gnss_study(
 
     console: Console = ctx.obj
     if out is not None and out.suffix.lower() != ".png":
-        raise typer.BadParameter(f"No picture is written to files ending in {out.suffix!r}. Choose .png.")
-    try:
-        chosen = parse_assignments(gnss_option or [])
-        options_of(POSITIONINGS[gnss], chosen)
-    except (UnknownNameError, BadOptionsError) as error:
-        raise typer.BadParameter(str(error)) from error
+        raise typer.BadParameter(
+            f"No picture is written to files ending in {out.suffix!r}. Choose .png.", param_hint="'--out'"
+        )
+    chosen = parse_assignments(gnss_option, "--gnss-option")
+    with naming("--gnss"):
+        positioning = POSITIONINGS[gnss]
+    with naming("--gnss-option"):
+        options_of(positioning, chosen)
     with console.progress() as bars:
         (drive,) = drives_of(logs, together=True)
         progress = bars.work(drive.short_name)
-        found = positioned(drive.read(progress), gnss, chosen, progress)
+        log = drive.read(part_of(progress, 0.0, 0.3))
+        found = positioned(log, gnss, chosen, part_of(progress, 0.3, 1.0))
+    console.warn(drive.name, found.log.warnings)
     if found.measured is None or found.solution is None:
         raise MissingSensorError(
             f"Positioning {gnss!r} gave positions without residuals: there is nothing to study. Choose a solver of raw "

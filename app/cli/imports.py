@@ -37,7 +37,7 @@ def import_roads(
 
     console: Console = ctx.obj
     started = time.perf_counter()
-    with sessions(data_dir) as (settings, factory), console.progress() as bars:
+    with sessions(data_dir, make=console) as (settings, factory), console.progress() as bars:
         counts = road_imports.import_roads(factory, file, settings.dem_dir, bars.work(file.name))
     seconds = time.perf_counter() - started
     segments = counts.kept + counts.moved + counts.added
@@ -62,23 +62,42 @@ def import_dem(
             "goes with it.",
         ),
     ],
+    priority: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Where rasters lie over each other the highest number counts, of one number the finest; 0 unless "
+            "given. `versant elevation priority` changes it.",
+            show_default=False,
+        ),
+    ] = None,
     data_dir: DataDir = None,
     json_file: JsonFile = None,
 ) -> None:
     """Add elevation rasters to the terrain that drives and roads are compared with.
 
-    The rasters are copied. Drives processed before keep their estimates until they are processed again;
-    `versant settle` lets the network as a whole take the new terrain into account.
+    The rasters are copied, and the service goes on meanwhile. Where one has no height the next one fills, by priority
+    and then by resolution; each segment's slope is of one raster wherever one covers it whole. Drives processed
+    before keep their estimates until they are processed again; `versant settle` lets the network as a whole take the
+    new terrain into account.
     """
     from app.cli.database import sessions
+    from app.terrain import files as dem_files
     from app.terrain import imports as dem_imports
+    from app.terrain.coverage import rasters_over
     from fusion.terrain.quality import pair
 
     console: Console = ctx.obj
     started = time.perf_counter()
-    with sessions(data_dir) as (settings, factory), console.progress() as bars:
-        active = dem_imports.import_dem(factory, files, settings.dem_dir, bars.work("elevation"))
+    with sessions(data_dir, make=console) as (settings, factory), console.progress() as bars:
+        stored = dem_files.store_files(files, settings.dem_dir, bars.work("files"))
+        active = dem_imports.add_dem(
+            factory, stored, settings.dem_dir, bars.work("elevation"), priority=priority
+        )
+        with factory() as session:
+            covering = rasters_over(session, active)
     seconds = time.perf_counter() - started
+    lonely = sorted({source.name for source in stored} - set(covering))
     with_quality = [path.name for path, quality in pair(active.paths) if quality is not None]
     typer.echo(
         f"The terrain consists of {len(active.names)} raster(s), heights above {active.datum}: "
@@ -86,7 +105,17 @@ def import_dem(
     )
     if with_quality:
         typer.echo(f"With a quality layer (option dem_min_quality): {', '.join(with_quality)}.")
-    figures = {"rasters": active.names, "datum": active.datum, "with_quality": with_quality}
+    if lonely:
+        typer.echo(
+            f"Warning: no road that is imported lies under {', '.join(lonely)}. Check the place, or import the roads "
+            "there; until then it changes nothing."
+        )
+    figures = {
+        "rasters": active.names,
+        "datum": active.datum,
+        "with_quality": with_quality,
+        "without_roads": lonely,
+    }
     write_json(json_file, {**figures, "seconds": round(seconds, 3)})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -49,11 +49,11 @@ class LogFiles:
         """
         return [file for path in self.paths for file in (_files_in(path) if path.is_dir() else [path])]
 
-    def read(self, progress: Progress) -> DriveLog:
-        """The log of the drive; raises ``LogError`` or ``OSError``."""
+    def read(self, progress: Progress, columns: Mapping[str, str] | None = None) -> DriveLog:
+        """The log of the drive; raises ``LogError`` or ``OSError``. ``columns`` as in ``fusion.formats.read_log``."""
         from fusion.formats import read_logs  # noqa: PLC0415 - see app.cli
 
-        return read_logs(self.files(), progress=progress)
+        return read_logs(self.files(), columns=columns, progress=progress)
 
 
 def drives_of(paths: Sequence[Path], together: bool) -> list[LogFiles]:

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fusion.errors import BadOptionsError, UnknownNameError
+from fusion.registry import check_columns
+
 if TYPE_CHECKING:
     from app.core.db import Bounds
+
+
+def in_a_folder(path: Path | None) -> Path | None:
+    """Callback of an option that names a file to write: refuses it now if its folder is missing."""
+    if path is not None and not path.parent.is_dir():
+        raise typer.BadParameter(f"{path} cannot be written: there is no folder {path.parent}.")
+    return path
+
 
 DataDir = Annotated[
     Path | None,
@@ -25,7 +37,34 @@ DataDir = Annotated[
 ]
 JsonFile = Annotated[
     Path | None,
-    typer.Option("--json", metavar="FILE", help="Write the figures as JSON as well.", show_default=False),
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Write the figures as JSON as well.",
+        callback=in_a_folder,
+        show_default=False,
+    ),
+]
+MapFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        metavar="FILE",
+        help="Map of the slopes: .png, .pdf or .svg.",
+        callback=in_a_folder,
+        show_default=False,
+    ),
+]
+MapScale = Annotated[
+    float | None,
+    typer.Option(
+        "--scale",
+        metavar="PERCENT",
+        min=0.5,
+        max=100,
+        help="Steepness from which on the map is darkest; so that maps can be compared. Default: as suits the slopes.",
+        show_default=False,
+    ),
 ]
 GnssOption = Annotated[
     list[str] | None,
@@ -33,6 +72,15 @@ GnssOption = Annotated[
         "--gnss-option",
         metavar="NAME=VALUE",
         help="Option of the positioning; may be given several times.",
+        show_default=False,
+    ),
+]
+ColumnsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--columns",
+        metavar="NAME=HEADER",
+        help="A column of a CSV that is called otherwise, such as alt_msl_m=Altitude; may be given several times.",
         show_default=False,
     ),
 ]
@@ -44,13 +92,6 @@ GnssName = Annotated[
 ]
 
 
-def in_a_folder(path: Path | None) -> Path | None:
-    """Callback of an option that names a file to write: refuses it now if its folder is missing."""
-    if path is not None and not path.parent.is_dir():
-        raise typer.BadParameter(f"{path} cannot be written: there is no folder {path.parent}.")
-    return path
-
-
 def parse_box(text: str | None) -> Bounds | None:
     """``WEST,SOUTH,EAST,NORTH`` in degrees; raises ``typer.BadParameter``."""
     if text is None:
@@ -59,22 +100,63 @@ def parse_box(text: str | None) -> Bounds | None:
         west, south, east, north = (float(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(
-            f"{text!r} is not WEST,SOUTH,EAST,NORTH in degrees, such as 8.46,48.95,8.50,48.99."
+            f"{text!r} is not WEST,SOUTH,EAST,NORTH in degrees, such as 8.46,48.95,8.50,48.99.",
+            param_hint="'--bbox'",
         ) from None
     if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
-        raise typer.BadParameter(f"{text!r} must have WEST < EAST within ±180 and SOUTH < NORTH within ±90.")
+        raise typer.BadParameter(
+            f"{text!r} must have WEST < EAST within ±180 and SOUTH < NORTH within ±90.", param_hint="'--bbox'"
+        )
     return west, south, east, north
 
 
-def parse_assignments(texts: Sequence[str]) -> dict[str, Any]:
+@contextmanager
+def naming(option: str) -> Iterator[None]:
+    """Refuse as wrong usage, and name the option at fault, what the library refuses inside."""
+    try:
+        yield
+    except (UnknownNameError, BadOptionsError) as error:
+        raise typer.BadParameter(str(error), param_hint=f"'{option}'") from error
+
+
+def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
+    """``name=header`` each, a column of ours and what it is called; raises ``typer.BadParameter``."""
+    columns: dict[str, str] = {}
+    for text in texts or ():
+        ours, equals, theirs = text.partition("=")
+        if not equals:
+            raise typer.BadParameter(
+                f"{text!r} is not NAME=HEADER, such as alt_msl_m=Altitude.", param_hint="'--columns'"
+            )
+        columns[ours.strip()] = theirs.strip()
+    with naming("--columns"):
+        check_columns(columns)
+    return columns
+
+
+def parse_assignments(texts: Sequence[str] | None, option: str) -> dict[str, Any]:
     """``name=value`` each: numbers, true and false as such, else text; raises ``typer.BadParameter``."""
     options: dict[str, Any] = {}
-    for text in texts:
+    for text in texts or ():
         name, equals, value = text.partition("=")
         if not name or not equals:
-            raise typer.BadParameter(f"{text!r} is not name=value, such as particles=20000.")
+            raise typer.BadParameter(
+                f"{text!r} is not NAME=VALUE, such as particles=20000; `versant methods` lists the names.",
+                param_hint=f"'{option}'",
+            )
         try:
             options[name] = json.loads(value)
         except ValueError:
             options[name] = value
     return options
+
+
+def usable_map(path: Path | None, scale: float | None) -> None:
+    """Refuse, before any work, a suffix that no picture has, and a scale without a map."""
+    from app.map.slope_map import picture_format  # noqa: PLC0415 - see app.cli
+
+    if path is None and scale is not None:
+        raise typer.BadParameter("it is the scale of a map, and no --map is asked for.", param_hint="--scale")
+    if path is not None:
+        with naming("--map"):
+            picture_format(path)

@@ -30,7 +30,8 @@ GAP_S = 10.0
 class Positions:
     """The positions of one log; ``gaps_s`` are known interruptions, ``geoid`` what ``alt_msl_m`` is above.
 
-    ``report`` says how they were computed, ``solved`` what a solver of raw measurements knows of each.
+    ``report`` says how they were computed, ``solved`` what a solver of raw measurements knows of each, ``warnings``
+    what a person should know of the log.
     """
 
     log: str
@@ -39,6 +40,7 @@ class Positions:
     geoid: str
     report: Mapping[str, Any] = field(default_factory=dict)
     solved: SolvedEpochs | None = None
+    warnings: Sequence[str] = ()
 
 
 def write_csv(tracks: Sequence[Positions], path: Path) -> None:

@@ -11,13 +11,16 @@ import typer
 
 from app.cli.console import Bars, Console, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import GnssOption, JsonFile, parse_assignments
+from app.cli.options import ColumnsOption, GnssOption, JsonFile, parse_assignments, parse_columns
 from fusion.errors import FusionError
 
 if TYPE_CHECKING:
     from app.cli.client import Client, RemoteDrive
 
 app = typer.Typer(add_completion=False)
+
+SHOWN = ("file", "drive", "status", "segments")
+"""What the table shows of each upload; why one failed is said once, on standard error."""
 
 Server = Annotated[
     str | None, typer.Option(metavar="URL", help="Address of the service.  [default: VERSANT_SERVER]")
@@ -45,6 +48,7 @@ def upload(
     ] = None,
     gnss: GnssChoice = None,
     gnss_option: GnssOption = None,
+    columns: ColumnsOption = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait until each drive is done or failed.")] = False,
     json_file: JsonFile = None,
 ) -> None:
@@ -53,20 +57,22 @@ def upload(
     The same bytes again are the same drive: an upload that broke off may simply be repeated.
     """
     console: Console = ctx.obj
-    options = parse_assignments(option or [])
+    options = parse_assignments(option, "--option")
     if gnss_option:
-        options["gnss_options"] = parse_assignments(gnss_option)
+        options["gnss_options"] = parse_assignments(gnss_option, "--gnss-option")
+    if columns:
+        options["columns"] = parse_columns(columns)
     chosen = Chosen(method, options, gnss)
     uploads = [Upload(source) for source in drives_of(files, together)]
     with service_client(server) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         for one in uploads:
-            _send(client, one, chosen, bars, console)
+            _send(client, one, chosen, bars, console, wait=wait)
         if wait:
             for one in uploads:
                 _follow(client, one, bars, console)
     rows = [one.figures() for one in uploads]
-    console.table(list(rows[0]), [list(row.values()) for row in rows])
+    console.table(SHOWN, [[row[name] for name in SHOWN] for row in rows])
     write_json(json_file, {"server": client.server, "uploads": rows})
     if any(one.failed for one in uploads):
         raise typer.Exit(1)
@@ -113,18 +119,33 @@ class Upload:
         """Whether nothing came of it."""
         return self.status in {"not sent", "failed", "cancelled"}
 
+    @property
+    def report(self) -> dict[str, Any]:
+        """What the service reports of it; empty before it is done."""
+        return (self.drive.document.get("report") or {}) if self.drive and self.status == "done" else {}
+
+    def summary(self) -> str | None:
+        """One line of what came of it, once it is done."""
+        from app.drives.outputs.summary import summary
+
+        return summary(self.source.name, self.report) if self.report else None
+
     def figures(self) -> dict[str, Any]:
-        """What the table and ``--json`` say."""
+        """What ``--json`` says; the table shows ``SHOWN`` of it."""
         return {
             "file": self.source.name,
             "drive": self.drive.id if self.drive else None,
             "status": self.status,
             "segments": self.segments,
             "reason": self.reason,
+            "summary": self.summary(),
+            "warnings": list(self.report.get("warnings", ())),
+            "address": self.drive.link("self") if self.drive else None,
+            "profile": self.drive.link("profile", "image/png") if self.report and self.drive else None,
         }
 
 
-def _send(client: Client, one: Upload, chosen: Chosen, bars: Bars, console: Console) -> None:
+def _send(client: Client, one: Upload, chosen: Chosen, bars: Bars, console: Console, *, wait: bool) -> None:
     try:
         files = one.source.files()
         advance = bars.count(f"sending {one.source.short_name}", sum(path.stat().st_size for path in files))
@@ -135,6 +156,8 @@ def _send(client: Client, one: Upload, chosen: Chosen, bars: Bars, console: Cons
         one.reason = console.complain_of(one.source.name, error)
     else:
         one.reason = one.drive.reason
+        if one.failed and not wait:
+            console.complain(f"{one.source.name}: {one.reason or one.status}")
 
 
 def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
@@ -147,5 +170,16 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
     one.reason = one.drive.reason
     if one.drive.status == "done":
         one.segments = len(client.drive_segments(one.drive.id))
+        _tell(one, console)
     elif one.failed:
         console.complain(f"{one.source.name}: {one.reason or one.status}")
+
+
+def _tell(one: Upload, console: Console) -> None:
+    """Say what came of a drive, what a person should know of it, and where it can be seen."""
+    figures = one.figures()
+    console.note(figures["summary"] or f"{one.source.name}: done.")
+    console.warn(one.source.name, figures["warnings"])
+    where = [address for address in (figures["address"], figures["profile"]) if address]
+    if where:
+        console.note(f"{one.source.name}: see {' and its profile '.join(where)}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.console import Console
+from app.cli.console import Console, LogConsole
 from app.cli.options import DataDir
 
 if TYPE_CHECKING:
@@ -55,8 +55,8 @@ def up(
     from app.cli.database import open_cluster, settings_for
     from app.cli.supervisor import Service
 
-    console: Console = ctx.obj
     settings = settings_for(data_dir, port=port, host=host)
+    console = _voice(ctx, settings, "supervisor")
     with stop_signals():
         console.note(f"Starting in {settings.data_dir} ...")
         with open_cluster(settings) as cluster:
@@ -82,11 +82,13 @@ def api(
     from app.cli.database import database, settings_for
     from app.cli.supervisor import free_port, reach
     from app.core.middleware import stay_loaded
+    from app.core.telemetry.tracing import begin_tracing, end_tracing
     from app.main import create_app
 
     console: Console = ctx.obj
     settings = settings_for(data_dir, port=port, host=host)
-    _begin(settings, with_parent)
+    _begin(settings, "api", with_parent=with_parent)
+    begin_tracing(settings, "api")
     with database(settings, embedded=True if data_dir else None) as ready:
         _require_database(ready, migrated=False)  # until it is, /readyz says so
         number = free_port(ready)
@@ -102,6 +104,7 @@ def api(
             access_log=False,
             timeout_graceful_shutdown=GRACEFUL_S,
         )
+        end_tracing()
 
 
 @app.command("worker")
@@ -118,13 +121,16 @@ def worker(
     ] = None,
     with_parent: WithParent = False,
     without_chores: Annotated[bool, typer.Option("--without-chores", hidden=True)] = False,
+    lane: Annotated[int | None, typer.Option("--lane", hidden=True)] = None,
 ) -> None:
     """Process uploaded drives. Any number of workers may share one database."""
     from app.cli.children import Children, lanes, stop_signals
     from app.cli.database import database, settings_for
+    from app.core.telemetry.tracing import begin_tracing, end_tracing
 
     settings = settings_for(data_dir, worker_concurrency=concurrency)
-    _begin(settings, with_parent)
+    process = "workers" if lane is None else f"worker {lane}"
+    _begin(settings, process, with_parent=with_parent)
     with database(settings, embedded=True if data_dir else None) as ready:
         _require_database(ready, migrated=True)
         if with_parent:
@@ -132,9 +138,11 @@ def worker(
             from app.drives.worker import run_worker
 
             stand_back()
-            run_worker(ready, with_chores=not without_chores)
+            begin_tracing(settings, process)
+            run_worker(ready, with_chores=not without_chores, process=process)
+            end_tracing()
             return
-        with stop_signals(), Children(ready, ctx.obj, lanes(ready)) as workers:
+        with stop_signals(), Children(ready, _voice(ctx, settings, process), lanes(ready)) as workers:
             workers.look_after_all()
 
 
@@ -176,15 +184,25 @@ def _require_database(settings: Settings, *, migrated: bool) -> None:
         found.demand()
 
 
-def _begin(settings: Settings, with_parent: bool) -> None:
-    logging.basicConfig(level=settings.log_level, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
-    # Every request that the queue or a client library makes is of interest only while it is debugged.
-    for chatty in ("procrastinate", "uvicorn", "httpx", "alembic", "matplotlib"):
-        logging.getLogger(chatty).setLevel(max(logging.WARNING, logging.getLevelName(settings.log_level)))
+def _begin(settings: Settings, process: str, *, with_parent: bool) -> None:
+    from app.core.telemetry.logs import begin_logging
+
+    begin_logging(settings, process)
     if with_parent:
         from app.cli.children import stop_with_parent
 
         stop_with_parent()
+
+
+def _voice(ctx: typer.Context, settings: Settings, process: str) -> Console:
+    """What looks after the others speaks to a person, unless every line is to be JSON."""
+    console: Console = ctx.obj
+    if settings.log_format != "json":
+        return console
+    from app.core.telemetry.logs import begin_logging
+
+    begin_logging(settings, process)
+    return LogConsole(quiet=console.quiet, debug=console.debug)
 
 
 def welcome(service: Service, settings: Settings) -> list[str]:

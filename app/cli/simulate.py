@@ -10,8 +10,7 @@ from typing import Annotated
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import JsonFile
-from fusion.errors import UnknownNameError
+from app.cli.options import JsonFile, naming
 
 app = typer.Typer(add_completion=False)
 
@@ -72,7 +71,5 @@ def simulate(
 def _known(receiver: str) -> None:
     from fusion.simulate.receiver.profiles import RECEIVERS
 
-    try:
+    with naming("--receiver"):
         RECEIVERS[receiver]
-    except UnknownNameError as error:
-        raise typer.BadParameter(str(error)) from error

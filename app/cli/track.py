@@ -10,10 +10,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.console import Console, write_json
+from app.cli.console import Console, part_of, whole_file, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, parse_assignments
-from fusion.errors import BadOptionsError, FusionError, UnknownNameError
+from app.cli.options import (
+    ColumnsOption,
+    GnssName,
+    GnssOption,
+    JsonFile,
+    in_a_folder,
+    naming,
+    parse_assignments,
+    parse_columns,
+)
+from fusion.errors import FusionError
 from fusion.registry import DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
@@ -32,6 +41,7 @@ def track(
     ],
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
+    columns: ColumnsOption = None,
     together: Together = False,
     json_file: JsonFile = None,
 ) -> None:
@@ -45,13 +55,15 @@ def track(
     console: Console = ctx.obj
     if out.suffix.lower() not in TRACK_WRITERS:
         raise typer.BadParameter(
-            f"No track is written to files ending in {out.suffix!r}. Choose .csv or .geojson."
+            f"No track is written to files ending in {out.suffix!r}. Choose .csv or .geojson.",
+            param_hint="'--out'",
         )
-    try:
-        chosen = parse_assignments(gnss_option or [])
-        options_of(POSITIONINGS[gnss], chosen)
-    except (UnknownNameError, BadOptionsError) as error:
-        raise typer.BadParameter(str(error)) from error
+    named = parse_columns(columns)
+    chosen = parse_assignments(gnss_option, "--gnss-option")
+    with naming("--gnss"):
+        positioning = POSITIONINGS[gnss]
+    with naming("--gnss-option"):
+        options_of(positioning, chosen)
     tracks: list[Positions] = []
     outcomes = []
     with console.progress() as bars:
@@ -59,14 +71,23 @@ def track(
         for source in drives:
             reason = None
             try:
-                tracks.append(_read(source, gnss, chosen, bars.work(source.short_name)))
+                tracks.append(_read(source, named, gnss, chosen, bars.work(source.short_name)))
+                console.warn(source.name, tracks[-1].warnings)
             except (FusionError, OSError) as error:
                 reason = console.complain_of(source.name, error)
-            found = 0 if reason else len(tracks[-1].fix)
-            report = {} if reason else tracks[-1].report
-            outcomes.append({"file": source.name, "positions": found, "reason": reason, "gnss": report})
+            found = None if reason else tracks[-1]
+            outcomes.append(
+                {
+                    "file": source.name,
+                    "positions": len(found.fix) if found else 0,
+                    "reason": reason,
+                    "gnss": found.report if found else {},
+                    "warnings": list(found.warnings) if found else [],
+                }
+            )
     if tracks:
-        TRACK_WRITERS[out.suffix.lower()](tracks, out)
+        with whole_file(out) as partial:
+            TRACK_WRITERS[out.suffix.lower()](tracks, partial)
         typer.echo(
             f"{out}: {sum(len(t.fix) for t in tracks)} positions from {len(tracks)} of {len(drives)} logs."
         )
@@ -75,10 +96,15 @@ def track(
         raise typer.Exit(1)
 
 
-def _read(source: LogFiles, gnss: str, options: Mapping[str, Any], progress: Progress) -> Positions:
+def _read(
+    source: LogFiles, columns: Mapping[str, str], gnss: str, options: Mapping[str, Any], progress: Progress
+) -> Positions:
     from app.cli.positions import Positions
     from fusion.gnss import positioned
 
-    found = positioned(source.read(progress), gnss, options, progress)
-    log = found.log
-    return Positions(source.short_name, log.fix, log.gaps_s, log.geoid, found.report, found.solved_epochs())
+    read = source.read(part_of(progress, 0.0, 0.3), columns)
+    found = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))
+    log, solved = found.log, found.solved_epochs()
+    return Positions(
+        source.short_name, log.fix, log.gaps_s, log.geoid, found.report, solved, warnings=log.warnings
+    )

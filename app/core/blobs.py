@@ -14,6 +14,7 @@ import uuid
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any, BinaryIO, Self
 
 from fsspec.spec import AbstractBufferedFile
@@ -93,6 +94,25 @@ class BlobStore:
         """The blob's bytes as a file; ``FileNotFoundError`` when there is none."""
         file: BinaryIO = self._fs.open(f"{self._root}/{key}", "rb")
         return file
+
+    def take(self, key: str, path: Path) -> bool:
+        """Store a file as a blob of this key, as a backup brings it back; whether it was not there yet.
+
+        One that is there stays: blobs never change.
+        """
+        if self.exists(key):
+            return False
+        part = f"{self._root}/{_INCOMING}/{uuid.uuid4().hex}"
+        with full_is_told():
+            make_folder(self._fs, f"{self._root}/{_INCOMING}")
+            make_folder(self._fs, f"{self._root}/{_KEPT}")
+            try:
+                self._fs.put_file(str(path), part)
+                self._fs.mv(part, f"{self._root}/{key}")
+            except BaseException:
+                _remove(self._fs, part)
+                raise
+        return True
 
     def delete(self, key: str) -> None:
         """Remove the blob; one that is not there is no error."""

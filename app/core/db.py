@@ -69,6 +69,7 @@ def make_engine(
     engine = create_engine(
         sqlalchemy_url(url),
         pool_pre_ping=True,
+        hide_parameters=True,  # errors are logged, and boxes and places are parameters
         pool_size=pool_size,
         max_overflow=max_overflow,
         pool_timeout=30.0 if patience is None else patience.connection_s,

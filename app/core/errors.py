@@ -164,7 +164,7 @@ KINDS: Mapping[type[Exception], Kind] = {
         503, "locked", "Being changed", "What is asked for is being changed; try again in a moment."
     ),
     UnknownFormatError: Kind(
-        422, UnknownFormatError.kind, "Unknown log format", "No reader knows the bytes."
+        415, UnknownFormatError.kind, "Unknown log format", "No reader knows the bytes."
     ),
     EmptyLogError: Kind(422, EmptyLogError.kind, "Log without positions", "No row of the log can be used."),
     MalformedLogError: Kind(422, MalformedLogError.kind, "Broken log", "The log is broken beyond skipping."),

@@ -113,12 +113,12 @@ def standing(session: Session | Connection) -> Standing:
     """How the session's database and this program stand to each other."""
     state, wanted = schema_state(session), latest_revision()
     at = f"The database is at migration {state.revision}"
-    if state.revision is None or (state.revision != wanted and _known(state.revision)):
+    if state.revision is None or (state.revision != wanted and is_known(state.revision)):
         return Standing(
             state.revision, False, sentence=f"{at}, this program needs {wanted}: run `versant migrate`."
         )
     if state.revision != wanted:
-        if state.oldest_program is not None and _known(state.oldest_program):
+        if state.oldest_program is not None and is_known(state.oldest_program):
             serves = f"{at}, newer than this program's {wanted}, which it still serves."
             return Standing(state.revision, True, newer=True, sentence=serves)
         late = f"{at} and serves no program as old as this one, of {wanted}: update the program."
@@ -137,8 +137,8 @@ def oldest_program(migration: ModuleType) -> str:
     return str(getattr(migration, "oldest_program", migration.revision))
 
 
-def _known(revision: str) -> bool:
-    """Whether this code has the migration: then it is at least as new."""
+def is_known(revision: str) -> bool:
+    """Whether this code has the migration of that name: then it is at least as new."""
     try:
         return _scripts().get_revision(revision) is not None
     except CommandError:

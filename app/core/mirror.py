@@ -12,9 +12,10 @@ import hashlib
 import shutil
 import uuid
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path, PurePosixPath
 
-from app.core.filesystems import file_system, make_folder
+from app.core.filesystems import file_system, is_folder, make_folder
 from app.core.settings import FilePlace, RemoteFolder
 
 _INCOMING = "incoming"
@@ -54,6 +55,37 @@ def fetch(place: FilePlace, name: str, sha256: str) -> Path:
         if not copy.is_file():
             _fetch(place, copy.parent.name, copy.name, sha256)
     return copy
+
+
+def problem(place: FilePlace, name: str, sha256: str) -> str:
+    """What is wrong with a file that is kept, empty where nothing is. Of one that is kept elsewhere it is only asked
+    whether it is there: nothing is fetched.
+    """
+    if not isinstance(place, Path):
+        fs, root = file_system(place.url)
+        return "" if fs.exists(f"{root}/{name}") else f"{name} is not in {place.url}"
+    if not (place / name).is_file():
+        return f"{name} is not in {place}"
+    return "" if _sha256(place / name) == sha256 else f"{name} is not as it was"
+
+
+def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
+    """Remove a file with those beside it, if they are there and came longer ago than that; whether they are gone."""
+    fs, root = file_system(str(place) if isinstance(place, Path) else place.url)
+    try:
+        found = [str(path) for path in fs.ls(f"{root}/{group}", detail=False, refresh=True)]
+    except FileNotFoundError:
+        return False
+    limit = datetime.now(UTC) - than
+    if any(_utc(fs.modified(path)) >= limit for path in found):
+        return False
+    for path in found:
+        fs.rm_file(path)
+    if is_folder(fs):
+        Path(root, group).rmdir()
+    else:
+        shutil.rmtree(local_folder(place) / group, ignore_errors=True)
+    return True
 
 
 def _fetch(place: RemoteFolder, group: str, wanted: str, sha256: str) -> None:
@@ -100,3 +132,7 @@ def _reason(error: Exception) -> str:
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _utc(moment: datetime) -> datetime:
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)

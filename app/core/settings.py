@@ -235,6 +235,14 @@ class Settings(BaseSettings):
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
         "INFO", description="Least severe messages that are logged."
     )
+    log_format: Literal["text", "json"] = Field(
+        "text", description="Each line of the log as text, or as a JSON object with the same fields."
+    )
+    otlp_endpoint: HttpUrlText | None = Field(
+        None,
+        description="Address of an OpenTelemetry collector (OTLP over HTTP), such as http://127.0.0.1:4318, that "
+        "traces are sent to; needs `pip install 'versant[otel]'`. Unset: none are made.",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Settings:

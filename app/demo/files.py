@@ -52,7 +52,7 @@ def write_files(result: DemoResult, folder: Path) -> dict[str, Path]:
 
 def draw_map(features: Sequence[Mapping[str, Any]], path: Path, *, title: str, credit: str) -> None:
     """Draw a service's features as a slope map."""
-    from app.map.slope_picture import draw_slope_map  # noqa: PLC0415 - it draws with matplotlib
+    from app.map.slope_picture import write_map  # noqa: PLC0415 - it draws with matplotlib
 
     ends = np.array([[f["geometry"]["coordinates"][0], f["geometry"]["coordinates"][-1]] for f in features])
     columns = [f["properties"] for f in features]
@@ -65,8 +65,9 @@ def draw_map(features: Sequence[Mapping[str, Any]], path: Path, *, title: str, c
         slope_sigma_percent=_column(columns, "slope_sigma_percent"),
         bridge=np.array([bool(c["bridge"]) for c in columns]),
         tunnel=np.array([bool(c["tunnel"]) for c in columns]),
+        name=np.array([c["name"] for c in columns], np.object_),
     )
-    draw_slope_map(path, segments, title=title, credit=credit)
+    write_map(path, segments, title=title, credit=credit)
 
 
 def figures(result: DemoResult) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from typing import IO, BinaryIO
 
 from app.core.content import ContentHash
 from app.core.errors import BadRequestError, BodyTooLargeError, UnsupportedBodyError
+from app.drives.first_look import FirstLook
 from fusion.formats.container import BOMB_FREE_BYTES, BOMB_RATIO, CHUNK_BYTES
 
 MAX_FILES = 32
@@ -164,10 +165,10 @@ def _own_name(name: str, taken: Iterable[str]) -> str:
     return own
 
 
-def content_of_zip(file: BinaryIO, max_bytes: int) -> str:
+def content_of_zip(file: BinaryIO, max_bytes: int, look: FirstLook | None = None) -> str:
     """Identity of the files in a zip; ``file`` can seek, ``max_bytes`` is the most that they may unpack to together.
 
-    Left out is what holds nothing (folders, empty files) and what systems add of their own. Raises
+    Left out is what holds nothing (folders, empty files) and what systems add of their own. ``look`` sees each. Raises
     ``BadRequestError`` for a broken zip or one without files, ``BodyTooLargeError`` for too many or too large ones or a
     bomb, ``UnsupportedBodyError`` for files that are encrypted, compressed in an unusual way, or zips themselves.
     """
@@ -175,7 +176,7 @@ def content_of_zip(file: BinaryIO, max_bytes: int) -> str:
         with zipfile.ZipFile(_Bounded(file)) as archive:
             members = [info for info in archive.infolist() if _is_file(info)]
             _check(members, file.seek(0, 2), max_bytes)
-            contents = {_content(archive, info, max_bytes) for info in members}
+            contents = {_content(archive, info, max_bytes, look) for info in members}
     except _BROKEN as error:
         raise _broken(error) from None
     except OSError as error:
@@ -240,13 +241,17 @@ def _check(members: list[zipfile.ZipInfo], packed: int, max_bytes: int) -> None:
         )
 
 
-def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, max_bytes: int) -> str:
+def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, max_bytes: int, look: FirstLook | None) -> str:
     told, first = ContentHash(max_bytes), True
+    if look is not None:
+        look.begin()
     with archive.open(info) as member:
         while piece := member.read(CHUNK_BYTES):
             if first and is_zip(piece):
                 raise _nested(_shown(info))
             told.update(piece)
+            if look is not None:
+                look.feed(piece)
             first = False
     return told.content_sha256()
 

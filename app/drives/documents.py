@@ -19,6 +19,8 @@ from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
 from app.network.cells import square_name
+from app.network.hearing import Hearing
+from fusion.report import with_contradiction, with_twin
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
 
@@ -107,7 +109,7 @@ class Drive(BaseModel):
     bbox: Bounds | None = Field(description="West, south, east, north; degrees.")
     report: dict[str, Any] | None = Field(
         description="Of the last successful run: matched share and breaks, learned noise, mount, what each sensor "
-        "contributes, on how many segments it contradicts other drives (rejected_segments), how positions were "
+        "contributes, on how many segments it contradicts other drives now (rejected_segments), how positions were "
         "computed (gnss: epochs solved and predicted, satellites, clock jumps ...), warnings, versions ..."
     )
     links: list[Link] = Field(default_factory=list)
@@ -115,6 +117,7 @@ class Drive(BaseModel):
     # The service's own, in no document.
     blob_key: str = Field(exclude=True)
     generation: int = Field(exclude=True)
+    traceparent: str | None = Field(None, exclude=True)
 
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Drive:
@@ -128,32 +131,39 @@ class Drive(BaseModel):
                 where=columns["failure_where"],
             )
         unsolved = [square_name(cell) for cell in columns["unsolved_cells"]]
-        report = _with_unsolved(_with_twin(columns["report"], columns["same_as"]), unsolved)
+        report = _as_it_is_now(columns["report"], columns["hearing"], columns["same_as"], unsolved)
         return cls.model_validate({**columns, "failure": failure, "unsolved": unsolved, "report": report})
 
 
-def _with_twin(report: dict[str, Any] | None, same_as: uuid.UUID | None) -> dict[str, Any] | None:
-    """The report with a warning that another drive is this one: said here, as it changes when either comes or goes."""
-    if report is None or same_as is None:
-        return report
-    warning = (
-        f"This is the same drive as {same_as}: over the same segments at the same times. That one holds more "
-        "measurements and is heard; this one adds nothing to the map, unless that one is deleted."
-    )
-    return {**report, "warnings": [*report.get("warnings", ()), warning]}
+def _as_it_is_now(
+    report: dict[str, Any] | None,
+    hearing: Hearing | None,
+    same_as: uuid.UUID | None,
+    unsolved: Sequence[str],
+) -> dict[str, Any] | None:
+    """The report with what changes as other drives come and go, and is therefore said when it is read.
+
+    ``hearing``: on how many segments the drive has passes, and on how many of them none is heard; None: on none.
+    """
+    if report is None:
+        return None
+    segments, rejected = hearing or Hearing(0, 0)
+    warnings = with_contradiction(report.get("warnings", ()), rejected, segments)
+    if same_as is not None:
+        warnings = with_twin(warnings, str(same_as))
+    if unsolved:
+        warnings.append(_unsolved_warning(unsolved))
+    return {**report, "rejected_segments": rejected, "warnings": warnings}
 
 
-def _with_unsolved(report: dict[str, Any] | None, unsolved: Sequence[str]) -> dict[str, Any] | None:
-    """The report with a warning that something of the drive is not on the map: said here, until it is."""
-    if report is None or not unsolved:
-        return report
+def _unsolved_warning(unsolved: Sequence[str]) -> str:
+    """That something of the drive is not on the map."""
     more = f" and {len(unsolved) - MOST_NAMED} more" if len(unsolved) > MOST_NAMED else ""
-    warning = (
+    return (
         f"Its slopes in some squares of the map ({', '.join(unsolved[:MOST_NAMED])}{more}) are not published yet: "
         "solvers have begun there in vain. They try again by themselves, at least once an hour; the log of the workers "
         "says why they fail. Deleting a drive that lies there, or processing it again, lets them try at once."
     )
-    return {**report, "warnings": [*report.get("warnings", ()), warning]}
 
 
 class DrivePlace(NamedTuple):

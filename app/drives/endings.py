@@ -8,22 +8,21 @@ removed drive, whose row is what tells that something of it is still shown. Call
 
 from __future__ import annotations
 
-import json
 import uuid
-from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import plain_json
 from app.network.marks import GIVEN_UP
 
 # What no mark waits for any more, but in squares that solvers began with too often in vain; another worker may be about
 # to say so, too.
 _PUBLISHED = text(
     """
-    SELECT d.id, d.report FROM drives AS d
+    SELECT d.id, d.report, d.method, d.distance_m,
+           CAST(greatest(extract(epoch FROM clock_timestamp() - d.computed_at), 0) AS float8) AS waited_s
+    FROM drives AS d
     WHERE d.status = 'running' AND d.stage = 'publishing' AND NOT EXISTS (
         SELECT FROM network_marks AS m
         WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries < :given_up)
@@ -32,9 +31,7 @@ _PUBLISHED = text(
 )
 _FINISH = text(
     """
-    UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp(),
-        report = report || CAST(:report AS jsonb)
-    WHERE id = :id
+    UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp() WHERE id = :id
     """
 )
 
@@ -52,19 +49,30 @@ _REMOVED = text(
         WHERE d.status = 'cancelled' AND d.stage = 'removing' AND NOT EXISTS (
             SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
         FOR UPDATE OF d SKIP LOCKED)
-    RETURNING blob_key
+    RETURNING id, blob_key
     """
 )
 
 
-def published_drives(session: Session) -> list[tuple[uuid.UUID, dict[str, Any]]]:
-    """Drives whose squares are all solved, or given up for now, with their reports. Their rows are held."""
-    return [tuple(row) for row in session.execute(_PUBLISHED, {"given_up": GIVEN_UP})]
+class Published(NamedTuple):
+    """A drive whose squares are all solved, or given up for now."""
+
+    id: uuid.UUID
+    report: dict[str, Any]
+    method: str
+    distance_m: float | None
+    waited_s: float | None
+    """For them; None where it was computed by code that did not note when."""
 
 
-def mark_done(session: Session, drive_id: uuid.UUID, report: Mapping[str, Any]) -> None:
-    """End a drive whose row is held as done, with what is to be added to its report."""
-    session.execute(_FINISH, {"id": drive_id, "report": json.dumps(plain_json(report))})
+def published_drives(session: Session) -> list[Published]:
+    """The drives that wait for no square any more. Their rows are held."""
+    return [Published(*row) for row in session.execute(_PUBLISHED, {"given_up": GIVEN_UP})]
+
+
+def mark_done(session: Session, drive_id: uuid.UUID) -> None:
+    """End a drive whose row is held as done."""
+    session.execute(_FINISH, {"id": drive_id})
 
 
 def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
@@ -78,6 +86,6 @@ def mark_removing(session: Session, drive_id: uuid.UUID) -> None:
     session.execute(_SET_REMOVING, {"id": drive_id})
 
 
-def delete_removed(session: Session) -> list[str]:
-    """Delete the rows of drives of which nothing is left on the map; the keys of their blobs."""
-    return list(session.execute(_REMOVED).scalars())
+def delete_removed(session: Session) -> list[tuple[uuid.UUID, str]]:
+    """Delete the rows of drives of which nothing is left on the map; their ids and the keys of their blobs."""
+    return [(row.id, row.blob_key) for row in session.execute(_REMOVED)]

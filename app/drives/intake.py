@@ -18,10 +18,11 @@ from sqlalchemy.orm import Session
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.databases import database_identity
 from app.core.db import Sessions
+from app.core.telemetry.logs import about, tell
 from app.drives import queue
 from app.drives import store as drives
 from app.drives.documents import Drive
-from app.drives.method_choice import check_options, with_positioning
+from app.drives.method_choice import check_options, with_columns_kept, with_positioning
 
 SHOWN_ORPHANS = 20
 """So many of the blobs that a sweep would remove are named in the log."""
@@ -61,6 +62,10 @@ def register_upload(
         raise
     if drive.blob_key != blob.key:
         blobs.delete(blob.key)
+    with about(drive=drive.id):
+        event = "drive uploaded" if created else "drive uploaded again"
+        tell(logger, event, bytes=drive.size_bytes, method=drive.method, status=drive.status)
+        tell(logger, "drive's file", level=logging.DEBUG, filename=filename)
     return drive, created
 
 
@@ -155,12 +160,14 @@ def reprocess(
             return None
         chosen = known.method if method is None else method
         wanted = known.options if method is None and options is None else options or {}
-        wanted = with_positioning(wanted, positioning or {})
+        wanted = with_positioning(with_columns_kept(wanted, known.options), positioning or {})
         check_options(chosen, wanted)
         drive = drives.request_reprocess(session, drive_id, chosen, wanted)
         if drive is not None:
             queue.enqueue(session, drive.id, drive.generation)
-        return drive
+    if drive is not None:
+        tell(logger, "drive queued again", drive=drive_id, method=drive.method, run=drive.generation)
+    return drive
 
 
 def remove_drive(sessions: Sessions, drive_id: uuid.UUID) -> Drive | None:
@@ -173,7 +180,9 @@ def remove_drive(sessions: Sessions, drive_id: uuid.UUID) -> Drive | None:
         drive, generation = drives.request_removal(session, drive_id)
         if generation is not None:
             queue.enqueue_removal(session, drive_id, generation)
-        return drive
+    if generation is not None:
+        tell(logger, "drive cancelled", drive=drive_id, reason="its removal was asked for")
+    return drive
 
 
 def sweep_blobs(

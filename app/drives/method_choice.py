@@ -10,7 +10,7 @@ from fastapi import Query
 
 from app.core.errors import BadRequestError
 from app.core.settings import Settings
-from fusion.registry import DEFAULT_METHOD, METHOD_NAMES, unknown_name
+from fusion.registry import DEFAULT_METHOD, METHOD_NAMES, check_columns, unknown_name
 
 MethodQuery = Annotated[
     str | None,
@@ -44,6 +44,15 @@ GnssOptionQuery = Annotated[
     ),
 ]
 
+ColumnsQuery = Annotated[
+    list[str],
+    Query(
+        description="One column of a CSV that is called otherwise, as `versant_name=name in the header`; may be "
+        "repeated. Short for the option `columns` of every method.",
+        examples=[["alt_msl_m=Altitude"]],
+    ),
+]
+
 
 def default_method(settings: Settings) -> str:
     """The estimator of who names none: that of the settings, else the library's."""
@@ -73,6 +82,27 @@ def asked_positioning(gnss: str | None, gnss_option: Sequence[str]) -> dict[str,
     return asked
 
 
+def asked_columns(columns: Sequence[str]) -> dict[str, Any]:
+    """The columns of the query as an option of a method; ``BadOptionsError`` for one that is none of ours."""
+    named: dict[str, str] = {}
+    for text in columns:
+        ours, equals, theirs = text.partition("=")
+        if not equals:
+            raise BadRequestError(
+                f"{text[:80]!r} names no column. Write it as name=header, such as alt_msl_m=Altitude.",
+                field="columns",
+            )
+        named[ours.strip()] = theirs.strip()
+    check_columns(named)
+    return {"columns": named} if named else {}
+
+
+def with_columns_kept(options: Mapping[str, Any], had: Mapping[str, Any]) -> dict[str, Any]:
+    """``options`` with the columns of the options before: they belong to the file, and not to the method."""
+    kept = {"columns": had["columns"]} if "columns" in had else {}
+    return kept | dict(options)
+
+
 def with_positioning(options: Mapping[str, Any], positioning: Mapping[str, Any]) -> dict[str, Any]:
     """``options`` with another positioning; the options that belong to the one before go with it."""
     kept = dict(options)
@@ -95,6 +125,10 @@ def check_options(method: str, options: Mapping[str, Any]) -> None:
     """
     if method not in METHOD_NAMES:
         raise unknown_name("method", method, METHOD_NAMES)
+    columns = options.get("columns")
+    if isinstance(columns, dict) and all(isinstance(part, str) for pair in columns.items() for part in pair):
+        check_columns(columns)
+        options = {name: value for name, value in options.items() if name != "columns"}
     if options:
         from fusion.pipeline import parse_options  # noqa: PLC0415
 

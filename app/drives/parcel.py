@@ -11,6 +11,7 @@ from app.core.blobs import BlobStore, BlobWriter, StoredBlob
 from app.core.errors import BadRequestError
 from app.drives.body import FILENAME_LENGTH, Piece, joined
 from app.drives.bundles import MAGIC_BYTES, BundleWriter, content_of_zip, is_zip
+from app.drives.first_look import FirstLook
 
 COPY_BYTES = 1 << 20
 
@@ -23,9 +24,19 @@ class Parcel:
     """
 
     def __init__(
-        self, blobs: BlobStore, *, keep_free_bytes: int, expected_bytes: int, max_content_bytes: int
+        self,
+        blobs: BlobStore,
+        *,
+        keep_free_bytes: int,
+        expected_bytes: int,
+        max_content_bytes: int,
+        look: FirstLook | None = None,
     ) -> None:
-        """The limits are those of ``BlobStore.writer``; of several files each has its own content, none a sum."""
+        """The limits are those of ``BlobStore.writer``; of several files each has its own content, none a sum.
+
+        ``look`` sees the files while they come, those in a zip when it is there, and may refuse them at the end.
+        """
+        self._look = look
         self._blobs = blobs
         self._keep_free_bytes = keep_free_bytes
         self._max_content_bytes = max_content_bytes
@@ -40,6 +51,8 @@ class Parcel:
         for piece in joined(pieces):
             if piece.file == len(self._names):
                 self._begin(piece.name)
+            if self._look is not None:
+                self._look.feed(piece.data)
             if self._bundle is not None:
                 self._bundle.write(piece.data)
                 continue
@@ -50,16 +63,21 @@ class Parcel:
     def finish(self) -> tuple[StoredBlob, str]:
         """The blob, and the names of its files.
 
-        Raises ``BadRequestError`` where there is not one byte, and what ``content_of_zip`` raises of a zip.
+        Raises ``BadRequestError`` where there is not one byte, what ``content_of_zip`` raises of a zip, and what
+        ``FirstLook`` does of files among which no log is.
         """
         names = ", ".join(self._names)[:FILENAME_LENGTH]
         if self._bundle is not None:
-            return self._writer.finish(self._bundle.finish()), names
+            content: str | None = self._bundle.finish()
+            self._check()
+            return self._writer.finish(content), names
         if not self._writer.size_bytes:
             raise BadRequestError(
                 "The upload is empty: it holds no bytes. Send the log's contents.", field="file"
             )
-        return self._writer.finish(self._content_of_zip() if is_zip(self._head) else None), names
+        content = self._content_of_zip() if is_zip(self._head) else None
+        self._check()
+        return self._writer.finish(content), names
 
     def discard(self) -> None:
         """Forget what was written."""
@@ -72,12 +90,20 @@ class Parcel:
 
     def _content_of_zip(self) -> str:
         with self._writer.reopened() as file:
-            return content_of_zip(file, self._max_content_bytes)
+            if self._look is not None:
+                self._look.again()
+            return content_of_zip(file, self._max_content_bytes, self._look)
+
+    def _check(self) -> None:
+        if self._look is not None:
+            self._look.check()
 
     def _begin(self, name: str) -> None:
         if len(self._names) == 1:
             self._bundle_up()
         self._names.append(name)
+        if self._look is not None:
+            self._look.begin()
         if self._bundle is not None:
             self._bundle.begin(name)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -21,13 +21,22 @@ import numpy as np
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.settings import FilePlace, Settings
+from app.core.telemetry import tracing
+from app.core.telemetry.logs import about, tell
 from app.core.version import code_version
 from app.drives import publishing, queue, tracks
 from app.drives import store as drives
 from app.drives.documents import Drive
 from app.drives.lags import with_settled_lag
-from app.drives.outputs.track import track_length_m
-from app.drives.progress import Discarded, RunProgress, never
+from app.drives.progress import (
+    Discarded,
+    RunProgress,
+    never,
+    tell_discarded,
+    tell_failed,
+    tell_put_back,
+    tell_started,
+)
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
 from app.network.extracts import StoredRoads
@@ -35,7 +44,7 @@ from app.network.marks import MarkedBy
 from app.network.road_squares import roads_in
 from app.roads import store as road_store
 from app.terrain import store as dem
-from app.terrain.imports import fill_heights_along
+from app.terrain.heights import fill_heights_along, open_dem
 from app.terrain.store import DemSet
 from fusion.errors import FusionError
 from fusion.formats import read_log
@@ -44,7 +53,6 @@ from fusion.gnss import Positioned
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import rows_of
-from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Ints
 
 logger = logging.getLogger(__name__)
@@ -114,20 +122,40 @@ def process_drive(
     again) and SQLAlchemy's error when the database cannot be reached (``is_connection_loss``): both want
     another run.
     """
-    with bench.sessions.begin() as session:
-        drive = drives.mark_running(session, drive_id, generation)
-    if drive is None:
-        return Outcome.DISCARDED
-    run = RunProgress(bench.sessions, drive, should_stop)
+    with about(drive=drive_id):
+        with bench.sessions.begin() as session:
+            drive = drives.mark_running(session, drive_id, generation)
+        if drive is None:
+            tell(logger, "drive skipped", reason="deleted, ended or asked for anew since")
+            return Outcome.DISCARDED
+        tell_started(drive)
+        run = RunProgress(bench.sessions, drive, should_stop)
+        with tracing.span("drive", parent=drive.traceparent, method=drive.method) as span:
+            try:
+                outcome = _tried(bench, drive, run, computing, behind=behind)
+            finally:
+                run.stages.end()
+            span.note(outcome=outcome.value)
+            span.failed(outcome is Outcome.FAILED)
+            return outcome
+
+
+def _tried(
+    bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool
+) -> Outcome:
+    """Run a drive that is claimed, and see to whatever ends the run."""
     try:
         _run(bench, drive, run, computing, behind=behind)
     except Discarded:
+        tell_discarded(drive)
         return Outcome.DISCARDED
     except Interrupted:
         with bench.sessions.begin() as session:
-            drives.mark_queued(session, drive_id, generation)
+            drives.mark_queued(session, drive.id, drive.generation)
+        tell_put_back(drive, run.stage)
         raise
     except Exception as error:
+        run.stages.end(error)
         if is_connection_loss(error):
             raise
         return _fail(bench, drive, run.stage, error)
@@ -137,17 +165,21 @@ def process_drive(
 def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
     """Fail a drive that is not run again: it must not take worker after worker along, or keep one for ever."""
     with bench.sessions.begin() as session:
-        if drives.mark_running(session, drive_id, generation) is None:
+        drive = drives.mark_running(session, drive_id, generation)
+        if drive is None:
             return
         drives.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None)
+    with about(drive=drive_id):
+        tell_failed(drive, kind, reason, None)
 
 
 def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool) -> None:
     run.begin("reading")
     with computing():
-        log = _read(bench, drive, run)
+        options = parse_options(drive.method, drive.options)
+        log = _read(bench, drive, run, options.columns)
         run.begin("positioning")
-        found = positions_of(log, parse_options(drive.method, drive.options), run.part("positioning"))
+        found = positions_of(log, options, run.part("positioning"))
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
@@ -155,14 +187,18 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
         ids, result = _estimate(bench, found, around, drive, run, computing)
         run.begin("saving")
         if _append(bench, drive, found.log, around, ids, result, behind=behind):
+            run.stages.end()
+            told: dict[str, Any] = {"epochs": len(result.track), "segments": len(result.slopes)}
+            tell(logger, "drive computed", method=drive.method, **told | run.stages.seconds)
             return
+        tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
     raise ProcessingError(
         f"The roads were imported anew {MAX_ROAD_CHANGES} times while this drive was processed. "
         "Ask for it again when the import is over."
     )
 
 
-def _read(bench: Workbench, drive: Drive, run: RunProgress) -> DriveLog:
+def _read(bench: Workbench, drive: Drive, run: RunProgress, columns: Mapping[str, str]) -> DriveLog:
     try:
         file = bench.blobs.open(drive.blob_key)
     except FileNotFoundError as error:
@@ -170,7 +206,7 @@ def _read(bench: Workbench, drive: Drive, run: RunProgress) -> DriveLog:
             "The uploaded file is no longer in the service's storage. Delete the drive and upload it again."
         ) from error
     with file:
-        return read_log(file, max_bytes=bench.max_log_bytes, progress=run.part("reading"))
+        return read_log(file, columns=columns, max_bytes=bench.max_log_bytes, progress=run.part("reading"))
 
 
 def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
@@ -201,7 +237,7 @@ def _estimate(
     run.begin("estimating")
     progress = run.part("estimating")
     with computing(), ExitStack() as stack:
-        terrain = None if around.dem is None else stack.enter_context(Dem.open(around.dem.paths))
+        terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
         network, result = run_drive(
             found, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
         )
@@ -254,7 +290,7 @@ def _append(
             report=_report(result, provenance),
             bounds=log.bounds_deg(),
             epochs=len(result.track),
-            distance_m=track_length_m(result.track),
+            distance_m=result.report["distance_m"],
             drive_time=drive_time(log),
         )
         queue.enqueue_solve(session)
@@ -269,6 +305,7 @@ def drive_time(log: DriveLog) -> datetime | None:
 def _report(result: DriveResult, provenance: slopes.RunProvenance) -> dict[str, Any]:
     return {
         **result.report,
+        "segments": len(result.slopes),
         "code_version": provenance.code_version,
         "road_version": provenance.road_version_id,
         "dem_version": provenance.dem_version_id,
@@ -294,4 +331,8 @@ def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outco
         mine = drives.mark_failed(
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
         )
-    return Outcome.FAILED if mine else Outcome.DISCARDED
+    if not mine:
+        tell_discarded(drive)
+        return Outcome.DISCARDED
+    tell_failed(drive, kind, reason, stage)
+    return Outcome.FAILED

@@ -1,18 +1,32 @@
-"""How a run shows where it is, and how it learns that it is to end. Knows nothing of what the run does."""
+"""How a run shows where it is, what operators are told of it, and how it learns that it is to end.
+
+Knows nothing of what the run does.
+"""
 
 from __future__ import annotations
 
+import logging
+import re
 import time
 from collections.abc import Callable
 
 import numpy as np
 
 from app.core.db import Sessions
+from app.core.telemetry.events import Stages
+from app.core.telemetry.logs import tell
+from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.drives import store as drives
 from app.drives.documents import Drive
 from app.jobs.task import Interrupted
 
+logger = logging.getLogger(__name__)
+
 PROGRESS_EVERY_S = 0.5
+FAULTS = frozenset({"internal", "out-of-memory", "interrupted"})
+"""Kinds of failures that are not the log's: to be seen to."""
+SHORTEST_NAME = 4
+"""Names of files that are no words of a reason."""
 
 PARTS = {
     "reading": (0.0, 0.1),
@@ -43,6 +57,7 @@ class RunProgress:
         self._written_at = -np.inf
         self._share = 0.0
         self.stage = "reading"
+        self.stages = Stages(drive.method)
 
     def part(self, part: str) -> Callable[[str, float], None]:
         """A ``Progress`` for one part of the run; it names its own stages and counts from 0 to 1."""
@@ -55,6 +70,7 @@ class RunProgress:
 
     def begin(self, part: str) -> None:
         """A part of the run begins."""
+        self.stages.begin(part)
         self.show(part, PARTS[part][0])
 
     def show(self, stage: str, share: float) -> None:
@@ -72,3 +88,33 @@ class RunProgress:
             mine = drives.set_progress(session, drive.id, drive.generation, stage, self._share)
         if not mine:
             raise Discarded
+
+
+def tell_started(drive: Drive) -> None:
+    """A worker has begun with the drive."""
+    waited_s = 0.0 if drive.started_at is None else (drive.started_at - drive.queued_at).total_seconds()
+    QUEUED_S.observe(waited_s)
+    tell(logger, "drive started", method=drive.method, bytes=drive.size_bytes, waited_s=waited_s)
+    tell(logger, "drive's file", level=logging.DEBUG, filename=drive.filename)
+
+
+def tell_put_back(drive: Drive, stage: str) -> None:
+    """Its worker stops; another one begins anew."""
+    DRIVES_PUT_BACK.count(drive.method, "stopped")
+    tell(logger, "drive put back", reason="the worker stops", stage=stage)
+
+
+def tell_discarded(drive: Drive) -> None:
+    """What was computed is unwanted."""
+    DRIVES_PUT_BACK.count(drive.method, "discarded")
+    tell(logger, "drive discarded", reason="deleted or asked for anew while it was computed")
+
+
+def tell_failed(drive: Drive, kind: str, reason: str, stage: str | None) -> None:
+    """It ended without a result: a log that cannot be used is news, a fault of the service an error."""
+    DRIVES_FAILED.count(drive.method, kind)
+    for name in drive.filename.split(", "):  # it may be somebody's
+        if len(name) >= SHORTEST_NAME:
+            reason = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "(file)", reason)
+    level = logging.ERROR if kind in FAULTS else logging.INFO
+    tell(logger, "drive failed", level=level, method=drive.method, kind=kind, stage=stage, reason=reason)

@@ -8,24 +8,22 @@ from __future__ import annotations
 
 import logging
 import uuid
-from collections.abc import Mapping
-from typing import Any
 
 from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
+from app.core.telemetry import tracing
+from app.core.telemetry.logs import about, tell
+from app.core.telemetry.measures import DRIVES_DONE, STAGE_S
 from app.drives import endings, queue
-from app.network import passes
 from app.network import results as slopes
+from app.network.hearing import Hearing, hearings
 from app.network.marks import MarkedBy, any_due, any_hope, count_cells, make_due
 from app.network.settle import settle_due
 from app.network.swap import BusyError, solve_marked
 
 logger = logging.getLogger(__name__)
-
-REJECTED_SHARE = 1 / 3
-"""A drive that contradicts the others on more of its segments than this gets a warning."""
 
 SOLVING_S = 0.5
 """While drives wait, a square that is marked waits for so long times the number of marked ones: solving one takes about
@@ -55,11 +53,13 @@ def solve_some(sessions: Sessions, blobs: BlobStore) -> int:
         with sessions.begin() as session:
             queue.enqueue_solve(session)
 
-    try:
-        count = solve_marked(sessions, more=ask, published=lambda: finish(sessions, blobs))
-    except BusyError:
-        logger.info("squares that others write in are left for the next solver", exc_info=True)
-        count = 0
+    with tracing.span("solve") as span:
+        try:
+            count = solve_marked(sessions, more=ask, published=lambda: finish(sessions, blobs))
+        except BusyError:
+            logger.info("squares that others write in are left for the next solver", exc_info=True)
+            count = 0
+        span.note(squares=count)
     finish(sessions, blobs)
     return count
 
@@ -95,13 +95,34 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
     """
     with sessions.begin() as session:
         published = endings.published_drives(session)
-        for drive_id, report in published:
-            endings.mark_done(session, drive_id, hearing_report(report, passes.hearing(session, drive_id)))
+        for drive in published:
+            endings.mark_done(session, drive.id)
+        heard = hearings(session, [drive.id for drive in published])
+    for drive in published:
+        _tell_done(drive, heard.get(drive.id))
     with sessions.begin() as session:
-        keys = endings.delete_removed(session)
-    for key in keys:
+        removed = endings.delete_removed(session)
+    for drive_id, key in removed:
         blobs.delete(key)
-    return len(published) + len(keys)
+        tell(logger, "drive deleted", drive=drive_id)
+    return len(published) + len(removed)
+
+
+def _tell_done(drive: endings.Published, heard: Hearing | None) -> None:
+    DRIVES_DONE.count(drive.method)
+    if drive.waited_s is not None:
+        STAGE_S.observe(drive.waited_s, "publishing", drive.method)
+    with about(drive=drive.id):
+        tell(
+            logger,
+            "drive done",
+            method=drive.method,
+            km=None if drive.distance_m is None else drive.distance_m / 1000,
+            segments=drive.report.get("segments_estimated"),
+            rejected_segments=heard.rejected if heard else 0,
+            warnings=len(drive.report.get("warnings", ())),
+            publishing_s=drive.waited_s,
+        )
 
 
 def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation: int) -> None:
@@ -113,14 +134,3 @@ def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation
             endings.mark_removing(session, drive_id)
             queue.enqueue_solve(session)
     finish(sessions, blobs)
-
-
-def hearing_report(report: Mapping[str, Any], heard: passes.Hearing) -> dict[str, Any]:
-    """What the report says on how the drive agrees with the others over the same segments."""
-    warnings = list(report.get("warnings", ()))
-    if heard.rejected > REJECTED_SHARE * heard.segments:
-        warnings.append(
-            f"This drive contradicts other drives on {heard.rejected} of {heard.segments} segments and is not heard "
-            "there. Check its time, its sensors' axes and whether it is the same road; its other segments count."
-        )
-    return {"rejected_segments": heard.rejected, "warnings": warnings}

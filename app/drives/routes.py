@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Query, Request, Response
 
@@ -12,6 +12,7 @@ from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, found, link, pro
 from app.core.query import cursor_of, parse_cursor, refuse_unknown
 from app.drives import intake
 from app.drives import store as drives
+from app.drives.batches.documents import Name, Time
 from app.drives.documents import (
     Drive,
     DriveAccepted,
@@ -33,7 +34,7 @@ from app.drives.method_choice import (
     asked_positioning,
 )
 
-LIST_PARAMETERS = frozenset({"status", "limit", "after"})
+LIST_PARAMETERS = frozenset({"status", "failure", "created_after", "batch", "limit", "after"})
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
@@ -44,6 +45,14 @@ def list_drives(
     service: ServiceDep,
     base: BaseUrl,
     status: Annotated[DriveStatus | None, Query(description="Only drives of this status.")] = None,
+    failure: Annotated[
+        Name | None, Query(description="Only drives that failed for this reason.", examples=["no-match"])
+    ] = None,
+    created_after: Annotated[Time | None, Query(description="Only drives uploaded then or later.")] = None,
+    batch: Annotated[
+        int | None,
+        Query(ge=1, le=2**63 - 1, description="Only drives that were last asked for with this batch."),
+    ] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="Drives per page.")] = 100,
     after: Annotated[
         str | None, Query(description="Where the page begins; only `next` links know what to write here.")
@@ -52,14 +61,21 @@ def list_drives(
     """Newest upload first. Follow the `next` link until there is none; each drive comes once."""
     refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
     place = None if after is None else _place(after)
+    asked: dict[str, Any] = {
+        "status": status,
+        "failure": failure,
+        "created_after": created_after,
+        "batch": batch,
+    }
     with service.reading() as session:
-        listed = drives.list_drives(session, status=status, limit=limit + 1, after=place)
+        listed = drives.list_drives(session, **asked, limit=limit + 1, after=place)
     shown, more = listed[:limit], len(listed) > limit
     here = f"{base}/v1/drives"
-    links = [link(with_query(here, status=status, limit=limit, after=after), "self")]
+    asked |= {"created_after": created_after and created_after.isoformat(), "limit": limit}
+    links = [link(with_query(here, **asked, after=after), "self")]
     if more:
         following = cursor_of(shown[-1].created_at, shown[-1].id.int)
-        links.append(link(with_query(here, status=status, limit=limit, after=following), "next"))
+        links.append(link(with_query(here, **asked, after=following), "next"))
     return DriveList(drives=[linked(base, drive) for drive in shown], links=links)
 
 

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import TextClause, text
+from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_json, plain_text
+from app.core.telemetry.tracing import traceparent
+from app.core.version import code_version
 from app.drives.documents import Drive, DrivePlace
+from app.network.hearing import hearings
 from app.network.marks import PATIENCE
 
 # What a Drive is made of; the table is called d. Few drives have marks, and these an index.
@@ -41,15 +44,19 @@ _GET_BY_CONTENT = text(
 
 # Answered from the indexes on (created_at, id) and (status, created_at, id): what is not asked for is left out.
 _OF_STATUS = " AND d.status = :status"
+_OF_FAILURE = " AND d.status = 'failed' AND d.failure_kind = :failure"
+_SINCE = " AND d.created_at >= :created_after"
+_OF_BATCH = " AND d.batch_id = :batch"
 _AFTER = " AND (d.created_at, d.id) < (:after_created_at, :after_id)"
 _NEWEST_FIRST = " ORDER BY d.created_at DESC, d.id DESC LIMIT :limit"
 
 # Another upload of the same bytes or content that has not committed yet is waited for.
 _CREATE = text(
     """
-    INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options)
+    INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options,
+                        traceparent)
     VALUES (:id, :sha256, :content_sha256, :filename, :size_bytes, :blob_key, 'queued', :method,
-            CAST(:options AS jsonb))
+            CAST(:options AS jsonb), :traceparent)
     ON CONFLICT DO NOTHING RETURNING id
     """
 )
@@ -91,7 +98,7 @@ _FAIL = text(
     """
     UPDATE drives
     SET status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
-        finished_at = clock_timestamp()
+        failure_version = :version, finished_at = clock_timestamp()
     WHERE id = :id AND generation = :generation AND status = 'running'
         AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
@@ -110,7 +117,7 @@ _SET_PUBLISHING = text(
     UPDATE drives
     SET stage = 'publishing', progress = :progress, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
         report = CAST(:report AS jsonb), bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326),
-        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time
+        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time, computed_at = clock_timestamp()
     WHERE id = :id
     """
 )
@@ -128,7 +135,8 @@ _CANCEL = text(
 # By the higher generation a worker that still computes the older request finds that its result is unwanted.
 ANEW = """
     status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
-    generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL
+    generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL,
+    traceparent = :traceparent
 """
 _ASK_ANEW = text(
     f"""
@@ -171,6 +179,7 @@ def create_drive(
         "blob_key": blob_key,
         "method": method,
         "options": _json(options),
+        "traceparent": traceparent(),
     }
     same = {"sha256": sha256, "content_sha256": content_sha256 or sha256}
     while True:
@@ -200,20 +209,37 @@ def get_drive(session: Session, drive_id: uuid.UUID) -> Drive | None:
 def get_drives(session: Session, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Drive]:
     """Those of the drives that there are, by id."""
     rows = session.execute(_GET_EACH, {"ids": list(ids)})
-    return {row.id: Drive.of(dict(row._mapping)) for row in rows}
+    return {drive.id: drive for drive in _shown(session, rows)}
 
 
 def list_drives(
-    session: Session, *, status: str | None = None, limit: int = 100, after: DrivePlace | None = None
+    session: Session,
+    *,
+    status: str | None = None,
+    failure: str | None = None,
+    created_after: datetime | None = None,
+    batch: int | None = None,
+    limit: int = 100,
+    after: DrivePlace | None = None,
 ) -> list[Drive]:
-    """At most ``limit`` drives, newest upload first, that come after the place ``after`` in that order."""
+    """At most ``limit`` drives, newest upload first, that come after the place ``after`` in that order.
+
+    Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, of a batch.
+    """
+    values: dict[str, Any] = {"limit": limit}
+    asked: dict[str, dict[str, Any]] = {
+        _OF_STATUS: {"status": status},
+        _OF_FAILURE: {"failure": failure},
+        _SINCE: {"created_after": created_after},
+        _OF_BATCH: {"batch": batch},
+        _AFTER: {} if after is None else {"after_created_at": after.created_at, "after_id": after.id},
+    }
     query = _DRIVES + "WHERE true"
-    query += _OF_STATUS if status is not None else ""
-    values: dict[str, Any] = {"status": status, "limit": limit}
-    if after is not None:
-        query += _AFTER
-        values |= {"after_created_at": after.created_at, "after_id": after.id}
-    return [Drive.of(dict(row._mapping)) for row in session.execute(text(query + _NEWEST_FIRST), values)]
+    for condition, named in asked.items():
+        if named and None not in named.values():
+            query += condition
+            values |= named
+    return _shown(session, session.execute(text(query + _NEWEST_FIRST), values))
 
 
 def mark_running(session: Session, drive_id: uuid.UUID, generation: int) -> Drive | None:
@@ -247,7 +273,8 @@ def mark_failed(
     texts = {
         name: plain_text(value) for name, value in (("stage", stage), ("reason", reason), ("where", where))
     }
-    return _changed(session, _FAIL, {"id": drive_id, "generation": generation, "kind": kind, **texts})
+    run = {"id": drive_id, "generation": generation, "version": code_version()}
+    return _changed(session, _FAIL, {**run, "kind": kind, **texts})
 
 
 def lock_running(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
@@ -280,7 +307,7 @@ def request_reprocess(
     A worker that still computes the older request discards its result. What is published stays until the new
     run replaces it. The caller enqueues the job in the same transaction (``app.drives.intake.reprocess``).
     """
-    values = {"id": drive_id, "method": method, "options": _json(options)}
+    values = {"id": drive_id, "method": method, "options": _json(options), "traceparent": traceparent()}
     return get_drive(session, drive_id) if _changed(session, _ASK_ANEW, values) else None
 
 
@@ -301,8 +328,14 @@ def unreferenced_blobs(session: Session, keys: Sequence[str]) -> list[str]:
 
 def _one(session: Session, statement: TextClause, values: Mapping[str, Any]) -> Drive | None:
     """The drive of a query of one drive or of none."""
-    row = session.execute(statement, values).one_or_none()
-    return None if row is None else Drive.of(dict(row._mapping))
+    return next(iter(_shown(session, session.execute(statement, values))), None)
+
+
+def _shown(session: Session, rows: Iterable[Row[Any]]) -> list[Drive]:
+    """The drives of these rows, each with how it agrees with the others by now."""
+    found = [dict(row._mapping) for row in rows]
+    heard = hearings(session, [columns["id"] for columns in found if columns["report"] is not None])
+    return [Drive.of({**columns, "hearing": heard.get(columns["id"])}) for columns in found]
 
 
 def _changed(session: Session, statement: TextClause, values: Mapping[str, Any]) -> bool:

@@ -20,12 +20,15 @@ from app.drives import intake
 from app.drives.body import Piece, UploadSource, upload_source
 from app.drives.bundles import MAX_FILES
 from app.drives.documents import DriveAccepted, accepted, drive_address
+from app.drives.first_look import FirstLook
 from app.drives.method_choice import (
+    ColumnsQuery,
     GnssOptionQuery,
     GnssQuery,
     MethodQuery,
     OptionQuery,
     OptionsQuery,
+    asked_columns,
     asked_options,
     asked_positioning,
     checked_options,
@@ -95,6 +98,7 @@ async def upload_drive(
     option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
     gnss: GnssQuery = None,
     gnss_option: GnssOptionQuery = [],  # noqa: B006
+    columns: ColumnsQuery = [],  # noqa: B006
     filename: str | None = Query(
         None,
         description="Name of the file where the body is the log itself; also `X-Filename`.",
@@ -105,13 +109,16 @@ async def upload_drive(
 
     Several files are one drive, and are kept as one zip. The same content again, in whatever gzip, zip or order,
     answers 200 with the drive that it already is, unchanged, whatever the method: use `reprocess` to compute it anew.
-    Where the service had lost that drive's file, this one takes its place.
+    Where the service had lost that drive's file, this one takes its place. What is no log is refused, as far as its
+    first bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have.
     """
     settings = service.settings
     wanted = method or default_method(settings)
     asked = with_positioning(asked_options(options, option) or {}, asked_positioning(gnss, gnss_option))
+    asked |= asked_columns(columns)
     chosen = checked_options(wanted, asked)
-    blob, name = await receive_upload(request, service.blobs, settings)
+    look = FirstLook(chosen.get("columns"))
+    blob, name = await receive_upload(request, service.blobs, settings, look)
     drive, created = await run_in_threadpool(
         intake.register_upload,
         service.sessions,
@@ -126,13 +133,15 @@ async def upload_drive(
     return accepted(base, drive)
 
 
-async def receive_upload(request: Request, blobs: BlobStore, settings: Settings) -> tuple[StoredBlob, str]:
+async def receive_upload(
+    request: Request, blobs: BlobStore, settings: Settings, look: FirstLook
+) -> tuple[StoredBlob, str]:
     """Store the files of the request's body as one blob; returns the blob and its name.
 
     Raises ``BodyTooLargeError`` as soon as the body is announced or found to be too large, ``StorageFullError`` as
     soon as there is no room for it, ``BadRequestError`` for an empty file or a malformed body, what ``Parcel`` says of
-    its files, ``ClientDisconnect`` when the client goes away. Nothing stays in the store then. The store's blocking
-    calls run in threads.
+    its files (``LogError`` where no log is among them), ``ClientDisconnect`` when the client goes away. Nothing stays
+    in the store then. The store's blocking calls run in threads.
     """
     max_bytes = settings.max_upload_bytes
     source = upload_source(request.headers, request.query_params)
@@ -145,6 +154,7 @@ async def receive_upload(request: Request, blobs: BlobStore, settings: Settings)
         keep_free_bytes=settings.min_free_bytes,
         expected_bytes=announced,
         max_content_bytes=settings.max_log_bytes,
+        look=look,
     )
     try:
         await _copy(request, source, parcel, max_bytes)

@@ -13,6 +13,7 @@ from datetime import timedelta
 
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
+from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
 from app.drives import intake, publishing
 from app.drives import store as drives
 from app.drives.batches import enqueuing
@@ -21,6 +22,7 @@ from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue
 from app.drives.renewal import HeightFiller, renew
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
+from app.terrain.files import sweep_rasters
 
 logger = logging.getLogger(__name__)
 
@@ -43,12 +45,14 @@ def run_worker(
     wait: bool = True,
     stop_event: threading.Event | None = None,
     with_chores: bool = True,
+    process: str = "worker",
 ) -> None:
     """Process drives, one after the other, until SIGTERM or SIGINT (in the main thread) or ``stop_event``.
 
     With ``wait=False`` it returns as soon as the queue is empty. May run in any thread. Asked to stop it ends within
     ``settings.grace_s``; in the main thread whatever its drive does, for then the process is taken to be its own.
-    Without ``with_chores`` another worker of this machine sees to what is done beside the drives.
+    Without ``with_chores`` another worker of this machine sees to what is done beside the drives. What it counts is
+    written under the name ``process``.
     """
     if settings.database_url is None:
         raise ValueError("the worker needs settings.database_url")
@@ -56,7 +60,10 @@ def run_worker(
     try:
         bench = Workbench.of(settings, session_factory(engine))
         worker = Worker(settings, engine, bench.sessions, tasks_of(bench))
-        worker.run(_chores(bench, settings) if with_chores else (), wait=wait, stop_event=stop_event)
+        with counting(bench.sessions, process) as ledger:
+            written = in_thread(ledger.write, "what was counted could not be written")
+            chores = _chores(bench, settings, ledger) if with_chores else ()
+            worker.run(((written, WRITE_EVERY_S), *chores), wait=wait, stop_event=stop_event)
     finally:
         engine.dispose()
 
@@ -117,7 +124,7 @@ def _solver_task(bench: Workbench) -> Task:
     return Task(SOLVE, run, fail, put_back, subject="part of the map")
 
 
-def _chores(bench: Workbench, settings: Settings) -> tuple[tuple[Chore, float], ...]:
+def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
     orphan_age = timedelta(days=settings.orphan_days)
     heights = HeightFiller(bench.sessions, bench.dem_dir)
@@ -131,11 +138,15 @@ def _chores(bench: Workbench, settings: Settings) -> tuple[tuple[Chore, float], 
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
+        (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),
         (in_thread(swept, "the blob store could not be swept"), SWEEP_EVERY_S),
     )
 
 
 def _sweep(bench: Workbench, older_than: timedelta) -> None:
-    """Clear the blob store."""
-    if removed := intake.sweep_blobs(bench.sessions, bench.blobs, older_than).removed:
-        logger.info("removed %d blobs that no drive refers to", removed)
+    """Clear the blob store, and what no other database uses either that of rasters."""
+    found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)
+    if found.removed:
+        logger.info("removed %d blobs that no drive refers to", found.removed)
+    if not found.strangers and (rasters := sweep_rasters(bench.sessions, bench.dem_dir, older_than)):
+        logger.info("removed %d elevation rasters that are in no use any more", len(rasters))

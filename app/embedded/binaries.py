@@ -58,6 +58,27 @@ def find_binaries(major: int | None = None, *, places: Iterable[Path] | None = N
     raise PostgresMissingError(_explain(found, major))
 
 
+def find_client(program: str, least_major: int, *, places: Iterable[Path] | None = None) -> tuple[str, int]:
+    """A client program, such as ``pg_dump``, of this version or the next newer one that is here: path and version.
+
+    ``places`` as for ``find_binaries``. Raises ``PostgresMissingError`` that says what to install.
+    """
+    found: dict[int, str] = {}
+    which = shutil.which(program)
+    for folder in _distinct(places or [*_usual_places(), *([Path(which).parent] if which else [])]):
+        version = re.search(r"\(PostgreSQL\) (\d+)", _output(str(folder / program), "--version"))
+        if version is not None:
+            found.setdefault(int(version[1]), str(folder / program))
+    fit = [major for major in found if major >= least_major]
+    if fit:
+        return found[min(fit)], min(fit)
+    there = ", ".join(f"that of PostgreSQL {major}" for major in sorted(found)) or "none"
+    raise PostgresMissingError(
+        f"{program} of PostgreSQL {least_major} or newer is needed and is not on this machine ({there} is). Install "
+        f"it (Debian and Ubuntu: `apt-get install postgresql-client-{least_major}`)."
+    )
+
+
 def _explain(found: list[Binaries], major: int | None) -> str:
     there = "; ".join(
         f"PostgreSQL {b.major} in {b.folder}{'' if b.postgis else ', without PostGIS'}" for b in found

@@ -77,6 +77,14 @@ def own_folder(cluster: Path) -> Account:
     return account
 
 
+def has_cluster(data_dir: Path) -> bool:
+    """Whether there is a cluster below a data folder; also one that this user may not look at. Makes nothing."""
+    try:
+        return (data_dir / "postgres" / "data" / "PG_VERSION").is_file()
+    except PermissionError:
+        return True
+
+
 def existing_major(data: Path) -> int | None:
     """The version of PostgreSQL that made the cluster in ``data``; None where there is none yet."""
     try:

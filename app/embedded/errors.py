@@ -13,3 +13,9 @@ class PostgresMissingError(EmbeddedPostgresError):
     """No suitable PostgreSQL server programs, or no PostGIS beside them, on this machine."""
 
     kind = "postgres-missing"
+
+
+class NothingHereError(EmbeddedPostgresError):
+    """There is no cluster where one is to be read."""
+
+    kind = "nothing-here"

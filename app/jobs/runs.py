@@ -15,6 +15,7 @@ from procrastinate import exceptions, job_context, jobs
 from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
 from app.core.settings import libpq_url
+from app.core.telemetry.logs import about
 from app.jobs.computations import Witness
 from app.jobs.task import QUEUE, Interrupted, Task, TooLongError, Work, is_connection_loss
 from fusion.errors import FusionError
@@ -102,6 +103,11 @@ class Runs:
         """Run the job to its end, or say to the queue what is to become of it."""
         once = context.job.queueing_lock is not None
         run = Run(context.job.id or 0, task, arguments, self.limit_s, context.job.worker_id or 0, once)
+        with about(job=run.job):
+            return self._performed(run, context)
+
+    def _performed(self, run: Run, context: procrastinate.JobContext) -> str:
+        task, arguments, once = run.task, run.arguments, run.once
         deaths = self.witness.deaths(run.job)
         if deaths >= MAX_DEATHS:
             task.give_up("interrupted", _died(task, deaths), **arguments)

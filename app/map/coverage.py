@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
 from app.core.http import Service
+from app.map.segment import Segment
 from app.roads.store import road_extent, road_version_id
+from app.terrain.coverage import names_over, rasters_over
 from app.terrain.store import current_dem
 
 
@@ -19,7 +23,12 @@ def cached_extent(service: Service, session: Session) -> Bounds | None:
     return service.extents.get(version)
 
 
-def dem_names(service: Service, session: Session) -> tuple[str, ...]:
-    """The active elevation rasters, as attributions name them; empty without any."""
+def dem_names(service: Service, session: Session, shown: Sequence[Segment] | None = None) -> tuple[str, ...]:
+    """The active elevation rasters that cover a segment that is shown, as attributions name them; None: any segment."""
     active = current_dem(session, service.settings.dem_dir)
-    return active.names if active else ()
+    return rasters_over(session, active) if shown is None else names_over(active, [_box(s) for s in shown])
+
+
+def _box(segment: Segment) -> Bounds:
+    (lon0, lat0), (lon1, lat1) = segment.coordinates
+    return min(lon0, lon1), min(lat0, lat1), max(lon0, lon1), max(lat0, lat1)

@@ -198,8 +198,8 @@ def items(
         rows = segments.segment_items(
             session, bbox=box, after_id=after, limit=size + 1, driven=driven, gaps=bool(gaps)
         )
-        source = attribution(dem_names(service, session))
-    shown, more = rows[:size], len(rows) > size
+        shown, more = rows[:size], len(rows) > size
+        source = attribution(dem_names(service, session, shown))
     query = {"bbox": bbox, "limit": size, "driven": driven, "gaps": gaps, "datetime": datetime_}
     here = f"{base}/collections/{COLLECTION}/items"
     links = [

@@ -1,246 +1,275 @@
 """A picture of the slopes of a road network: colour is steepness, arrows point uphill, width is certainty.
 
-Importing this imports matplotlib: import it where a picture is drawn.
+The paper is laid out in inches, so that every line of text has its room whatever shape the roads have: the title
+above, the map, the column that explains it to its right, scale and attribution below. Importing this imports
+matplotlib: import it where a picture is drawn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from app.map.attribution import OSM_ATTRIBUTION
-from app.map.segment import Segment
-from app.map.slope_map import (
-    ARROW_PERCENT,
-    SURE_SIGMA_PERCENT,
-    UNSURE_SIGMA_PERCENT,
-    MapSegments,
-    arrow_choice,
-    line_widths,
-    map_segments,
+from app.map.drawn_roads import (
+    ARROW_COLOUR,
+    STEEPNESS,
+    draw_known,
+    draw_unknown,
+    unknown_look,
 )
+from app.map.lettering import is_writable, width_pt, wrapped
+from app.map.map_key import (
+    INK,
+    MUTED,
+    SMALL_PT,
+    TEXT_PT,
+    WIDTH_IN,
+    Signs,
+    Style,
+    colour_rows,
+    draw_key,
+    from_upper_left,
+    height_in,
+    rows_of,
+)
+from app.map.outputs import whole
+from app.map.slope_map import MapError, MapSegments, arrow_choice, frame_around, picture_format
+from app.map.street_names import place_names
 from fusion.frames import LocalProjection
-from fusion.roads.table import RoadTable
 from fusion.types import Floats
 
-# Lightness falls steadily with steepness, so that colour-blind people and grey printers see the order; the flat end,
-# without viridis' palest tenth, is well visible on white: flat is a measurement, and must not look like the grey of
-# an unknown road.
-STEEPNESS = LinearSegmentedColormap.from_list("steepness", colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
-UNKNOWN_COLOUR = "#a9a9a9"
-UNKNOWN_WIDTH_PT, UNKNOWN_DASHES = 0.8, (0, (3, 2.5))
+if TYPE_CHECKING:
+    from app.core.db import Bounds
+
 SCALE_FLOOR_PERCENT = 4.0  # a colour scale of a flat town must not dramatise tenths of a percent
-ARROW_COLOUR, INK = "white", "#20262b"
-ARROWS_ACROSS = 28  # at most, over the longer side of the map
-MAP_IN, LEAST_IN, BESIDE_IN, BELOW_IN = 9.0, 6.5, 1.1, 1.4
-"""Inches: longer side of the map, least width, room for the colour bar, room for title and key."""
+MAP_IN, EDGE_IN, BETWEEN_IN = 9.0, 0.3, 0.3
+"""Inches: longer side of the map, what stays empty at the figure's edge and between map and key."""
+TITLE_PT, NAME_PT = 13.0, 7.5
+TITLE_ROW_IN, FOOT_ROW_IN, SCALE_ROW_IN = 0.26, 0.165, 0.3
+DENSE_M_PER_IN, LEAST_THICKNESS = 250.0, 0.3
+"""Maps of wider land than the first have thinner lines, else streets merge; never thinner than that share."""
 
 
-def slope_map_png(
-    path: Path, roads: RoadTable, segments: Iterable[Segment], *, title: str, credit: str
+def write_map(
+    path: Path,
+    segments: MapSegments,
+    *,
+    title: str,
+    credit: str,
+    scale_percent: float | None = None,
+    box_deg: Bounds | None = None,
+    notes: Sequence[str] = (),
 ) -> None:
-    """Draw all ``roads``; those of which no segment has a slope are unknown. Raises ``ValueError`` without any road."""
-    draw_slope_map(path, map_segments(roads, segments), title=title, credit=credit.replace("$", r"\$"))
+    """Write the map to ``path``, complete or not at all, as its suffix says; see ``slope_figure``.
+
+    Raises ``UnknownNameError`` for an unknown suffix, ``MapError`` where there is nothing to draw, and ``OSError``.
+    """
+    picture_format(path)
+    figure = slope_figure(
+        segments, title=title, credit=credit, scale_percent=scale_percent, box_deg=box_deg, notes=notes
+    )
+    with whole(path) as partial:
+        save_figure(figure, partial, picture_format(path), title, credit)
 
 
-def draw_slope_map(
-    out: Path | BinaryIO,
+def save_figure(figure: Figure, out: Path | BinaryIO, kind: str, title: str, credit: str) -> None:
+    """Write a figure as png, pdf or svg, with what it is and whose data it shows among its metadata."""
+    said = {
+        "png": {"Software": "Versant", "Title": title, "Copyright": credit},
+        "pdf": {"Creator": "Versant", "Title": title, "Subject": credit},
+        "svg": {"Creator": "Versant", "Title": title, "Rights": credit},
+    }[kind]
+    with mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "versant"}):
+        figure.savefig(out, format=kind, metadata=said)
+
+
+def slope_figure(
     segments: MapSegments,
     *,
     title: str = "Road slopes",
     credit: str = OSM_ATTRIBUTION,
+    scale_percent: float | None = None,
+    box_deg: Bounds | None = None,
+    notes: Sequence[str] = (),
     dpi: int = 130,
-) -> None:
-    """Write a PNG of the segments to ``out``; see ``slope_figure``."""
-    slope_figure(segments, title=title, credit=credit, dpi=dpi).savefig(out, format="png")
-
-
-def slope_figure(
-    segments: MapSegments, *, title: str = "Road slopes", credit: str = OSM_ATTRIBUTION, dpi: int = 130
 ) -> Figure:
     """The map; an unknown slope is a thin dashed grey line, never a colour.
 
-    ``credit`` is the attribution printed below the map. Raises ``ValueError`` when there is no segment.
+    ``credit`` is the attribution printed below the map, ``notes`` what else is to be said there. ``scale_percent``
+    is the steepness from which on the colour is the darkest, by default one that suits the slopes shown. ``box_deg``
+    is what is shown; by default the measured roads with some land around them, or all roads where none is measured.
+    Roads end at the frame. Raises ``MapError`` when there is no segment, or none in a map's reach.
     """
-    if not len(segments.lon0_deg):
-        raise ValueError("There is no segment to draw.")
-    lines = _lines_m(segments)
-    figure = Figure(figsize=_size_in(lines), dpi=dpi, layout="constrained")
+    if not len(segments):
+        raise MapError("There is no segment to draw.")
+    view = _view(segments, box_deg)
+    lines = view.lines
+    figure = Figure(dpi=dpi)
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    scale = _colour_scale(segments)
-    _draw_unknown(axes, lines[~segments.known])
-    _draw_known(axes, lines, segments, scale)
-    _dress(axes, lines, title, credit)
-    bar = figure.colorbar(
-        ScalarMappable(scale, STEEPNESS), ax=axes, shrink=0.6, pad=0.02, aspect=28, extend="max"
-    )
-    bar.set_label("Steepness, % (arrows point uphill)")
+    scale, style = _colour_scale(view.segments, scale_percent), _style(view)
+    page = _page(view, title, credit, notes)
+    signs = _signs(view.segments)
+    colours, groups = colour_rows(scale, scale_percent is not None), rows_of(style, signs)
+    top = EDGE_IN + TITLE_ROW_IN * len(page.title) + 0.08
+    foot = top + max(page.map_in[1] + SCALE_ROW_IN, height_in(colours, groups))
+    figure.set_size_inches(page.width_in, foot + FOOT_ROW_IN * len(page.foot) + 0.6 * EDGE_IN)
+    axes = _map_axes(figure, view, page.map_in, top)
+    draw_unknown(axes, lines[~view.segments.known], style.thinner)
+    draw_known(axes, lines, view.segments, scale, style.thinner)
+    _draw_names(axes, view)
+    _draw_scale(figure, view, page.map_in[0], top + page.map_in[1])
+    _write(figure, page.title, EDGE_IN, TITLE_ROW_IN, TITLE_PT, INK)
+    _write(figure, page.foot, foot, FOOT_ROW_IN, SMALL_PT, MUTED)
+    draw_key(figure, EDGE_IN + page.map_in[0] + BETWEEN_IN, top, style, scale, colours, groups)
     return figure
 
 
-def _size_in(lines: Floats) -> tuple[float, float]:
-    """Width and height of a figure in which the map, of the roads' own shape, leaves no empty margins."""
-    width, height = np.maximum(np.ptp(lines.reshape(-1, 2), axis=0), 0.4 * max(_extent_m(lines), 1.0))
-    scale = MAP_IN / max(width, height)
-    return max(width * scale, LEAST_IN) + BESIDE_IN, height * scale + BELOW_IN
+class _View(NamedTuple):
+    """What lies in the frame: segments, their ends in metres (n, 2, 2), and the frame, (left, bottom, right, top)."""
+
+    segments: MapSegments
+    lines: Floats
+    frame_m: tuple[float, float, float, float]
+
+    @property
+    def metres_per_inch(self) -> float:
+        left, bottom, right, top = self.frame_m
+        return max(right - left, top - bottom) / MAP_IN
 
 
-def _lines_m(segments: MapSegments) -> Floats:
-    """Ends of every segment in local metres, shape (n, 2, 2)."""
-    lon = np.column_stack([segments.lon0_deg, segments.lon1_deg])
-    lat = np.column_stack([segments.lat0_deg, segments.lat1_deg])
-    x, y = LocalProjection.around(lon, lat).to_xy(lon, lat)
-    return np.stack([x, y], axis=-1)
+class _Page(NamedTuple):
+    """Lines of text that fit the paper, and the sizes of the map and of the paper."""
+
+    title: list[str]
+    foot: list[str]
+    map_in: tuple[float, float]
+    width_in: float
 
 
-def _colour_scale(segments: MapSegments) -> Normalize:
+def _view(segments: MapSegments, box_deg: Bounds | None) -> _View:
+    box = box_deg or frame_around(_extent(segments))
+    west, south, east, north = box
+    plane = LocalProjection.around(np.array([west, east]), np.array([south, north]))
+    middle = (west + east) / 2, (south + north) / 2
+    (left, right), _ = plane.to_xy(np.array([west, east]), np.full(2, middle[1]))
+    _, (bottom, top) = plane.to_xy(np.full(2, middle[0]), np.array([south, north]))
+    near = segments.within(box)
+    lon = np.column_stack([near.lon0_deg, near.lon1_deg])
+    lat = np.column_stack([near.lat0_deg, near.lat1_deg])
+    x, y = plane.to_xy(lon, lat)
+    return _View(near, np.stack([x, y], axis=-1), (float(left), float(bottom), float(right), float(top)))
+
+
+def _extent(segments: MapSegments) -> Bounds:
+    shown = segments.known if segments.known.any() else np.ones(len(segments), np.bool_)
+    lon = np.concatenate([segments.lon0_deg[shown], segments.lon1_deg[shown]])
+    lat = np.concatenate([segments.lat0_deg[shown], segments.lat1_deg[shown]])
+    return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
+
+
+def _page(view: _View, title: str, credit: str, notes: Sequence[str]) -> _Page:
+    left, bottom, right, top = view.frame_m
+    map_in = (right - left) / view.metres_per_inch, (top - bottom) / view.metres_per_inch
+    inner = map_in[0] + BETWEEN_IN + WIDTH_IN
+    foot = [line for text in (credit, *notes) for line in wrapped(text, SMALL_PT, 72 * inner)]
+    return _Page(wrapped(title, TITLE_PT, 72 * inner), foot, map_in, inner + 2 * EDGE_IN)
+
+
+def _style(view: _View) -> Style:
+    thinner = float(np.clip(np.sqrt(DENSE_M_PER_IN / max(view.metres_per_inch, 1e-9)), LEAST_THICKNESS, 1.0))
+    return Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
+
+
+def _signs(segments: MapSegments) -> Signs:
+    known, slope = segments.known, segments.slope_percent
+    steep = arrow_choice(np.zeros((len(slope), 2)), slope, segments.slope_sigma_percent, 1.0)
+    return Signs(
+        unknown=bool((~known).any()),
+        arrows=bool(len(steep)),
+        bridges=bool((segments.bridge & known).any()),
+        tunnels=bool((segments.tunnel & known).any()),
+    )
+
+
+def _colour_scale(segments: MapSegments, scale_percent: float | None) -> Normalize:
+    if scale_percent is not None:
+        return Normalize(0.0, scale_percent)
     steep = np.abs(segments.slope_percent[segments.known])
     top = float(np.quantile(steep, 0.97)) if len(steep) else 0.0
     return Normalize(0.0, max(SCALE_FLOOR_PERCENT, float(np.ceil(top))))
 
 
-def _draw_unknown(axes: Axes, lines: Floats) -> None:
-    axes.add_collection(
-        LineCollection(
-            list(lines),
-            colors=UNKNOWN_COLOUR,
-            linewidths=UNKNOWN_WIDTH_PT,
-            linestyles=UNKNOWN_DASHES,
-            zorder=1,
-            label="unknown",
-        )
+def _map_axes(figure: Figure, view: _View, map_in: tuple[float, float], top_in: float) -> Axes:
+    width, height = figure.get_size_inches()
+    axes = figure.add_axes(
+        (EDGE_IN / width, 1 - (top_in + map_in[1]) / height, map_in[0] / width, map_in[1] / height)
     )
-
-
-def _draw_known(axes: Axes, lines: Floats, segments: MapSegments, scale: Normalize) -> None:
-    known = np.flatnonzero(segments.known)
-    # Narrow first, so that what is sure lies on top where roads cross.
-    known = known[np.argsort(-np.nan_to_num(segments.slope_sigma_percent[known], nan=np.inf), kind="stable")]
-    slope, sigma = segments.slope_percent[known], segments.slope_sigma_percent[known]
-    widths = line_widths(sigma)
-    for structure, style in ((segments.bridge[known], "solid"), (segments.tunnel[known], (0, (1.2, 0.8)))):
-        axes.add_collection(
-            LineCollection(
-                list(lines[known][structure]),
-                colors="black",
-                linewidths=widths[structure] + 2.6,
-                linestyles=style,
-                capstyle="butt",
-                zorder=2,
-            )
-        )
-    colours = STEEPNESS(scale(np.abs(slope)))
-    axes.add_collection(
-        LineCollection(
-            list(lines[known]), colors=colours, linewidths=widths, capstyle="round", zorder=3, label="known"
-        )
-    )
-    _draw_arrows(axes, lines[known], slope, sigma, _extent_m(lines) / ARROWS_ACROSS)
-
-
-def _draw_arrows(axes: Axes, lines: Floats, slope: Floats, sigma: Floats, spacing_m: float) -> None:
-    middle = lines.mean(axis=1)
-    chosen = arrow_choice(middle, slope, sigma, spacing_m)
-    if not len(chosen):
-        return
-    along = lines[chosen, 1] - lines[chosen, 0]
-    uphill = along / np.maximum(np.hypot(*along.T), 1e-9)[:, None] * np.sign(slope[chosen])[:, None]
-    # The shafts must not lie over the road's own colour, so that only heads are drawn, of one size on paper.
-    axes.quiver(
-        *middle[chosen].T,
-        *uphill.T,
-        angles="xy",
-        pivot="middle",
-        units="dots",
-        scale_units="dots",
-        scale=1 / 12,
-        width=1.0,
-        headwidth=12,
-        headlength=12,
-        headaxislength=9,
-        facecolor=ARROW_COLOUR,
-        edgecolor=INK,
-        linewidth=0.8,
-        zorder=4,
-    )
-
-
-def _extent_m(lines: Floats) -> float:
-    corners = lines.reshape(-1, 2)
-    return float(np.max(np.ptp(corners, axis=0)))
-
-
-def _dress(axes: Axes, lines: Floats, title: str, credit: str) -> None:
-    axes.set_aspect("equal")
-    axes.autoscale_view()
-    axes.margins(0.03)
+    left, bottom, right, top = view.frame_m
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
     axes.set_xticks([])
     axes.set_yticks([])
-    axes.set_title(title, loc="left", fontsize=12)
-    axes.set_xlabel(credit, fontsize=8, loc="left")
     for side in axes.spines.values():
-        side.set_color("#dddddd")
-    _scale_bar(axes, lines)
-    axes.figure.legend(  # below the map: any corner inside it may hold roads
-        handles=_keys(),
-        loc="outside lower left",
-        fontsize=8,
-        frameon=False,
-        handlelength=3,
-        ncols=3,
-        title="Width: how certain the slope is (1 sigma)",
-        title_fontsize=8,
-        alignment="left",
-    )
+        side.set_color("#c9ced2")
+    return axes
 
 
-def _keys() -> list[Line2D]:
-    """What the legend explains, column by column."""
-    widths = [
-        Line2D([], [], color="#777777", lw=float(line_widths(np.array([s]))[0]), label=label)
-        for s, label in (
-            (SURE_SIGMA_PERCENT, f"{SURE_SIGMA_PERCENT:g} % or less"),
-            (1.0, "1 %"),
-            (UNSURE_SIGMA_PERCENT, f"{UNSURE_SIGMA_PERCENT:g} % or more"),
-        )
-    ]
-    unknown = Line2D(
-        [], [], color=UNKNOWN_COLOUR, lw=UNKNOWN_WIDTH_PT, ls=UNKNOWN_DASHES, label="slope unknown"
+def _draw_names(axes: Axes, view: _View) -> None:
+    """A few names of streets; those that the font cannot write are left out rather than spoilt."""
+    metres_per_pt = view.metres_per_inch / 72
+    writable = np.array([bool(name) and is_writable(str(name)) for name in view.segments.name], np.bool_)
+    placed = place_names(
+        view.lines,
+        view.segments.name,
+        view.segments.known & writable,
+        frame_m=view.frame_m,
+        height_m=1.15 * NAME_PT * metres_per_pt,
+        length_m=lambda text: (width_pt(text, NAME_PT) + 4.0) * metres_per_pt,
     )
-    uphill = Line2D(
-        [],
-        [],
-        ls="none",
-        marker=">",
-        ms=7,
-        mfc=ARROW_COLOUR,
-        mec=INK,
-        label=f"uphill, above {ARROW_PERCENT:g} %",
-    )
-    bridge = Line2D([], [], color="black", lw=6, label="bridge (cased)")
-    tunnel = Line2D([], [], color="black", lw=6, ls=(0, (0.5, 0.35)), label="tunnel (dashed case)")
-    return [*widths, unknown, uphill, bridge, tunnel]
+    for name in placed:
+        axes.text(
+            name.x_m, name.y_m, name.text, rotation=float(np.degrees(name.angle_rad)), rotation_mode="anchor",
+            ha="center", va="center_baseline", fontsize=NAME_PT, color=INK, zorder=6, parse_math=False, label="street",
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        )  # fmt: skip
 
 
-def _scale_bar(axes: Axes, lines: Floats) -> None:
-    extent = _extent_m(lines)
-    length = 10 ** np.floor(np.log10(max(extent, 1.0) / 4))
-    length *= max(m for m in (1, 2, 5) if m * length <= extent / 4 or m == 1)
-    x, y = lines.reshape(-1, 2).min(axis=0) - [0.0, 0.03 * extent]
-    label = f"{length / 1000:g} km" if length >= 1000 else f"{length:g} m"
-    axes.plot([x, x + length], [y, y], color="black", lw=2, solid_capstyle="butt", zorder=5)
-    axes.annotate(
-        label, (x + length / 2, y), (0, 4), textcoords="offset points", ha="center", fontsize=8, zorder=5
-    )
+def _draw_scale(figure: Figure, view: _View, width_in: float, below_in: float) -> None:
+    place = from_upper_left(figure)
+    length_m = _round_length(width_in * view.metres_per_inch / 4)
+    y, end = below_in + SCALE_ROW_IN / 2, EDGE_IN + length_m / view.metres_per_inch
+    figure.add_artist(
+        Line2D([EDGE_IN, end], [y, y], transform=place, color="black", lw=2.5, solid_capstyle="butt", label="scale")
+    )  # fmt: skip
+    label = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m:g} m"
+    figure.text(
+        end + 0.08, y, f"{label}; north is up", transform=place, va="center_baseline", fontsize=TEXT_PT, color=INK
+    )  # fmt: skip
+
+
+def _write(
+    figure: Figure, lines: Sequence[str], top_in: float, row_in: float, size_pt: float, colour: str
+) -> None:
+    place = from_upper_left(figure)
+    for k, line in enumerate(lines):
+        figure.text(
+            EDGE_IN, top_in + row_in * (k + 0.5), line, transform=place, va="center_baseline", fontsize=size_pt,
+            color=colour, parse_math=False,
+        )  # fmt: skip
+
+
+def _round_length(longest_m: float) -> float:
+    """The greatest of 1, 2, 5, 10, 20 ... metres that is no longer."""
+    power = 10.0 ** np.floor(np.log10(max(longest_m, 1.0)))
+    return float(power * max(m for m in (1, 2, 5) if m * power <= max(longest_m, 1.0)))

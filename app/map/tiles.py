@@ -129,7 +129,7 @@ def geojson_tile(
         return geojson_response(
             {
                 "type": "FeatureCollection",
-                "attribution": attribution(dem_names(service, session)),
+                "attribution": attribution(dem_names(service, session, shown)),
                 "height_datum": HEIGHT_DATUM,
                 "numberReturned": len(shown),
                 "links": link_documents(links),

@@ -9,6 +9,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.core.telemetry.events import imported
 from app.network.control import widened
 from app.network.extracts import roads_within
 from app.network.locks import own_network
@@ -48,6 +49,7 @@ class ControlCounts:
     """Of the network, that were solved again for it"""
 
 
+@imported("control points")
 def import_control(
     sessions: Sessions,
     points: Sequence[ControlPoint],

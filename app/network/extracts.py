@@ -45,6 +45,19 @@ _IN_BOX = text(
     """  # noqa: S608 - constants
 )
 
+_IDS_IN = text(
+    """
+    SELECT DISTINCT s.id
+    FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
+                CAST(:north AS float8[])) AS box (west, south, east, north)
+    JOIN segments AS s ON s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
+    WHERE s.id > :after ORDER BY s.id
+    """
+)
+_BY_IDS = text(
+    f"SELECT {ROAD_COLUMNS} FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) ORDER BY {ROAD_ORDER}"  # noqa: S608 - constants
+)
+
 _WITHOUT_HEIGHTS = text(
     f"""
     SELECT {ROAD_COLUMNS} FROM segments AS s
@@ -80,6 +93,18 @@ def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]
     west, south, east, north = bounds_deg
     box = {"west": west, "south": south, "east": east, "north": north}
     return road_table(list(session.execute(_IN_BOX, box)))
+
+
+def segment_ids_in(session: Session, boxes_deg: Floats, after_id: int = 0) -> Ints:
+    """The ids above one of the segments that meet one of the boxes (m, 4: west, south, east, north), ascending."""
+    west, south, east, north = boxes_deg.T.tolist()
+    box = {"west": west, "south": south, "east": east, "north": north, "after": after_id}
+    return np.array(session.execute(_IDS_IN, box).scalars().all(), np.int64)
+
+
+def roads_of(session: Session, ids: Ints) -> tuple[RoadTable, Ints]:
+    """Those of the segments that are there, and their ids."""
+    return road_table(list(session.execute(_BY_IDS, {"ids": ids.tolist()})))
 
 
 def all_roads(session: Session) -> tuple[RoadTable, Ints]:

@@ -13,11 +13,13 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.core.telemetry.measures import LOCK_WAIT_S
 
 # Any constants that no other user of this database takes.
 _NETWORK = 0x5653_4E54  # "VSNT"
 _HOURS = 0x5653_4852  # "VSHR"
 _CELLS = 0x5653_434C  # "VSCL"
+_HEIGHTS = 0x5653_4854  # "VSHT"
 
 _OWN = text("SELECT pg_advisory_xact_lock(:key)")
 _SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
@@ -26,6 +28,8 @@ _HOUR = text(
     "SELECT pg_advisory_xact_lock(:key, h) FROM (SELECT unnest(CAST(:hours AS integer[])) AS h ORDER BY 1) AS o"
 )
 _TRY_CELL = text("SELECT pg_try_advisory_lock(:key, :cell)")
+_WAIT = text("SELECT pg_advisory_lock(:key)")
+_TRY = text("SELECT pg_try_advisory_lock(:key)")
 _FREE_ALL = text("SELECT pg_advisory_unlock_all()")
 
 HOUR_S = 3600.0
@@ -33,12 +37,14 @@ HOUR_S = 3600.0
 
 def own_network(session: Session) -> None:
     """Wait for and keep out all who share the network until this transaction ends."""
-    session.execute(_OWN, {"key": _NETWORK})
+    with LOCK_WAIT_S.timed("own_network"):
+        session.execute(_OWN, {"key": _NETWORK})
 
 
 def share_network(session: Session) -> None:
     """Keep the roads and what lies under them as they are until this transaction ends."""
-    session.execute(_SHARE, {"key": _NETWORK})
+    with LOCK_WAIT_S.timed("share_network"):
+        session.execute(_SHARE, {"key": _NETWORK})
 
 
 def try_share_network(session: Session) -> bool:
@@ -53,7 +59,8 @@ def own_hours(session: Session, moments_s: Iterable[float], apart_s: float) -> N
     Only such drives can be one and the same, and each has to see the other.
     """
     hours = {int((m + d) // HOUR_S) for m in moments_s for d in (-apart_s, apart_s)}
-    session.execute(_HOUR, {"key": _HOURS, "hours": sorted(hours)})
+    with LOCK_WAIT_S.timed("own_hours"):
+        session.execute(_HOUR, {"key": _HOURS, "hours": sorted(hours)})
 
 
 class CellClaims:
@@ -82,3 +89,18 @@ def cell_claims(sessions: Sessions) -> Iterator[CellClaims]:
             yield CellClaims(session)
         finally:
             session.execute(_FREE_ALL)  # else they would go back into the pool with the connection
+
+
+@contextmanager
+def own_heights(sessions: Sessions, *, wait: bool) -> Iterator[bool]:
+    """Be the only one that renews heights of segments, so that nothing is computed twice; until the block ends.
+
+    Yields whether that is so: without ``wait`` it may be somebody else. What is written does not depend on it.
+    """
+    with sessions() as session:
+        session.connection(execution_options={"isolation_level": "AUTOCOMMIT"})
+        taken = session.execute(_WAIT if wait else _TRY, {"key": _HEIGHTS}).scalar()
+        try:
+            yield wait or bool(taken)
+        finally:
+            session.execute(_FREE_ALL)

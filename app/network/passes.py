@@ -81,18 +81,6 @@ _HEAR = text(
     """
 )
 
-# A segment is heard where any of the drive's passes over it is; one that is there already contradicts nobody.
-_HEARD = text(
-    f"""
-    SELECT count(*) AS segments, count(*) FILTER (WHERE NOT heard) AS rejected
-    FROM (SELECT bool_or(r.pass_id IS NULL OR d.same_as IS NOT NULL) AS heard
-          FROM (SELECT * FROM drive_passes WHERE {_ITS}) AS p JOIN drives AS d ON d.id = p.drive_id
-          LEFT JOIN rejected_passes AS r ON r.segment_id = p.segment_id AND r.pass_id = p.id
-          GROUP BY p.segment_id) AS one
-    """  # noqa: S608 - constants
-)
-
-
 _MOMENTS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
 
 
@@ -103,13 +91,6 @@ class StoredPass(NamedTuple):
     drive_id: uuid.UUID
     accepted: bool
     factor: PassFactor
-
-
-class Hearing(NamedTuple):
-    """On how many segments a drive has passes, and on how many of them none is heard."""
-
-    segments: int
-    rejected: int
 
 
 def replace_passes(
@@ -204,8 +185,3 @@ def set_verdicts(session: Session, heard: Sequence[StoredPass], rejected: Sequen
             ids = sorted(p.id for p in passes if p.id is not None)
             values = {"ids": ids, "segments": segments, "regions": regions_of(session, segments)}
             session.execute(statement, values)
-
-
-def hearing(session: Session, drive_id: uuid.UUID) -> Hearing:
-    """How far the drive agrees with the others over the same segments, by the verdicts that stand."""
-    return Hearing(*session.execute(_HEARD, of_drive(session, drive_id)).one())

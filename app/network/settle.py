@@ -14,11 +14,20 @@ import numpy as np
 from sqlalchemy import text
 
 from app.core.db import Sessions
+from app.core.telemetry.measures import SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, take_unsettled, unsettle, unsettled, versions_of
 from app.network.extracts import road_version
 from app.network.locks import cell_claims
 from app.network.solve import settle_square
-from app.network.swap import BusyError, Found, shown_cells, snapshot, sum_old_passes, swap
+from app.network.swap import (
+    BusyError,
+    Found,
+    shown_cells,
+    snapshot,
+    sum_old_passes,
+    swap,
+    tell_solution,
+)
 from fusion.types import Progress, no_progress
 
 _WAIT_S = 0.1
@@ -94,10 +103,15 @@ def _settle(sessions: Sessions, cell: int) -> None:
         take_unsettled(session, [cell])
     try:
         with cell_claims(sessions) as claims:
-            for _ in range(_TRIES):
-                if claims.take(cell) and swap(sessions, found := _find(sessions, cell), 0.0, settled=True):
-                    sum_old_passes(sessions, found)
-                    return
+            for attempt in range(_TRIES):
+                started_s = time.monotonic()
+                if claims.take(cell):
+                    found = _find(sessions, cell)
+                    if swap(sessions, found, 0.0, settled=True):
+                        tell_solution("settled", found, 1, time.monotonic() - started_s, attempt + 1)
+                        sum_old_passes(sessions, found)
+                        return
+                    SWAP_CONFLICTS.count("settled")
                 time.sleep(_WAIT_S)
         raise BusyError(f"{_TRIES} times others were at work in the same square")
     except Exception:

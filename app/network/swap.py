@@ -19,6 +19,8 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.core.telemetry.logs import tell
+from app.core.telemetry.measures import SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
 from app.network.extracts import road_version
 from app.network.locks import CellClaims, cell_claims, try_share_network
@@ -104,16 +106,37 @@ def publish_cells(
 ) -> None:
     """Solve all that is marked in these squares, which the caller has taken, and swap it in."""
     for attempt in range(_TRIES):
+        started_s = time.monotonic()
         with snapshot(sessions) as session:
             found = _find(session, marked_in(session, cells))
         if swap(sessions, found):
+            tell_solution("marked", found, len(cells), time.monotonic() - started_s, attempt + 1)
             published()
             sum_old_passes(sessions, found)
             return
-        logger.debug("squares %s changed while they were solved; again", sorted(cells))
+        SWAP_CONFLICTS.count("marked")
+        logger.debug("%d squares changed while they were solved; again", len(cells))
         time.sleep(_PAUSE_S * random.uniform(0.5, 1.5) * min(attempt + 1, 5))  # noqa: S311 - no secret
         _await_network(sessions)
     raise BusyError(f"{_TRIES} times others wrote in the same squares first")
+
+
+def tell_solution(kind: str, found: Found, squares: int, took_s: float, tries: int) -> None:
+    """Count and log what was solved and written; which squares it was is nobody's business: somebody drove there."""
+    SOLVE_S.observe(took_s, kind)
+    SQUARES_SOLVED.count(kind, by=squares)
+    segments = 0 if found.solution is None else int(found.shown.sum())
+    marks = len(found.marks) or None
+    tell(
+        logger,
+        "squares solved",
+        kind=kind,
+        squares=squares,
+        segments=segments,
+        marks=marks,
+        tries=tries,
+        seconds=took_s,
+    )
 
 
 def _await_network(sessions: Sessions) -> None:

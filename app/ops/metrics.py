@@ -1,4 +1,5 @@
-"""What Prometheus scrapes: requests as they are answered, the drives and the queue as they stand at each scrape."""
+"""What Prometheus scrapes: requests as they are answered, drives and queue as they stand at each scrape, and what
+workers and imports have counted (``app.core.telemetry``)."""
 
 from __future__ import annotations
 
@@ -9,16 +10,30 @@ from dataclasses import dataclass
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Histogram
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
-from prometheus_client.metrics_core import GaugeMetricFamily, Metric
+from prometheus_client.metrics_core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.tables import DRIVE_STATUSES
+from app.core.telemetry.ledger import totals_of_all
+from app.core.telemetry.measures import MEASURES, Measure, Totals
 from app.network.cells import data_version
 from app.ops import store
 
 BUCKETS_S = (0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
+LABELS = {
+    "versant_http_requests_total": ("method", "route", "status"),
+    "versant_http_request_duration_seconds": ("method", "route"),
+    "versant_drives": ("status",),
+    "versant_failures": ("kind",),
+}
+"""Of those that are not counted by ``app.core.telemetry.measures``."""
 METHODS = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS", "PUT", "PATCH"})
 
 router = APIRouter(tags=["operation"])
@@ -41,7 +56,9 @@ router = APIRouter(tags=["operation"])
     },
 )
 def metrics(request: Request) -> Response:
-    """Requests by route and status with their durations, drives by status, the queue."""
+    """Requests by route and status with their durations, drives by status, the queue, and what workers count and time:
+    stages of drives, solutions, waits for locks, failures by kind, imports.
+    """
     figures: Metrics = request.app.state.metrics
     return Response(figures.exposition(), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
@@ -80,14 +97,12 @@ class Metrics:
     def __init__(self, read_gauges: Callable[[], Gauges | None]) -> None:
         """``read_gauges`` is called at each scrape and returns None while the database does not answer."""
         self.registry = CollectorRegistry()
-        labels = ("method", "route", "status")
-        self._requests = Counter(
-            "versant_http_requests", "Requests answered.", labels, registry=self.registry
-        )
+        requests, seconds = "versant_http_requests_total", "versant_http_request_duration_seconds"
+        self._requests = Counter(requests, "Requests answered.", LABELS[requests], registry=self.registry)
         self._seconds = Histogram(
-            "versant_http_request_duration_seconds",
+            seconds,
             "Time from a request to the last byte of its answer.",
-            labels[:2],
+            LABELS[seconds],
             buckets=BUCKETS_S,
             registry=self.registry,
         )
@@ -114,6 +129,9 @@ class Gauges:
     """0 while none waits."""
     data_version: int
     squares: store.Squares
+    failures_by_kind: dict[str, int]
+    workers: int
+    totals: Totals
 
 
 def read_gauges(session: Session) -> Gauges:
@@ -125,6 +143,9 @@ def read_gauges(session: Session) -> Gauges:
         oldest_wait_s=queue.oldest_wait_s or 0.0,
         data_version=data_version(session),
         squares=store.squares(session),
+        failures_by_kind=store.failures_by_kind(session),
+        workers=store.workers(session),
+        totals=totals_of_all(session),
     )
 
 
@@ -144,7 +165,7 @@ class _DatabaseCollector(Collector):
         )
         if gauges is None:
             return
-        drives = GaugeMetricFamily("versant_drives", "Drives by status.", labels=["status"])
+        drives = GaugeMetricFamily("versant_drives", "Drives by status.", labels=LABELS["versant_drives"])
         for status in DRIVE_STATUSES:
             drives.add_metric([status], gauges.drives_by_status.get(status, 0))
         yield drives
@@ -167,3 +188,31 @@ class _DatabaseCollector(Collector):
             "Squares of the map that solvers have begun with again and again in vain; /v1/admin/stats names them.",
             value=gauges.squares.unsolved,
         )
+        failed = GaugeMetricFamily(
+            "versant_failures",
+            "Drives that are failed now, by the kind of the failure.",
+            labels=LABELS["versant_failures"],
+        )
+        for kind, count in gauges.failures_by_kind.items():
+            failed.add_metric([kind], count)
+        yield failed
+        yield GaugeMetricFamily(
+            "versant_workers",
+            "Processes that take drives from the queue and are alive.",
+            value=gauges.workers,
+        )
+        yield from (_family(measure, gauges.totals) for measure in MEASURES)
+
+
+def _family(measure: Measure, totals: Totals) -> Metric:
+    """What all processes have counted of one measure."""
+    series = measure.series(totals)
+    if not measure.buckets:
+        counter = CounterMetricFamily(measure.name, measure.meaning, labels=measure.labels)
+        for values, parts in series.items():
+            counter.add_metric(values, parts[""])
+        return counter
+    histogram = HistogramMetricFamily(measure.name, measure.meaning, labels=measure.labels)
+    for values, parts in series.items():
+        histogram.add_metric(values, *measure.cumulative(parts))
+    return histogram

@@ -13,6 +13,8 @@ from sqlalchemy.orm import Session
 
 from app.network.marks import PATIENCE
 
+ALIVE_S = 60.0
+
 # Drives are counted as they change (``drive_counts``): the sum over its rows is what there is, however many drives.
 _BY_STATUS = text(
     "SELECT status, sum(drives) FROM drive_counts GROUP BY status HAVING sum(drives) > 0 ORDER BY status"
@@ -85,6 +87,12 @@ _SQUARES = text(
 )
 
 
+# The queue's own signs of life; a worker that has given none for long is put out by the next one that begins.
+_WORKERS = text(
+    "SELECT count(*) FROM procrastinate_workers WHERE last_heartbeat > now() - make_interval(secs => :alive_s)"
+)
+
+
 class Queue(NamedTuple):
     """The drives that wait: their number, and how long the first has waited, s; None while none does."""
 
@@ -118,6 +126,11 @@ def queue(session: Session) -> Queue:
     """The drives that wait."""
     depth, oldest = session.execute(_QUEUE).one()
     return Queue(depth, None if oldest is None else max(0.0, float(oldest)))
+
+
+def workers(session: Session) -> int:
+    """How many processes take drives from the queue and have given a sign of life within ``ALIVE_S``."""
+    return int(session.execute(_WORKERS, {"alive_s": ALIVE_S}).scalar_one())
 
 
 def squares(session: Session) -> Squares:

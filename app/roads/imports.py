@@ -19,12 +19,13 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.settings import FilePlace
+from app.core.telemetry.events import imported
 from app.network.cells import raise_versions
 from app.network.locks import own_network
 from app.network.swap import solve_all_marked
 from app.roads.copy import copy_roads
 from app.roads.losses import cells_lost, cells_new, mark_repairs, note_losses
-from app.terrain.imports import terrain_under
+from app.terrain.heights import terrain_under
 from app.terrain.store import current_dem
 from fusion.errors import RoadsError
 from fusion.network.unknowns import knot_positions
@@ -52,6 +53,7 @@ class ImportCounts:
     skipped: Mapping[str, int] = field(default_factory=dict)
 
 
+@imported("roads")
 def import_roads(
     sessions: Sessions, path: Path, dem_dir: FilePlace, progress: Progress = no_progress
 ) -> ImportCounts:

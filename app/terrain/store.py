@@ -1,22 +1,23 @@
 """The active set of elevation rasters in the database, and the slopes and heights of segments by them.
 
-The files themselves are ``app.terrain.imports``' business: no raster is opened here.
+The files themselves are ``app.terrain.files``' business: no raster is opened here.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from datetime import datetime
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core import mirror
+from app.core.db import Bounds
 from app.core.settings import FilePlace
 from fusion.errors import TerrainError
 from fusion.types import Floats, Ints
@@ -27,12 +28,29 @@ class DemSource:
     """One stored raster: its name, its path relative to the folder, the SHA-256 of the stored bytes (hex).
 
     With a quality layer, the folder's name is that of both contents: the same elevations with another layer are
-    another source.
+    another source. ``priority``: the higher the sooner it counts. ``bounds_deg``: west, south, east, north of its
+    pixels, degrees; None of sources of before 0014 until they are needed (``app.terrain.files``).
     """
 
     name: str
     uri: str
     sha256: str
+    priority: int = 0
+    bounds_deg: Bounds | None = field(default=None, compare=False)
+
+    @classmethod
+    def of(cls, stored: Mapping[str, Any]) -> Self:
+        """The source of what ``dem_versions`` lists; what a later version may add is left out."""
+        corners = stored.get("bounds_deg")
+        bounds = None if corners is None else (corners[0], corners[1], corners[2], corners[3])
+        return cls(stored["name"], stored["uri"], stored["sha256"], stored.get("priority") or 0, bounds)
+
+    def may_meet(self, bounds_deg: Bounds) -> bool:
+        """Whether the raster reaches a box; of unknown bounds, that it may."""
+        if self.bounds_deg is None:
+            return True
+        (west, south, east, north), (w, s, e, n) = self.bounds_deg, bounds_deg
+        return south <= n and s <= north and ((west <= e and w <= east) or west > east)
 
 
 @dataclass(frozen=True)
@@ -49,6 +67,11 @@ class DemSet:
     def names(self) -> tuple[str, ...]:
         """The rasters' names, as attributions give them."""
         return tuple(source.name for source in self.sources)
+
+    @property
+    def priorities(self) -> tuple[int, ...]:
+        """The rasters' priorities, in their order."""
+        return tuple(source.priority for source in self.sources)
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -72,10 +95,28 @@ _ACTIVE = text("SELECT id, datum, imported_at, sources FROM dem_versions WHERE a
 _RETIRE = text("UPDATE dem_versions SET active = false WHERE active")
 _ADD = text(
     """
-    INSERT INTO dem_versions (sources, datum, active) VALUES (CAST(:sources AS jsonb), :datum, true)
+    INSERT INTO dem_versions (sources, datum, active, pending)
+    VALUES (CAST(:sources AS jsonb), :datum, true, CAST(:pending AS jsonb))
     RETURNING id, datum, imported_at, sources
     """
 )
+_PENDING = text("SELECT id, pending FROM dem_versions WHERE active AND pending IS NOT NULL")
+_NOTE_PENDING = text("UPDATE dem_versions SET pending = CAST(:pending AS jsonb) WHERE id = :id")
+_ALL_SOURCES = text("SELECT id, sources FROM dem_versions ORDER BY id FOR UPDATE")
+_SET_SOURCES = text("UPDATE dem_versions SET sources = CAST(:sources AS jsonb) WHERE id = :id")
+
+# A version retires when the next one comes; what the active one names is in use whatever was before.
+_RETIRED = text(
+    """
+    WITH named AS (
+        SELECT v.id, v.active, s ->> 'uri' AS uri,
+               (SELECT n.imported_at FROM dem_versions AS n WHERE n.id > v.id ORDER BY n.id LIMIT 1) AS retired_at
+        FROM dem_versions AS v, jsonb_array_elements(v.sources) AS s
+    )
+    SELECT uri FROM named GROUP BY uri HAVING NOT bool_or(active) AND max(retired_at) < now() - :age ORDER BY uri
+    """
+)
+
 
 # Only rows whose values change are written; NaN stands for an unknown slope in the array.
 _ACTIVE_ID = text("SELECT coalesce(max(id), 0) FROM dem_versions WHERE active")
@@ -94,14 +135,65 @@ _SET_TERRAIN = text(
 def current_dem(session: Session, dem_dir: FilePlace) -> DemSet | None:
     """The active rasters, or None before the first import."""
     row = session.execute(_ACTIVE).one_or_none()
-    return None if row is None else _set(row, dem_dir)
+    return None if row is None or not row.sources else _set(row, dem_dir)
 
 
-def replace_dem(session: Session, sources: Sequence[DemSource], datum: str, dem_dir: FilePlace) -> DemSet:
-    """Make ``sources`` the active set, as a new version. The caller owns the network."""
+def replace_dem(
+    session: Session,
+    sources: Sequence[DemSource],
+    datum: str,
+    dem_dir: FilePlace,
+    boxes_deg: Iterable[Bounds],
+) -> DemSet:
+    """Make ``sources`` the active set, as a new version; in the boxes, and where it was left to be done before, the
+    heights of segments are to be renewed. The caller owns the network.
+    """
+    left = pending_heights(session)
+    boxes = [*(left.boxes_deg if left else ()), *boxes_deg]
     session.execute(_RETIRE)
     listed = json.dumps([asdict(source) for source in sources])
-    return _set(session.execute(_ADD, {"sources": listed, "datum": datum}).one(), dem_dir)
+    pending = json.dumps({"boxes_deg": boxes, "after_id": 0}) if boxes else None
+    return _set(session.execute(_ADD, {"sources": listed, "datum": datum, "pending": pending}).one(), dem_dir)
+
+
+@dataclass(frozen=True)
+class PendingHeights:
+    """Where segments still have heights of rasters before the active ones: those in the boxes with an id above one."""
+
+    version_id: int
+    boxes_deg: tuple[Bounds, ...]
+    after_id: int
+
+
+def pending_heights(session: Session) -> PendingHeights | None:
+    """What is left to be renewed; None where all segments have the heights of the active rasters."""
+    row = session.execute(_PENDING).one_or_none()
+    if row is None:
+        return None
+    boxes = tuple((w, s, e, n) for w, s, e, n in row.pending["boxes_deg"])
+    return PendingHeights(row.id, boxes, row.pending["after_id"])
+
+
+def note_renewed(session: Session, pending: PendingHeights, after_id: int | None) -> None:
+    """Note how far heights are renewed; None: everywhere."""
+    left = None if after_id is None else json.dumps({"boxes_deg": pending.boxes_deg, "after_id": after_id})
+    session.execute(_NOTE_PENDING, {"id": pending.version_id, "pending": left})
+
+
+def sources_of_all(session: Session) -> dict[int, tuple[DemSource, ...]]:
+    """The rasters of every version by its number, also of former ones; they stay as they are until the session ends."""
+    return {row.id: tuple(map(DemSource.of, row.sources)) for row in session.execute(_ALL_SOURCES)}
+
+
+def set_sources(session: Session, version_id: int, sources: Sequence[DemSource]) -> None:
+    """Write anew what is known of a version's rasters; they stay the same ones."""
+    listed = json.dumps([asdict(source) for source in sources])
+    session.execute(_SET_SOURCES, {"id": version_id, "sources": listed})
+
+
+def retired_rasters(session: Session, older_than: timedelta) -> list[str]:
+    """Paths of rasters that have been in no active set for so long."""
+    return list(session.execute(_RETIRED, {"age": older_than}).scalars())
 
 
 def dem_version_id(session: Session) -> int:
@@ -127,5 +219,5 @@ def _array(heights_m: Floats) -> str | None:
 
 
 def _set(row: Row[Any], dem_dir: FilePlace) -> DemSet:
-    sources = tuple(DemSource(**source) for source in row.sources)
+    sources = tuple(map(DemSource.of, row.sources))
     return DemSet(row.id, row.datum, row.imported_at, sources, dem_dir)

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.archive import Member, is_zip, members, shown_name
-from fusion.formats.base import LogFormat, Notes, PartFormat
+from fusion.formats.base import LogFormat, NamedColumnsFormat, NamedFileFormat, Notes, PartFormat
 from fusion.formats.container import load, refuse
 from fusion.formats.fit.log import FitFormat
-from fusion.formats.gnsslogger import GnssLoggerFormat
 from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
+from fusion.formats.phones.gnsslogger import GnssLoggerFormat
+from fusion.formats.phones.mounting import in_vehicle_axes
+from fusion.formats.phones.sensor_logger import SensorLoggerFormat
 from fusion.formats.pseudoranges_csv import PseudorangesCsvFormat
 from fusion.formats.rinex.log import RinexFormat
+from fusion.formats.rtklib_pos import RtklibPosFormat
 from fusion.formats.tcx import TcxFormat
 from fusion.formats.together import Part, join
+from fusion.formats.torque import TorqueFormat
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat
 from fusion.formats.versant_csv import VersantCsvFormat
-from fusion.registry import Registry
+from fusion.registry import Registry, check_columns
 from fusion.signals import Navigation
 from fusion.types import DriveLog, Progress, no_progress
 
@@ -44,32 +48,44 @@ FORMATS.add("nmea", NmeaFormat())
 FORMATS.add("gpx", GpxFormat())
 FORMATS.add("tcx", TcxFormat())
 FORMATS.add("pseudoranges-csv", PseudorangesCsvFormat())
+FORMATS.add("sensor-logger", SensorLoggerFormat())
+FORMATS.add("rtklib-pos", RtklibPosFormat())
+FORMATS.add("torque", TorqueFormat())
 FORMATS.add("csv", VersantCsvFormat())
 
 
 Source = bytes | Path | BinaryIO
 
 
-def read_log(source: Source, *, max_bytes: int = MAX_BYTES, progress: Progress = no_progress) -> DriveLog:
+def read_log(
+    source: Source,
+    *,
+    columns: Mapping[str, str] | None = None,
+    max_bytes: int = MAX_BYTES,
+    progress: Progress = no_progress,
+) -> DriveLog:
     """Read a drive log of any registered format, recognised by content, gzipped or not, or several in a zip.
 
-    ``max_bytes`` bounds the unpacked size. Raises ``LogError``: ``UnknownFormatError`` if no format
-    recognises the bytes, ``EmptyLogError`` if there is no usable position nor raw data to make one of,
-    ``MalformedLogError`` if it is too large or broken beyond skipping.
+    ``columns`` says how a CSV calls our columns, ours -> the header's. ``max_bytes`` bounds the unpacked size. Raises
+    ``LogError``: ``UnknownFormatError`` if no format recognises the bytes, ``EmptyLogError`` if there is no usable
+    position nor raw data to make one of, ``MalformedLogError`` if it is too large or broken beyond skipping; and
+    ``BadOptionsError`` for ``columns`` that are none of ours.
     """
-    notes = Notes()
-    data = load(source, max_bytes, notes, progress)
-    if is_zip(data) and (found := members(data, max_bytes, notes)):
+    check_columns(columns or {})
+    job = _Job(max_bytes, progress, columns or {}, Notes())
+    data = load(source, max_bytes, job.notes, progress)
+    if is_zip(data) and (found := members(data, max_bytes, job.notes)):
         del data
-        return _together(found, max_bytes, notes, progress)
-    chosen = _format_of(data[:HEAD_BYTES])
-    return _noted(_guarded(chosen, data, progress, None), notes)
+        return in_vehicle_axes(_together(found, job))
+    name = source.name if isinstance(source, Path) else ""
+    return in_vehicle_axes(_alone(name, data, job))
 
 
 def read_logs(
     sources: Sequence[Source],
     *,
     names: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
     max_bytes: int = MAX_BYTES,
     progress: Progress = no_progress,
 ) -> DriveLog:
@@ -82,25 +98,58 @@ def read_logs(
     if not sources:
         raise EmptyLogError("No file was given. Upload the log of a drive.")
     if len(sources) == 1:
-        return read_log(sources[0], max_bytes=max_bytes, progress=progress)
-    notes, left, found = Notes(), max_bytes, list[Member]()
+        return read_log(sources[0], columns=columns, max_bytes=max_bytes, progress=progress)
+    check_columns(columns or {})
+    job, left, found = _Job(max_bytes, progress, columns or {}, Notes()), max_bytes, list[Member]()
     for count, source in enumerate(sources, 1):
-        data = load(source, left, notes, progress)
+        data = load(source, left, job.notes, progress)
         name = source.name if isinstance(source, Path) else f"file {count}"
         name = shown_name(names[count - 1] if count <= len(names) else name)
-        inside = members(data, left, notes) if is_zip(data) else []
+        inside = members(data, left, job.notes) if is_zip(data) else []
         inside = inside or [Member(name, data)]
         left -= sum(len(member.data) for member in inside)
         found += inside
-    return _together(found, max_bytes, notes, progress)
+    return in_vehicle_axes(_together(found, job))
 
 
-def _format_of(head: bytes) -> LogFormat:
+@dataclass(frozen=True)
+class _Job:
+    """What reading is told, and what it has to say."""
+
+    max_bytes: int
+    progress: Progress
+    columns: Mapping[str, str]
+    notes: Notes
+
+
+def _alone(name: str, data: bytes, job: _Job) -> DriveLog:
+    """The log of a file that is all there is of its drive."""
+    chosen = _format_of(data[:HEAD_BYTES], name, job.columns)
+    if job.columns and not isinstance(chosen, NamedColumnsFormat):
+        job.notes.warn(f"columns are said in vain: a {chosen.description} has no columns to be named.")
+    return _noted(_guarded(chosen, data, job.progress, None), job.notes)
+
+
+def _format_of(head: bytes, name: str, columns: Mapping[str, str]) -> LogFormat:
+    """The format of a file, told how the file is called and what a person says of its columns."""
     chosen = next((f for _, f in FORMATS.items() if f.recognises(head)), None)
     if chosen is None:
         supported = ", ".join(f"{f.description} ({', '.join(f.suffixes)})" for _, f in FORMATS.items())
         raise refuse(head, f"{supported}, each also gzipped, or several of one drive in a zip")
-    return chosen
+    if isinstance(chosen, NamedColumnsFormat) and columns:
+        chosen = chosen.with_columns(columns)
+    return chosen.with_name(name) if isinstance(chosen, NamedFileFormat) else chosen
+
+
+def refuse_head(head: bytes, *, part: bool = False, columns: Mapping[str, str] | None = None) -> None:
+    """Raise the ``LogError`` that reading will raise, as far as the first bytes of a file (unpacked) tell.
+
+    ``UnknownFormatError`` if they are of no log, ``MalformedLogError`` if a header lacks what it must have; ``part``:
+    the file may be one of several of a drive. Says nothing of a log that is broken or empty farther on.
+    """
+    chosen = _format_of(head, "", columns or {})
+    if isinstance(chosen, NamedColumnsFormat):
+        chosen.refuse_header(head, part=part)
 
 
 def _guarded(chosen: LogFormat, data: bytes, progress: Progress, navigation: Navigation | None) -> DriveLog:
@@ -123,14 +172,13 @@ def _noted(log: DriveLog, notes: Notes) -> DriveLog:
     )
 
 
-def _together(found: list[Member], max_bytes: int, notes: Notes, progress: Progress) -> DriveLog:
+def _together(found: list[Member], job: _Job) -> DriveLog:
     """Read files and join them; a file alone is as if it came without the zip."""
+    notes, progress = job.notes, job.progress
     if len(found) == 1 and not is_zip(found[0].data):
-        data = load(found[0].data, max_bytes, notes, progress)
-        chosen = _format_of(data[:HEAD_BYTES])
-        return _noted(_guarded(chosen, data, progress, None), notes)
+        return _alone(found[0].name, load(found[0].data, job.max_bytes, notes, progress), job)
     errors: list[LogError] = []
-    files = _recognised(found, max_bytes, notes, errors, progress)
+    files = _recognised(found, job, errors)
     parts: list[Part] = []
     navigation = Navigation()
     for file in sorted(files, key=lambda one: not one.comes_first):
@@ -168,18 +216,16 @@ class _File:
         return isinstance(self.format, PartFormat) and self.format.comes_first(self.data[:HEAD_BYTES])
 
 
-def _recognised(
-    found: list[Member], max_bytes: int, notes: Notes, errors: list[LogError], progress: Progress
-) -> list[_File]:
+def _recognised(found: list[Member], job: _Job, errors: list[LogError]) -> list[_File]:
     """The files that are logs, unpacked; the others are counted, and their errors kept."""
-    left, out = max_bytes, list[_File]()
+    left, out = job.max_bytes, list[_File]()
     for member in found:
         own = Notes()
-        data = load(member.data, left, own, progress)
+        data = load(member.data, left, own, job.progress)
         left -= len(data)
         try:
-            out.append(_File(member.name, _format_of(data[:HEAD_BYTES]), data, own))
+            out.append(_File(member.name, _format_of(data[:HEAD_BYTES], member.name, job.columns), data, own))
         except UnknownFormatError as error:
             errors.append(error)
-            notes.skip("files that are no logs", 1, member.name)
+            job.notes.skip("files that are no logs", 1, member.name)
     return out

@@ -6,16 +6,16 @@ Knows no format.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.plain_times import plain_seconds
 from fusion.signals import Navigation, RawGnss
-from fusion.types import Bools, DriveLog, Floats, GnssFix, Progress, SensorTable
+from fusion.types import Bools, DeviceMotion, DriveLog, Floats, GnssFix, Progress, SensorTable
 
 Data = bytes | memoryview
 Place = Callable[[int], str]
@@ -57,6 +57,16 @@ class LogFormat(Protocol):
         """Usual endings of file names, for help texts only."""
         ...
 
+    @property
+    def altitude_advice(self) -> str:
+        """One sentence: what a person with such a device or app does so that altitudes are recorded."""
+        ...
+
+    @property
+    def doppler_advice(self) -> str:
+        """One sentence: what such a person does so that the vertical Doppler velocity is, or what to use instead."""
+        ...
+
     def recognises(self, head: bytes) -> bool:
         """Whether the first bytes (up to ``HEAD_BYTES``, or the whole file) look like this format."""
         ...
@@ -76,6 +86,28 @@ class PartFormat(LogFormat, Protocol):
 
     def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
         """As ``read``, but a log without any position is given too; ``navigation`` is that of the parts before."""
+        ...
+
+
+@runtime_checkable
+class NamedColumnsFormat(LogFormat, Protocol):
+    """A format whose columns have names that a person may have to explain, and whose header tells what it lacks."""
+
+    def with_columns(self, columns: Mapping[str, str]) -> Self:
+        """The same format, knowing which column of ours is which of the header's."""
+        ...
+
+    def refuse_header(self, head: bytes, *, part: bool) -> None:
+        """Raise the ``LogError`` that reading would raise because of the header, where there is one."""
+        ...
+
+
+@runtime_checkable
+class NamedFileFormat(LogFormat, Protocol):
+    """A format of several files in which only a file's name tells what its columns are of."""
+
+    def with_name(self, name: str) -> Self:
+        """The same format, knowing what the file is called."""
         ...
 
 
@@ -223,6 +255,7 @@ def build_log(
     advice: str = "",
     raw: RawGnss | None = None,
     part: bool = False,
+    device: DeviceMotion | None = None,
 ) -> DriveLog:
     """Put a ``DriveLog`` together, or raise ``EmptyLogError`` naming the first offender.
 
@@ -252,5 +285,6 @@ def build_log(
         repaired=notes.repaired,
         warnings=tuple(notes.warnings),
         raw=raw,
+        device=device or DeviceMotion(),
         **tables,  # type: ignore[arg-type]
     )

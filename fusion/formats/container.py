@@ -110,7 +110,7 @@ def gunzip(data: bytes, max_bytes: int, notes: Notes, progress: Progress) -> byt
             try:
                 out.write(member.decompress(feed, CHUNK_BYTES))
             except zlib.error as error:
-                out.write(_up_to_damage(before, feed))
+                out.write(up_to_damage(before, feed))
                 _say_damaged(out.tell(), error, notes)
                 return out.getvalue()
             feed = member.unconsumed_tail
@@ -122,7 +122,7 @@ def gunzip(data: bytes, max_bytes: int, notes: Notes, progress: Progress) -> byt
     return out.getvalue()
 
 
-def _up_to_damage(member: zlib._Decompress, feed: bytes | memoryview) -> bytes:
+def up_to_damage(member: zlib._Decompress, feed: bytes | memoryview) -> bytes:
     """What a piece of gzip with damage in it unpacks to before: zlib withholds it when fed the whole piece.
 
     At most ``CHUNK_BYTES``, since the whole piece was to give no more in one step.

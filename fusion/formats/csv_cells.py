@@ -1,9 +1,8 @@
-"""The cells of a CSV log: header, delimiter, rows in blocks, and the known columns of a block as numbers."""
+"""The cells of a CSV log: rows in blocks, and the known columns of a block as numbers."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -13,59 +12,16 @@ from pyarrow import compute as pc
 from pyarrow import csv
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import Notes, unix_seconds
+from fusion.formats.base import Notes
+from fusion.formats.csv_header import LINE_END, Layout
+from fusion.formats.csv_names import DATE, GPS_TIME, TIME, Cell
+from fusion.formats.time_texts import times_of
+from fusion.signals import unix_from_gps
 from fusion.types import Floats, Ints
 
-NUMBERS: tuple[str, ...] = (
-    "time_s", "lat_deg", "lon_deg", "alt_msl_m", "height_ell_m", "h_acc_m", "v_acc_m",
-    "vel_n_mps", "vel_e_mps", "vel_d_mps", "s_acc_mps", "speed_mps", "heading_deg",
-    "acc_x_mps2", "acc_y_mps2", "acc_z_mps2", "gyr_x_dps", "gyr_y_dps", "gyr_z_dps",
-    "roll_deg", "pitch_deg", "yaw_deg", "pitch_acc_deg",
-    "wheel_left_rad", "wheel_right_rad", "odo_speed_mps", "pressure_hpa", "temperature_c",
-)  # fmt: skip
-COLUMNS = ("time", *NUMBERS)
-NOT_MEASURED = ["", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None"]
-DELIMITERS = ",;\t|"
+NOT_MEASURED = ["", "-", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None"]
 BLOCK_BYTES = 16 << 20
 """Rows are read in blocks of about this size, so that only the numbers of a log are held at once, not its cells."""
-
-_DECIMAL_COMMA = re.compile(rb"(?:^|[;\t|\n]) *-?\d{1,20},\d{1,20} *(?:[;\t|\r\n]|$)")
-_LINE_END = re.compile(rb"\r\n|\r|\n")
-_ZONE = re.compile(r"(?:[zZ]|[+-]\d\d:?\d\d)\s*\"?\s*$")
-_UTF16 = (b"\xff\xfe", b"\xfe\xff")
-_BOM = b"\xef\xbb\xbf"
-
-
-@dataclass(frozen=True)
-class Schema:
-    """What a kind of CSV may have: its columns, those of them that hold words, and which of a header are ``lacking``.
-
-    The column ``time``, where there is one, holds RFC 3339 times.
-    """
-
-    columns: tuple[str, ...]
-    lacking: Callable[[list[str]], list[str]]
-    words: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How the cells lie: ``known`` gives the cell number of each column of ours, ``width`` counts all cells.
-
-    ``body_at`` is the offset of the first row, ``line`` the number of its line; ``words`` as in ``Schema``.
-    """
-
-    delimiter: str
-    width: int
-    known: dict[str, int]
-    comma: bool
-    body_at: int
-    line: int
-    words: frozenset[str] = frozenset()
-
-    def is_text(self, name: str) -> bool:
-        """Whether a column is read as it stands."""
-        return name == "time" or name in self.words
 
 
 @dataclass
@@ -93,52 +49,11 @@ class Block:
         return f"line {self._lines[min(row, len(self._lines) - 1)]}" if len(self._lines) else f"row {row + 1}"
 
 
-def from_utf16(data: bytes) -> bytes:
-    """The same text in UTF-8 if it is UTF-16, which spreadsheets write, else ``data`` itself."""
-    return data.decode("utf-16", "replace").encode() if data[:2] in _UTF16 else data
-
-
-def first_line(data: bytes) -> tuple[int, int, bytes]:
-    """Number, offset and content of the first line that is neither blank nor a # comment."""
-    start = len(_BOM) if data.startswith(_BOM) else 0
-    for number, match in enumerate(re.finditer(rb"[^\r\n]*(?:\r\n|\r|\n|$)", data[start:65536]), 1):
-        line = match.group().strip()
-        if line and not line.startswith(b"#"):
-            return number, start + match.start() + match.group().index(line), line
-    return 1, start, b""
-
-
-def delimiter_of(line: bytes) -> str:
-    """The delimiter that occurs most in the header."""
-    return max(DELIMITERS, key=lambda d: line.count(d.encode()))
-
-
-def header_cells(line: bytes, delimiter: str) -> list[str]:
-    """The names in the header, lower case, without blanks and quotes around."""
-    return [c.strip().strip('"').strip().lower() for c in line.decode("utf-8", "replace").split(delimiter)]
-
-
-def layout_of(data: bytes, notes: Notes, schema: Schema) -> Layout:
-    """Read the header; raises ``MalformedLogError`` naming the required columns that it lacks."""
-    number, at, line = first_line(data)
-    delimiter = delimiter_of(line)
-    header = header_cells(line, delimiter)
-    _check_header(header, number, notes, schema)
-    at += len(line)
-    while data[at : at + 1] in (b" ", b"\t"):
-        at += 1
-    end = _LINE_END.match(data, at)
-    at = end.end() if end else at
-    comma = delimiter != "," and bool(_DECIMAL_COMMA.search(data[at : at + 65536]))
-    known = {name: header.index(name) for name in schema.columns if name in header}
-    return Layout(delimiter, len(header), known, comma, at, number + 1, schema.words)
-
-
 def read_blocks(data: bytes, layout: Layout, notes: Notes) -> Iterator[tuple[Block, float]]:
     """The rows block by block, each with the share of the file that is read with it."""
     at, line = layout.body_at, layout.line
     while at < len(data):
-        cut = _LINE_END.search(data, at + BLOCK_BYTES)
+        cut = LINE_END.search(data, at + BLOCK_BYTES)
         end = cut.end() if cut else len(data)
         body = _utf8(data[at:end])
         if body.strip():
@@ -163,18 +78,32 @@ def _parse(body: bytes, line: int, layout: Layout, notes: Notes) -> Block:
         rows = Block(body, line, {}, [])
         example = f"{rows.place(block.ragged[0] - 1)}: not {layout.width} cells as in the header"
         notes.skip("rows with a wrong number of cells", len(block.ragged), example, position=True)
-    for name, index in layout.known.items():
-        column = cells.column(f"c{index}")
-        if name == "time":
-            block.columns[name] = _times(column, block, notes)
+    dates = cells.column(f"c{layout.known[DATE].index}").to_pylist() if DATE in layout.known else None
+    for name, cell in layout.known.items():
+        column = cells.column(f"c{cell.index}")
+        if name in layout.clocks:
+            value, bare = _times(column, dates if name == TIME else None, cell, block, notes)
+            block.columns[name] = value
+            if bare and (name == TIME or TIME not in layout.known):
+                notes.warn(NO_OFFSET)
         elif name in layout.words:
-            block.words[name] = [(cell or "").strip().strip('"').strip() for cell in column.to_pylist()]
-        elif faulty:
-            block.columns[name] = _numbers(name, column, layout.comma, block, notes)
-        else:
-            values = column.to_numpy(zero_copy_only=False)
-            block.columns[name] = np.where(np.isfinite(values), values, np.nan)
+            block.words[name] = [(text or "").strip().strip('"').strip() for text in column.to_pylist()]
+        elif name != DATE:
+            if faulty:
+                value = _numbers(name, column, layout.comma, block, notes)
+            else:
+                value = column.to_numpy(zero_copy_only=False)
+            block.columns[name] = _converted(name, value, cell)
     return block
+
+
+def _converted(name: str, value: Floats, cell: Cell) -> Floats:
+    value = np.where(np.isfinite(value), value, np.nan)
+    if (cell.factor, cell.offset) != (1.0, 0.0):
+        with np.errstate(over="ignore"):
+            value = value * cell.factor + cell.offset
+        value = np.where(np.isfinite(value), value, np.nan)
+    return unix_from_gps(np.nan_to_num(value, nan=-1e12)) if name == GPS_TIME else value
 
 
 def _cells_of(body: bytes, layout: Layout, ragged: list[int]) -> tuple[pa.Table, bool]:
@@ -201,9 +130,9 @@ def _cells_of(body: bytes, layout: Layout, ragged: list[int]) -> tuple[pa.Table,
             ),
             csv.ConvertOptions(
                 check_utf8=False,
-                include_columns=[f"c{i}" for i in layout.known.values()],
+                include_columns=list(dict.fromkeys(f"c{c.index}" for c in layout.known.values())),
                 column_types={
-                    f"c{i}": pa.string() if layout.is_text(n) else kind for n, i in layout.known.items()
+                    f"c{c.index}": pa.string() if layout.is_text(n) else kind for n, c in layout.known.items()
                 },
                 null_values=NOT_MEASURED,
                 strings_can_be_null=True,
@@ -220,35 +149,26 @@ def _cells_of(body: bytes, layout: Layout, ragged: list[int]) -> tuple[pa.Table,
         raise MalformedLogError(f"This CSV cannot be split into cells: {error}. Export it again.") from error
 
 
-def _check_header(header: list[str], line: int, notes: Notes, schema: Schema) -> None:
-    missing = schema.lacking(header)
-    if missing:
-        shown = ", ".join(c[:40] or "(empty)" for c in header[:30])
-        raise MalformedLogError(
-            f"This CSV lacks required columns: {', '.join(missing)}. Its header, line {line}, names: "
-            f"{shown}. Rename the columns or add them; all others are optional.",
-            where=f"line {line}",
-        )
-    unknown = [c for c in header if c not in schema.columns]
-    if unknown:
-        shown = ", ".join(repr(c[:40]) for c in unknown[:20])
-        notes.warn(f"The CSV has columns that are not known here and were left out: {shown}.")
-    twice = sorted({c for c in header if c in schema.columns and header.count(c) > 1})
-    if twice:
-        notes.warn(f"The CSV names columns twice, of which the first is used: {', '.join(twice)}.")
+NO_OFFSET = (
+    "Times without a UTC offset (such as Z) are taken as UTC: if they were local, the drive is placed at another hour, "
+    "and its slopes are the same."
+)
 
 
-def _times(column: pa.ChunkedArray, block: Block, notes: Notes) -> Floats:
+def _times(
+    column: pa.ChunkedArray, dates: list[str | None] | None, cell: Cell, block: Block, notes: Notes
+) -> tuple[Floats, bool]:
+    """Unix seconds, and whether some of them were written without an offset."""
     texts = column.to_pylist()
-    out = unix_seconds([t.strip().strip('"') if t else None for t in texts])
+    if dates is not None:
+        texts = [f"{d.strip()} {t.strip()}" if d and t else None for d, t in zip(dates, texts, strict=True)]
+    out, bare = times_of(texts, cell.factor if cell.factor != 1.0 else None)
     given = np.array([bool(t) for t in texts], bool)
     bad = np.flatnonzero(given & np.isnan(out))
     if len(bad):
         example = f"{block.place(int(bad[0]))}: time is {texts[bad[0]][:40]!r}"
-        notes.skip("cells that are no RFC 3339 time", len(bad), example, position=True)
-    if any(t and not _ZONE.search(t) for t in texts):
-        notes.warn("Times without a UTC offset (such as Z) are taken as UTC.")
-    return out
+        notes.skip("cells that are no time", len(bad), example, position=True)
+    return out, bool(bare.any())
 
 
 def _numbers(name: str, column: pa.ChunkedArray, comma: bool, block: Block, notes: Notes) -> Floats:

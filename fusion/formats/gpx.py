@@ -47,6 +47,13 @@ class GpxFormat:
     name = "gpx"
     description = "GPX file"
     suffixes = (".gpx",)
+    altitude_advice = (
+        "Export the recorded track with elevation (`<ele>`), as measured and not replaced by a map's."
+    )
+    doppler_advice = (
+        "GPX tracks have no vertical velocity: record with an app or receiver that writes more, such as "
+        "GnssLogger with measurements or UBX-NAV-PVT."
+    )
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

@@ -16,6 +16,13 @@ class NmeaFormat:
     name = "nmea"
     description = "NMEA log"
     suffixes = (".nmea", ".txt", ".log")
+    altitude_advice = (
+        "Switch GGA sentences on at the receiver or app: the altitude is in them and in no other."
+    )
+    doppler_advice = (
+        "NMEA sentences have no vertical velocity: of a u-blox receiver record UBX-NAV-PVT instead, of a "
+        "phone GnssLogger with measurements."
+    )
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

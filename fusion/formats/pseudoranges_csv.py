@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from functools import cache
 
 import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Data, Notes, build_log
-from fusion.formats.csv_cells import (
-    Block,
-    Schema,
-    delimiter_of,
-    first_line,
-    from_utf16,
-    header_cells,
-    layout_of,
-    read_blocks,
-)
+from fusion.formats.csv_cells import Block, read_blocks
+from fusion.formats.csv_header import Schema, delimiter_of, first_line, from_utf16, header_cells, layout_of
 from fusion.signals import (
     BEIDOU,
     GLONASS,
@@ -45,7 +38,7 @@ _NEAREST_SATELLITE_M = 6e6
 _MOST_SATELLITES = 1000
 
 
-def _lacking(header: list[str]) -> list[str]:
+def _lacking(header: Collection[str]) -> list[str]:
     out = []
     if "time_s" not in header and not {"gps_week", "tow_s"} <= set(header):
         out.append("time_s (Unix seconds) or gps_week and tow_s")
@@ -67,6 +60,14 @@ class PseudorangesCsvFormat:
     name = "pseudoranges-csv"
     description = "CSV of pseudoranges"
     suffixes = (".csv",)
+    altitude_advice = (
+        "Heights are computed with the positions; what makes them better is an antenna with a free view of "
+        "the sky."
+    )
+    doppler_advice = (
+        "Add the column range_rate_mps (minus the Doppler shift times the wavelength): the vertical velocity "
+        "is computed from it."
+    )
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

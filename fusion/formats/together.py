@@ -15,7 +15,7 @@ import numpy as np
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Notes
 from fusion.signals import Navigation, RawGnss, Signals
-from fusion.types import DriveLog, Floats, SensorTable
+from fusion.types import DeviceMotion, DriveLog, Floats, SensorTable, ThreeAxes
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,19 @@ def join(parts: Sequence[Part], notes: Notes) -> DriveLog:
             *notes.warnings,
         ),
         raw=raw,
+        device=_device(parts, notes),
         **tables,
     )
+
+
+def _device(parts: Sequence[Part], notes: Notes) -> DeviceMotion:
+    found: dict[str, SensorTable] = {}
+    for name in DeviceMotion().tables():
+        having = [(part, table) for part in parts if len(table := part.log.device.tables()[name])]
+        used = _not_overlapping([(part, table.time_s, len(table)) for part, table in having], name, notes)
+        chosen = sorted((t for part, t in having if part in used), key=lambda t: float(t.time_s[0]))
+        found[name] = _follow(list(chosen)) if chosen else ThreeAxes.empty()
+    return DeviceMotion(**found)  # type: ignore[arg-type]
 
 
 def _refuse(parts: Sequence[Part]) -> None:

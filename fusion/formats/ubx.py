@@ -14,6 +14,8 @@ class UbxFormat:
     name = "ubx"
     description = "UBX file"
     suffixes = (".ubx",)
+    altitude_advice = "Switch UBX-NAV-PVT on at the receiver, which holds the altitude with its accuracy."
+    doppler_advice = "Switch UBX-NAV-PVT on at the receiver, which holds the velocity north, east and down."
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

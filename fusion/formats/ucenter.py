@@ -57,6 +57,13 @@ class UCenterFormat:
     name = "u-center"
     description = "u-center text dump"
     suffixes = (".txt", ".log")
+    altitude_advice = (
+        "Let NAV-PVT be listed in the messages view, or better upload the .ubx file that u-center records."
+    )
+    doppler_advice = (
+        "Let NAV-PVT be listed in the messages view (it holds velN, velE and velD), or better upload the .ubx "
+        "file that u-center records."
+    )
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

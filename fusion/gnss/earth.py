@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
-from pyproj import CRS, Transformer
 
+from fusion.frames import ecef_to_geodetic, geodetic
 from fusion.types import Floats
 
 EARTH_RATE_RADPS = 7.2921151467e-5
 """Rotation of the earth, WGS 84 (IS-GPS-200)."""
 
 
-@cache
-def _transformer() -> Transformer:
-    return Transformer.from_crs(CRS.from_epsg(4978), CRS.from_epsg(4979), always_xy=True)
-
-
-def geodetic(position_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """Longitude and latitude (degrees) and height above the ellipsoid (m), (n,) each, of ECEF places (n, 3)."""
-    x, y, z = np.asarray(position_m, float).reshape(-1, 3).T
-    lon, lat, height = _transformer().transform(x, y, z)
-    return np.asarray(lon, float), np.asarray(lat, float), np.asarray(height, float)
-
-
 def ecef(lon_deg: Floats, lat_deg: Floats, height_m: Floats) -> Floats:
     """ECEF places (n, 3) of geodetic ones, (n,) each."""
-    x, y, z = _transformer().transform(
+    x, y, z = ecef_to_geodetic().transform(
         np.asarray(lon_deg, float),
         np.asarray(lat_deg, float),
         np.asarray(height_m, float),

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from fusion.frames import geodetic
 from fusion.gnss.clock_jumps import find_clock_jumps
 from fusion.gnss.corrections import (
     DEFAULT_KLOBUCHAR,
@@ -17,7 +18,7 @@ from fusion.gnss.corrections import (
     troposphere_delay_m,
     turned_by_earth,
 )
-from fusion.gnss.earth import elevation_azimuth, geodetic
+from fusion.gnss.earth import elevation_azimuth
 from fusion.gnss.measurements import Measurements
 from fusion.gnss.missing_navigation import navigation_warnings
 from fusion.gnss.orbits.satellites import CARRIER_HZ, SatelliteStates, states_when_sent

@@ -14,9 +14,10 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from fusion.errors import BadOptionsError, EmptyLogError, LogError, MissingSensorError
+from fusion.frames import geodetic
 from fusion.gnss.aids import aids_of, with_heights
 from fusion.gnss.doppler import doppler_velocities
-from fusion.gnss.earth import geodetic, local_axes
+from fusion.gnss.earth import local_axes
 from fusion.gnss.measure import measure
 from fusion.gnss.measurements import Aids, Measurements, Named, Solution, Solver, SolverOptions
 from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Progress

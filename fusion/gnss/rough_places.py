@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fusion.frames import geodetic
 from fusion.gnss.corrections import turned_by_earth
-from fusion.gnss.earth import geodetic
 from fusion.signals import LIGHT_MPS
 from fusion.types import MAX_SPEED_MPS, Bools, Floats, Ints
 

@@ -10,13 +10,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+)
 from pydantic_core import CoreSchema, core_schema
 
-from fusion.errors import UnknownNameError
+from fusion.errors import BadOptionsError, UnknownNameError
 from fusion.gnss import POSITIONINGS
 from fusion.network.pass_factor import PassFactor
-from fusion.registry import DEFAULT_POSITIONING, Registry
+from fusion.registry import DEFAULT_POSITIONING, Registry, check_columns
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.types import DrawnMeasurements, DriveLog, Progress, SegmentSlope, Track
@@ -43,6 +52,11 @@ class Method(Protocol):
     @property
     def needs(self) -> tuple[str, ...]:
         """What the log and its surroundings must have, in words."""
+        ...
+
+    @property
+    def cues(self) -> tuple[str, ...]:
+        """Which of ``fusion.types.CUES`` its slopes can be made of; none: they are the elevation model's."""
         ...
 
     @property
@@ -125,6 +139,27 @@ class Options(BaseModel):
     gnss_options: dict[str, Any] = Field(
         default_factory=dict, description="Options of that positioning, by name."
     )
+    columns: dict[str, str] = Field(
+        default_factory=dict,
+        description="Columns of a CSV by other names: Versant's name -> the header's.",
+    )
+
+    @field_validator("columns")
+    @classmethod
+    def _columns_of_ours(cls, columns: dict[str, str]) -> dict[str, str]:
+        try:
+            check_columns(columns)
+        except BadOptionsError as error:
+            raise ValueError(str(error)) from None
+        return columns
+
+    @model_serializer(mode="wrap")
+    def _without_idle_columns(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Names of columns are the file's affair: of a file without any, runs note what they always did."""
+        out: dict[str, Any] = dump(self)
+        if not out["columns"]:
+            del out["columns"]
+        return out
 
 
 @dataclass(frozen=True)

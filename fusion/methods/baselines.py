@@ -44,6 +44,7 @@ class RawMethod:
     source = "Baseline; matching and line of Al Assaad 2020, 2.3.3.3 and 3.4.3"
     description = "Line through the raw altitudes of the fixes nearest to a segment."
     needs = ("positions with altitude",)
+    cues = ("altitude",)
     options_model = RawOptions
 
     def estimate(
@@ -97,6 +98,7 @@ class DemMethod:
     source = "Baseline"
     description = "Difference of the DEM's heights at the ends of each driven segment."
     needs = ("positions", "a DEM")
+    cues: tuple[str, ...] = ()
     options_model = DemOptions
 
     def estimate(

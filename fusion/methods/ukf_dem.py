@@ -123,6 +123,7 @@ class UkfDemMethod:
     source = "Boucher and Noyer, as Al Assaad 2020 describes them"
     description = "Unscented Kalman filter over GNSS positions, road map and a triangulated DEM."
     needs = ("positions", "a DEM")
+    cues: tuple[str, ...] = ()
     options_model = UkfDemOptions
 
     def estimate(

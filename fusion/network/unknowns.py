@@ -94,9 +94,14 @@ class DriveUnknowns:
 def knot_positions(network: RoadTable) -> tuple[Floats, Floats]:
     """Longitude and latitude of the knots of all segments, one segment after another, degrees."""
     intervals = interval_count(knot_length(network.length_m))
-    row = np.repeat(np.arange(len(network)), intervals + 1)
+    row = knot_rows(network)
     before = np.concatenate([[0], np.cumsum(intervals + 1)[:-1]]) if len(network) else np.empty(0, np.int64)
     share = (np.arange(len(row)) - before[row]) / intervals[row]
     lon = network.lon0_deg[row] + share * (network.lon1_deg - network.lon0_deg)[row]
     lat = network.lat0_deg[row] + share * (network.lat1_deg - network.lat0_deg)[row]
     return lon, lat
+
+
+def knot_rows(network: RoadTable) -> Ints:
+    """The segment of each of ``knot_positions``: its row."""
+    return np.repeat(np.arange(len(network)), interval_count(knot_length(network.length_m)) + 1)

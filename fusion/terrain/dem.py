@@ -1,12 +1,12 @@
 """A digital elevation model: many rasters as one surface.
 
-Stacks the mosaics of one grid each, finest first, and answers by place. Knows no roads.
+Stacks the mosaics of one grid each, by priority and then finest first, and answers by place. Knows no roads.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -17,8 +17,8 @@ from fusion.errors import TerrainError
 from fusion.terrain.cache import DemCache
 from fusion.terrain.mosaic import DemPatch, Mosaic
 from fusion.terrain.quality import pair, with_quality
-from fusion.terrain.raster import read_header
-from fusion.types import Floats
+from fusion.terrain.raster import Raster, read_header
+from fusion.types import Floats, Ints
 
 _MAX_PATCH_POSTS = 4_000_000  # 32 MB of heights; beyond, posts are left out
 _PLACES_AT_ONCE = 1_000_000  # bounds the memory of coordinates in between
@@ -27,21 +27,28 @@ _PLACES_AT_ONCE = 1_000_000  # bounds the memory of coordinates in between
 class Dem:
     """Elevation rasters of any CRS and posting, read as they are asked for; safe to use from several threads.
 
-    The finest rasters that cover a point count; their voids are filled from coarser ones. ``datum`` says
-    what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
-    "mixed (...)" where the rasters differ. ``description`` is a line for people, ``names`` are the rasters' files;
-    ``without_quality`` are those of them without a quality layer, which ``filtered`` leaves as they are.
+    Where several cover a point, the one of the highest priority counts, of one priority the finest, of one grid the
+    first; where it has a void, the next one fills. Two rasters seldom agree at a seam: ``heights`` steps there by as
+    much as they differ, ``heights_along`` keeps each line on one of them, and ``posts`` keeps to the grid of one, its
+    voids filled.
+
+    ``datum`` says what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
+    "mixed (...)" where the rasters differ. ``description`` is a line for people, ``names`` are the rasters' files,
+    ``postings_m`` the distances between the posts of each grid, along rows and along columns; ``without_quality`` are
+    those rasters without a quality layer, which ``filtered`` leaves as they are.
     """
 
     def __init__(self, mosaics: Sequence[Mosaic], cache: DemCache) -> None:
-        """Use ``Dem.open``. ``mosaics`` come finest first and read through ``cache``."""
+        """Use ``Dem.open``. ``mosaics`` come in the order in which they count, and read through ``cache``."""
         self._mosaics = tuple(mosaics)
         self._cache = cache
-        rasters = [raster for mosaic in mosaics for raster in mosaic.rasters]
+        # A grid whose rasters have several priorities is there once for each.
+        rasters = list(dict.fromkeys(raster for mosaic in mosaics for raster in mosaic.rasters))
         self.names = tuple(raster.path.name for raster in rasters)
         self.without_quality = tuple(raster.path.name for raster in rasters if raster.quality is None)
         datums = sorted({raster.datum for raster in rasters})
         self.datum = datums[0] if len(datums) == 1 else f"mixed ({', '.join(datums)})"
+        self.postings_m = tuple(mosaic.posting_m for mosaic in mosaics)
         postings = ", ".join(sorted({f"{max(mosaic.posting_m):.3g} m" for mosaic in mosaics}))
         self.description = f"{len(rasters)} rasters, posting {postings}, datum {self.datum}"
         if len(self.without_quality) < len(rasters):
@@ -49,9 +56,10 @@ class Dem:
             self.description += f", quality layers of {known}"
 
     @classmethod
-    def open(cls, paths: Sequence[Path]) -> Dem:
+    def open(cls, paths: Sequence[Path], priorities: Sequence[int] | None = None) -> Dem:
         """Read the headers of the rasters; heights are read as they are asked for.
 
+        ``priorities`` has one number for each path, the higher the sooner it counts; None: all alike.
         The quality layer of ``..._dem.tif`` is ``..._num.tif`` beside it, or among ``paths``. Raises
         ``TerrainError`` when no path is given, or one is missing, is no raster that rasterio reads, does not say
         where it lies, or is a picture, or a quality layer without its elevations or on another grid than theirs.
@@ -59,15 +67,20 @@ class Dem:
         if not paths:
             raise TerrainError("No elevation raster was given. Give at least one.")
         cache = DemCache()
-        mosaics: list[Mosaic] = []
+        priority_of = dict(zip(map(Path, paths), priorities or [0] * len(paths), strict=True))
+        grids: list[_Grid] = []
         for path, quality in pair(paths):
             raster = with_quality(read_header(path), quality)
-            home = next((mosaic for mosaic in mosaics if mosaic.takes(raster)), None)
+            home = next((grid for grid in grids if grid[0].takes(raster)), None)
             if home is None:
-                mosaics.append(Mosaic(raster, cache))
+                home = Mosaic(raster, cache), []
+                grids.append(home)
             else:
-                home.add(raster)
-        return cls(sorted(mosaics, key=lambda mosaic: mosaic.posting_m[0] * mosaic.posting_m[1]), cache)
+                home[0].add(raster)
+            home[1].append((priority_of[path], raster))
+        levels = [level for grid in grids for level in _levels(grid, cache)]
+        levels.sort(key=lambda level: (-level[0], level[1].posting_m[0] * level[1].posting_m[1]))
+        return cls([mosaic for _, mosaic in levels], cache)
 
     def __enter__(self) -> Dem:
         return self
@@ -107,13 +120,64 @@ class Dem:
             self._fill(heights[part], flat_lon[part], flat_lat[part])
         return heights.reshape(lon.shape)
 
+    def heights_along(self, lon_deg: Floats, lat_deg: Floats, line: Ints) -> Floats:
+        """Heights as ``heights`` gives them, m, shape (n,), but of one raster's grid along each line (n,: its number,
+        from 0), so that no line has a step where two rasters meet.
+
+        A line is of the first mosaic that knows all its places. Where none does, mosaics fill each other as far as
+        their rasters state one datum; what is left is NaN.
+        """
+        heights = np.full(len(lon_deg), np.nan)
+        todo = np.flatnonzero(np.isfinite(lon_deg) & np.isfinite(lat_deg))
+        begun: list[str | None] = [None] * (int(line.max(initial=-1)) + 1)
+        for mosaic in self._mosaics:
+            if not len(todo):
+                break
+            found = mosaic.heights(*mosaic.grid_coordinates(lon_deg[todo], lat_deg[todo]))
+            known = np.isfinite(found)
+            part = np.zeros(len(begun), bool)
+            part[line[todo[~known]]] = True
+            whole = ~part[line[todo]]
+            heights[todo[whole]] = found[whole]
+            self._fill_lines(heights, line, todo[known & ~whole], found[known & ~whole], mosaic, begun)
+            todo = todo[~whole]
+        return heights
+
+    @staticmethod
+    def _fill_lines(
+        heights: Floats, line: Ints, places: Ints, found: Floats, mosaic: Mosaic, begun: list[str | None]
+    ) -> None:
+        """Write what is found where lines have nothing yet, and nothing of another datum."""
+        datum = mosaic.rasters[0].datum
+        for k in np.unique(line[places]).tolist():
+            begun[k] = begun[k] or datum
+        mine = np.array([begun[k] == datum for k in line[places].tolist()], bool)
+        empty = mine & np.isnan(heights[places])
+        heights[places[empty]] = found[empty]
+
+    def sources_at(self, lon_deg: ArrayLike, lat_deg: ArrayLike) -> tuple[str, ...]:
+        """Names of the rasters that give the heights at these WGS 84 degrees, in the order of ``names``.
+
+        Those of the posts at the corners of the triangles that ``heights`` reads; empty where no height is known.
+        """
+        lon, lat = (
+            w.ravel() for w in np.broadcast_arrays(np.asarray(lon_deg, float), np.asarray(lat_deg, float))
+        )
+        todo, given = np.flatnonzero(np.isfinite(lon) & np.isfinite(lat)), set()
+        for mosaic in self._mosaics:
+            u, v = mosaic.grid_coordinates(lon[todo], lat[todo])
+            known = np.isfinite(mosaic.heights(u, v))
+            given |= {raster.path.name for raster in mosaic.sources(u[known], v[known])}
+            todo = todo[~known]
+        return tuple(name for name in dict.fromkeys(self.names) if name in given)
+
     def posts(
         self, lon_deg: Floats, lat_deg: Floats, margin_posts: int = 1, margin_m: float = 0.0
     ) -> DemPatch | None:
-        """The posts of the finest mosaic around places, shape (n,) each: the smallest rectangle of its cells that
+        """The posts of the first mosaic around places, shape (n,) each: the smallest rectangle of its cells that
         holds all of them, widened by the larger margin.
 
-        Its voids, and posts beyond its rasters, are filled from coarser mosaics. None where no raster has a
+        Its voids, and posts beyond its rasters, are filled from the next mosaics. None where no raster has a
         height there. Beyond four million posts every second, third ... post is taken.
         """
         for mosaic in self._mosaics:
@@ -153,3 +217,26 @@ class Dem:
     def _fill_posts(self, z: Floats, mosaic: Mosaic, columns: range, rows: range) -> None:
         u, v = np.meshgrid(np.array(columns, float), np.array(rows, float))
         self._fill(z.reshape(-1), *mosaic.lonlat(u.ravel(), v.ravel()))
+
+
+_Grid = tuple[Mosaic, list[tuple[int, Raster]]]
+"""Rasters of one grid: as one mosaic in their order, and each with its priority."""
+
+
+def _levels(grid: _Grid, cache: DemCache) -> Iterator[tuple[int, Mosaic]]:
+    """The grid once for each priority of its rasters: those of it and, before them, of the higher ones.
+
+    So the cells between two tiles of different priorities belong to the lower one, and no gap opens there.
+    """
+    mosaic, rasters = grid
+    priorities = sorted({priority for priority, _ in rasters}, reverse=True)
+    if len(priorities) == 1:
+        yield priorities[0], mosaic
+        return
+    ordered = sorted(rasters, key=lambda one: -one[0])
+    for least in priorities:
+        first, *others = (raster for priority, raster in ordered if priority >= least)
+        level = Mosaic(first, cache)
+        for raster in others:
+            level.add(raster)
+        yield least, level

@@ -23,6 +23,7 @@ from fusion.types import Floats, Ints
 
 BLOCK_POSTS = 256  # a side; what is read from files and kept at once, 0.5 MB
 _LOCAL_POSTS = 64  # a side; places so near each other share one map to the local plane
+_NOBODY = -1
 _SNAP = 1e-7  # posts; below every position's accuracy, above the rounding of a projection
 _WGS84 = CRS.from_epsg(4326)
 
@@ -125,6 +126,27 @@ class Mosaic:
                 heights[at] = tin_heights(z, u[at] - column * BLOCK_POSTS, v[at] - row * BLOCK_POSTS)
         return heights
 
+    def sources(self, u: Floats, v: Floats) -> list[Raster]:
+        """The rasters whose posts the heights at grid coordinates are made of; ask for places with a height only."""
+        left, top = np.floor(u), np.floor(v)
+        fu, fv = u - left, v - top
+        low = fu + fv <= 1
+        # The corners of the triangles as in ``tin_height``: A, B, C or D, B, C; one without weight is not looked at.
+        corners = [
+            (left + ~low, top + ~low, np.where(low, 1 - fu - fv, fu + fv - 1)),
+            (left + 1, top, np.where(low, fu, 1 - fv)),
+            (left, top + 1, np.where(low, fv, 1 - fu)),
+        ]
+        posts = np.concatenate([np.column_stack([y[w > 0], x[w > 0]]) for x, y, w in corners]).astype(
+            np.int64
+        )
+        blocks, block_of = np.unique(posts // BLOCK_POSTS, axis=0, return_inverse=True)
+        found: set[int] = set()
+        for k, (row, column) in enumerate(blocks.tolist()):
+            r, c = (posts[block_of.ravel() == k] - np.array([row, column]) * BLOCK_POSTS).T
+            found.update(self._owners(row, column)[r, c].tolist())
+        return [self.rasters[k] for k in sorted(found - {_NOBODY})]
+
     def window(self, columns: range, rows: range) -> Floats:
         """The posts of these columns and rows, shape (rows, columns); NaN off the rasters and at voids."""
         z = np.full((len(rows), len(columns)), np.nan)
@@ -141,20 +163,40 @@ class Mosaic:
 
     def _read_block(self, row: int, column: int) -> Floats | None:
         """A block's posts and the first of the next, so that no cell straddles blocks; None for no posts."""
+        z: Floats | None = None
+        for k, place, window in self._pieces(row, column):
+            z = np.full((BLOCK_POSTS + 1, BLOCK_POSTS + 1), np.nan) if z is None else z
+            part = z[place]
+            void = np.isnan(part)
+            if void.any():
+                part[void] = self._read(self.rasters[k], *window)[void]
+        return z
+
+    def _owners(self, row: int, column: int) -> Ints:
+        """The number of the raster that gives each post of a block, ``_NOBODY`` at voids."""
+
+        def make() -> Ints:
+            owner = np.full((BLOCK_POSTS + 1, BLOCK_POSTS + 1), _NOBODY)
+            for k, place, window in self._pieces(row, column):
+                part = owner[place]
+                part[(part == _NOBODY) & np.isfinite(self._read(self.rasters[k], *window))] = k
+            return owner
+
+        return self._cache.block(("owners", id(self.rasters), self.min_quality, row, column), make)
+
+    def _pieces(
+        self, row: int, column: int
+    ) -> Iterator[tuple[int, tuple[slice, slice], tuple[int, int, int, int]]]:
+        """The rasters in a block: number, where in the block, and which rows and columns of it (first, count)."""
         size = BLOCK_POSTS + 1
         top, left = row * BLOCK_POSTS, column * BLOCK_POSTS
         first = np.maximum(self._boxes[:, :2], [top, left])
         end = np.minimum(self._boxes[:, 2:], [top + size, left + size])
-        z: Floats | None = None
-        for k in np.flatnonzero(np.all(end > first, axis=1)):
-            (r0, c0), (r1, c1) = first[k], end[k]
-            z = np.full((size, size), np.nan) if z is None else z
-            part = z[r0 - top : r1 - top, c0 - left : c1 - left]
-            void = np.isnan(part)
-            if void.any():
-                r, c = int(r0 - self._boxes[k, 0]), int(c0 - self._boxes[k, 1])
-                part[void] = self._read(self.rasters[k], r, c, int(r1 - r0), int(c1 - c0))[void]
-        return z
+        for k in np.flatnonzero(np.all(end > first, axis=1)).tolist():
+            (r0, c0), (r1, c1) = first[k].tolist(), end[k].tolist()
+            r, c = (r0, c0) - self._boxes[k, :2]
+            place = slice(r0 - top, r1 - top), slice(c0 - left, c1 - left)
+            yield k, place, (int(r), int(c), r1 - r0, c1 - c0)
 
     def _read(self, raster: Raster, row: int, column: int, rows: int, columns: int) -> Floats:
         """Posts of one raster, without those that too few scenes saw."""

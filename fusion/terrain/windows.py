@@ -251,10 +251,10 @@ def dem_slopes(dem: Dem, table: RoadTable) -> Floats:
     """Slopes from the triangulated heights at both ends, percent from from_node to to_node, shape (n,).
 
     The simplest look at the terrain under roads, without a window: two heights and a length for every segment of
-    a table. NaN where a height is unknown or the segment has no length.
+    a table. NaN where a height is unknown or the segment has no length. Both heights are of one raster's grid where
+    one knows both (``Dem.heights_along``).
     """
-    heights = dem.heights(
-        np.concatenate([table.lon0_deg, table.lon1_deg]), np.concatenate([table.lat0_deg, table.lat1_deg])
-    )
+    ends = np.concatenate([table.lon0_deg, table.lon1_deg]), np.concatenate([table.lat0_deg, table.lat1_deg])
+    heights = dem.heights_along(*ends, np.tile(np.arange(len(table)), 2))
     rise = heights[len(table) :] - heights[: len(table)]
     return 100 * rise / np.where(table.length_m > 0, table.length_m, np.nan)

@@ -9,7 +9,7 @@ from accuracy.logs import low_passed
 from accuracy.poor import RUNGS
 from accuracy.scoring import Errors
 from accuracy.sequences import NOISE_FREE, TrueSlope, Truth
-from fusion.formats.csv_cells import COLUMNS
+from fusion.formats.csv_header import COLUMNS
 
 TRUTH: Truth = {(1, 1, 2): TrueSlope(2.0, 10.0, 10.0), (1, 2, 3): TrueSlope(-4.0, 50.0, 50.0)}
 

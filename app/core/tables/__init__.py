@@ -91,7 +91,9 @@ class RoadVersion(Base):
 
 
 class DemVersion(Base):
-    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256}`` of each file."""
+    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256, priority, bounds_deg}`` of
+    each file; versions of before 0014 have the first three. The active one may be empty.
+    """
 
     __tablename__ = "dem_versions"
 
@@ -100,6 +102,8 @@ class DemVersion(Base):
     datum: Mapped[str]
     imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
     active: Mapped[bool]
+    pending: Mapped[dict[str, Any] | None]
+    """Where segments still have the heights of the set before: ``{boxes_deg, after_id}``; NULL: nowhere."""
 
     __table_args__ = (
         Index("uq_dem_versions_active", "active", unique=True, postgresql_where=text("active")),
@@ -161,6 +165,8 @@ class Drive(Base):
     failure_kind: Mapped[str | None]
     failure_reason: Mapped[str | None]
     failure_where: Mapped[str | None]
+    failure_version: Mapped[str | None]
+    """The version of the code that it last failed by; NULL where that was not noted."""
     method: Mapped[str]
     options: Mapped[dict[str, Any]]
     generation: Mapped[int] = mapped_column(server_default="1")
@@ -182,6 +188,10 @@ class Drive(Base):
     queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
+    computed_at: Mapped[datetime | None]
+    """When its last run had said all; from then on it waited for its squares to be solved."""
+    traceparent: Mapped[str | None]
+    """The trace of the request that asked for it (W3C Trace Context); NULL where none is recorded."""
 
     __table_args__ = (
         CheckConstraint("status IN ('queued', 'running', 'done', 'failed', 'cancelled')", name="status"),

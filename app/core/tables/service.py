@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uuid
 from datetime import datetime
+from typing import Any
 
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, SmallInteger, func
 from sqlalchemy.orm import Mapped, mapped_column
@@ -58,3 +59,15 @@ class DrivePicture(Base):
     drawn_of: Mapped[str]
     png: Mapped[bytes]
     drawn_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
+
+
+class ProcessTotals(Base):
+    """What one process has counted and timed since it began (``app.core.telemetry.ledger``), in a row of its own."""
+
+    __tablename__ = "process_totals"
+
+    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
+    process: Mapped[str]
+    """What it is, for people."""
+    totals: Mapped[dict[str, Any]]
+    written_at: Mapped[datetime] = mapped_column(server_default=func.now())

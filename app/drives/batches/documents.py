@@ -17,6 +17,10 @@ EXAMPLE_BATCH = "http://127.0.0.1:8000/v1/drives/reprocess?batch=7"
 _ANSWER: dict[str, Any] = {"href": EXAMPLE_BATCH, "rel": "monitor", "type": "application/json"}
 
 
+HOPELESS = ("unknown-format", "empty-log", "malformed-log", "bad-log")
+"""Kinds of failures that are the log's own fault: the same code finds the same again, whatever the method."""
+
+
 class Which(StrEnum):
     """The drives that a batch begins from; further filters narrow them."""
 
@@ -43,7 +47,8 @@ class Selection(BaseModel):
     which: Which = Field(
         Which.OTHER,
         description="`other`: drives that are not of `method` already; `stale`: whose estimates were made by another "
-        "version of the code, or with other defaults, than would be taken now; `failed`; `all`.",
+        "version of the code, with other defaults, or with other elevation rasters where they drove, than would be "
+        "taken now; `failed`; `all`.",
     )
     from_method: Name | None = Field(
         None, description="Only drives that were processed by this method.", examples=["particle"]
@@ -61,6 +66,11 @@ class Selection(BaseModel):
     driven_after: Time | None = Field(None, description="Only drives recorded then or later.")
     driven_before: Time | None = Field(None, description="Only drives recorded before.")
     bbox: Bounds | None = None
+    force: bool | None = Field(
+        None,
+        description="Also drives of which this version of the code has found that the log itself cannot be used (kinds "
+        f"{', '.join(HOPELESS)}). They are left out otherwise, unless `failure` names their kind.",
+    )
 
 
 class BatchRequest(Selection):
@@ -105,6 +115,11 @@ class BatchAccepted(BaseModel):
     complete: bool = Field(description="False: there are more, which a worker puts into the queue by itself.")
     method: str | None = Field(description="Null: each drive keeps its own.")
     dry_run: bool
+    skipped: dict[str, int] = Field(
+        default={},
+        description="Failed drives that were left out, by the kind of their failure (see `force`).",
+    )
+    note: str | None = Field(None, description="Why these were left out, or why no drive was chosen.")
     links: list[Link]
 
 

@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.errors import BadRequestError
+from app.core.telemetry.logs import tell
 from app.drives.batches import store
 from app.drives.batches.documents import Selection, Which
 from app.drives.method_choice import check_options
@@ -45,7 +46,9 @@ def reprocess_all(
         batch = store.open_batch(session, selection, method)
     _go_on(sessions, store.enqueue_piece, batch, for_s)
     with sessions() as session:
-        return batch, store.enqueued(session, batch)
+        count = store.enqueued(session, batch)
+    tell(logger, "batch queued", batch=batch, drives=count, which=selection.which, method=method)
+    return batch, count
 
 
 def check(selection: Selection, method: str | None) -> None:

@@ -11,7 +11,8 @@ from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems
 from app.core.query import parse_bbox, refuse_unknown
 from app.drives.batches import enqueuing
 from app.drives.batches.documents import Batch, BatchAccepted, BatchRequest, Selection, Which
-from app.drives.batches.store import batch_progress, count_selected
+from app.drives.batches.notes import note
+from app.drives.batches.store import batch_progress, count_selected, count_skipped, standing
 from app.drives.method_choice import default_method
 
 _LAST = 2**63 - 1  # that a number of the database can be
@@ -38,26 +39,37 @@ def reprocess_drives(
 ) -> BatchAccepted:
     """Queue every done or failed drive that is meant; without any filter, those that are not of `method` already.
 
-    They go behind uploads. What each published stays until its new run replaces it. Follow the batch at
-    `Location`. Asking for the same again while it is put into the queue goes on with it; drives that wait already
-    are never queued twice. `dry_run=true` counts only, and answers 200.
+    They go behind uploads. What each published stays until its new run replaces it. Drives whose log itself cannot be
+    used are left out (`force`, `skipped`, `note`). Follow the batch at `Location`. Asking for the same again while it
+    is put into the queue goes on with it; drives that wait already are never queued twice. `dry_run=true` counts only,
+    and answers 200.
     """
     refuse_unknown(request, BatchRequest.model_fields, BadRequestError)
     selection, method = _selection(asked), asked.method
     if method is None and selection.which is Which.OTHER:
         method = default_method(service.settings)
+    enqueuing.check(selection, method)
+    with service.reading() as session:
+        skipped, before = count_skipped(session, selection, method), standing(session)
+        count = count_selected(session, selection, method) if asked.dry_run else 0
+    complete, links = True, []
     if asked.dry_run:
-        enqueuing.check(selection, method)
-        with service.reading() as session:
-            count = count_selected(session, selection, method)
         response.status_code = 200
-        return BatchAccepted(queued=count, complete=True, method=method, dry_run=True, links=[])
-    number, count = enqueuing.reprocess_all(service.sessions, selection, method)
-    address = _address(base, number)
-    response.headers["Location"] = address
-    complete = _seen(service, base, number).state != "enqueuing"
-    links = [link(address, "monitor", title="Its progress")]
-    return BatchAccepted(queued=count, complete=complete, method=method, dry_run=False, links=links)
+    else:
+        number, count = enqueuing.reprocess_all(service.sessions, selection, method)
+        address = _address(base, number)
+        response.headers["Location"] = address
+        complete = _seen(service, base, number).state != "enqueuing"
+        links = [link(address, "monitor", title="Its progress")]
+    return BatchAccepted(
+        queued=count,
+        complete=complete,
+        method=method,
+        dry_run=asked.dry_run,
+        skipped=skipped,
+        note=note(selection, method, count, skipped, before),
+        links=links,
+    )
 
 
 @router.get(

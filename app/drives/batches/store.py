@@ -14,7 +14,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.drives.batches.documents import Batch, BatchState, Selection
-from app.drives.batches.selection import conditions
+from app.drives.batches.notes import Standing
+from app.drives.batches.selection import conditions, includes_hopeless
 from app.drives.queue import JOBS_BEHIND, TASK
 from app.drives.store import ANEW
 
@@ -48,6 +49,14 @@ _SELECTED = """
     FROM drives AS d
     WHERE d.status IN ('done', 'failed') AND d.queued_at <= coalesce(CAST(:asked_at AS timestamptz), now())
 """
+_SKIPPED = "SELECT d.failure_kind, count(*) {selected} GROUP BY 1 ORDER BY 2 DESC, 1"
+_STANDING = text(
+    """
+    SELECT coalesce(sum(drives) FILTER (WHERE status IN ('done', 'failed')), 0),
+           coalesce(sum(drives) FILTER (WHERE status IN ('queued', 'running')), 0)
+    FROM drive_counts
+    """
+)
 _AFTER = " AND (d.created_at, d.id) > (:after_created_at, :after_id)"
 _ENQUEUE = """
     WITH chosen AS MATERIALIZED (
@@ -55,7 +64,10 @@ _ENQUEUE = """
     ), asked AS (
         UPDATE drives AS d
         SET {anew}, method = coalesce(CAST(:method AS text), d.method),
-            options = CASE WHEN CAST(:method AS text) IS NULL THEN d.options ELSE '{{}}' END, batch_id = :batch,
+            options = CASE WHEN CAST(:method AS text) IS NULL THEN d.options
+                -- columns belong to the file, and not to the method
+                ELSE jsonb_strip_nulls(jsonb_build_object('columns', d.options -> 'columns')) END,
+            batch_id = :batch,
             before_batch = jsonb_strip_nulls(jsonb_build_object(
                 'status', d.status, 'stage', d.stage, 'progress', d.progress, 'failure_kind', d.failure_kind,
                 'failure_reason', d.failure_reason, 'failure_where', d.failure_where, 'method', d.method,
@@ -203,7 +215,7 @@ def enqueue_piece(session: Session, batch: int) -> bool:
     where, values = conditions(Selection.model_validate(held.selection), held.method)
     selected = _SELECTED + where + (_AFTER if held.after_id else "")
     statement = text(_ENQUEUE.format(selected=selected, anew=ANEW, jobs=JOBS_BEHIND))
-    whole = {**held._mapping, **values, "batch": batch, "piece": PIECE_DRIVES}
+    whole = {**held._mapping, **values, "batch": batch, "piece": PIECE_DRIVES, "traceparent": None}
     return bool(session.execute(statement, whole).scalar_one())
 
 
@@ -212,6 +224,22 @@ def count_selected(session: Session, selection: Selection, method: str | None) -
     where, values = conditions(selection, method)
     counted = text("SELECT count(*)" + _SELECTED + where)
     return int(session.execute(counted, {**values, "asked_at": None, "method": method}).scalar_one())
+
+
+def count_skipped(session: Session, selection: Selection, method: str | None) -> dict[str, int]:
+    """How many drives are left out of a batch of this selection, by the kind of their failure, the commonest first."""
+    if includes_hopeless(selection):
+        return {}
+    where, values = conditions(selection, method, skipped=True)
+    counted = text(_SKIPPED.format(selected=_SELECTED + where))
+    return {
+        row[0]: row[1] for row in session.execute(counted, {**values, "asked_at": None, "method": method})
+    }
+
+
+def standing(session: Session) -> Standing:
+    """How many drives there are to choose from."""
+    return Standing(*session.execute(_STANDING).one())
 
 
 def cancel_batch(session: Session, batch: int) -> bool:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.core.text import LENGTH_DIGITS, SLOPE_DIGITS, rounded
-from app.drives.outputs.track import GAP_S, time_text
+from app.drives.outputs.track import time_text
 from fusion.roads.table import RoadTable
-from fusion.types import Floats, Ints, Track
+from fusion.types import PAUSE_S, Floats, Ints, Track
 
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the ellipsoid: the distance driven is off by less than 0.6 % anywhere."""
@@ -115,7 +115,7 @@ def build_profile(
         grade_sigma_percent=sigma[known],
         segment_id=segment,
         forward=forward,
-        gap=(np.diff(track.time_s[known], prepend=-np.inf) > GAP_S) | track.after_gap[known],
+        gap=(np.diff(track.time_s[known], prepend=-np.inf) > PAUSE_S) | track.after_gap[known],
         has_gnss=track.has_gnss[known],
         bridge=np.array([f is not None and f.bridge for f in facts], bool),
         tunnel=np.array([f is not None and f.tunnel for f in facts], bool),

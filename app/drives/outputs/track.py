@@ -7,15 +7,9 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from pyproj import Geod
 
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, dumps, rounded, utc_text
-from fusion.types import MAX_SPEED_MPS, Ints, Track
-
-GAP_S = 10.0
-"""Longer pauses between two epochs interrupt the path: nothing is drawn over what was not recorded."""
-
-_WGS84 = Geod(ellps="WGS84")
+from fusion.types import PAUSE_S, Ints, Track
 
 _COLUMNS = ("alt_m", "h_sigma_m", "alt_sigma_m", "speed_mps", "distance_m")
 """Columns of the track that a point's properties show as they are, in m and m/s."""
@@ -24,7 +18,7 @@ _COLUMNS = ("alt_m", "h_sigma_m", "alt_sigma_m", "speed_mps", "distance_m")
 def track_chunks(track: Track, segment_id: Ints, members: dict[str, Any] | None = None) -> Iterator[str]:
     """The text of a FeatureCollection piece by piece.
 
-    First one MultiLineString, the path, interrupted at pauses above ``GAP_S``; then a Point per epoch with
+    First one MultiLineString, the path, interrupted at pauses above ``PAUSE_S``; then a Point per epoch with
     ``time``, ``alt_m`` (road surface), ``h_sigma_m``, ``alt_sigma_m``, ``speed_mps``, ``heading_deg``
     (clockwise from north), ``pitch_deg``, ``pitch_sigma_deg``, ``segment_id`` (null: matched to no road),
     ``distance_m`` (along the segment from its from_node) and ``has_gnss``. Unknown is null. Heights are
@@ -77,20 +71,6 @@ def point_feature(track: Track, segment_id: Ints, epoch: int) -> dict[str, Any]:
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def track_length_m(track: Track) -> float | None:
-    """Length of the path through the track's positions, metres; None with fewer than two positions.
-
-    Nothing is counted where the path is interrupted, nor a step that no vehicle can make.
-    """
-    known = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
-    if np.count_nonzero(known) < 2:
-        return None
-    lon, lat, pause_s = track.lon_deg[known], track.lat_deg[known], np.diff(track.time_s[known])
-    step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
-    driven = (pause_s <= GAP_S) & ~track.after_gap[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
-    return float(step_m[driven].sum())
-
-
 def time_text(time_s: float) -> str | None:
     """RFC 3339 of Unix seconds; None for NaN."""
     return utc_text(datetime.fromtimestamp(time_s, UTC)) if np.isfinite(time_s) else None
@@ -100,7 +80,7 @@ def _pieces(track: Track) -> list[list[list[float]]]:
     known = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
     lon = np.round(track.lon_deg[known], COORDINATE_DIGITS)
     lat = np.round(track.lat_deg[known], COORDINATE_DIGITS)
-    cuts = np.flatnonzero((np.diff(track.time_s[known]) > GAP_S) | track.after_gap[known][1:]) + 1
+    cuts = np.flatnonzero((np.diff(track.time_s[known]) > PAUSE_S) | track.after_gap[known][1:]) + 1
     return [piece.tolist() for piece in np.split(np.column_stack([lon, lat]), cuts)]
 
 

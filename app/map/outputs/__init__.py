@@ -6,7 +6,8 @@ Modules import what they write with where they write: to list the outputs must c
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -43,6 +44,10 @@ class Output(Protocol):
         """
         ...
 
+    def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
+        """The small files that stand beside ``path``, with their text: how it is drawn, what it has no place for."""
+        ...
+
 
 OUTPUTS: Registry[Output] = Registry("output")
 for _output in (GeoJsonOutput(), GeoParquetOutput(), GeoPackageOutput(), CsvOutput()):
@@ -67,17 +72,32 @@ def write(
 ) -> int:
     """Write segments to ``path`` in the format of its suffix; returns how many were written.
 
-    The file appears complete or not at all: it is written beside its place and moved there at the end.
+    The file appears complete or not at all: it is written beside its place and moved there at the end, and so are its
+    companions then.
     ``source`` defaults to the attribution of OpenStreetMap alone; ``height_datum`` is None where there are no heights.
     Raises ``UnknownNameError`` for an unknown
     suffix and ``OSError`` where the folder cannot be written to.
     """
-    output = output_for(path)
+    output, said = output_for(path), stated(source or attribution(), height_datum)
+    with whole(path) as partial:
+        count = output.write(segments, partial, said)
+    for place, text in output.companions(path, said).items():
+        with whole(place) as partial:
+            partial.write_text(text, encoding="utf-8")
+    return count
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Where to write what becomes ``path`` at the end of the block; if that fails, ``path`` stays as it was.
+
+    Raises ``OSError`` that names ``path``, or its folder where that is missing.
+    """
     if not path.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
-    partial = path.with_name(f".{path.stem}.partial{output.suffix}")
+    partial = path.with_name(f".{path.stem}.partial{path.suffix.lower()}")
     try:
-        count = output.write(segments, partial, stated(source or attribution(), height_datum))
+        yield partial
         partial.replace(path)
     except OSError as error:
         if error.filename == str(partial):  # a name that nobody gave
@@ -85,4 +105,3 @@ def write(
         raise
     finally:
         partial.unlink(missing_ok=True)
-    return count

@@ -1,13 +1,30 @@
-"""A plain table for spreadsheets and scripts: the properties and the geometry as WKT."""
+"""A plain table for spreadsheets and scripts: the properties and the geometry as WKT.
+
+What CSV has no place for, whose data it is, what heights refer to and of which type columns are, stands beside it, as
+W3C's "Metadata Vocabulary for Tabular Data" (CSV on the Web) wants it.
+"""
 
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from app.map.segment import PROPERTIES, Segment
+from app.map.attribution import OSM_LICENSE_URL
+from app.map.segment import COLUMNS, PROPERTIES, Segment
+
+GEOMETRY = "wkt"
+_DATATYPES = {
+    "int16": "integer",
+    "int32": "integer",
+    "int64": "integer",
+    "double": "number",
+    "string": "string",
+    "bool": "boolean",
+    "timestamp[ms, tz=UTC]": "dateTime",
+}
 
 
 class CsvOutput:
@@ -15,18 +32,39 @@ class CsvOutput:
 
     name = "csv"
     suffix = ".csv"
-    description = "CSV table, geometry as WKT in the last column, WGS 84; an empty cell is unknown"
+    description = (
+        "CSV table, geometry as WKT in the last column, WGS 84; an empty cell is unknown; "
+        "whose data it is stands beside it (CSVW)"
+    )
 
     def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
-        """Write the table. CSV has no place for what is ``stated``: a comment line would break readers."""
+        """Write the table. What is ``stated`` goes beside it: a comment line would break readers."""
         count = 0
         with path.open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file)
-            table.writerow([*PROPERTIES, "wkt"])
+            table.writerow([*PROPERTIES, GEOMETRY])
             for segment in segments:
                 table.writerow([*map(_cell, segment.properties().values()), _wkt(segment)])
                 count += 1
         return count
+
+    def companions(self, path: Path, stated: Mapping[str, str]) -> dict[Path, str]:
+        """``slopes.csv-metadata.json`` for ``slopes.csv``, where readers of CSVW look for it."""
+        said = {"dc:title": "Slopes of road segments", "dc:license": {"@id": OSM_LICENSE_URL}}
+        if "attribution" in stated:
+            said["dc:rights"] = stated["attribution"]
+        if "height_datum" in stated:
+            said["dc:description"] = f"Heights refer to: {stated['height_datum']}."
+        types = {name: _DATATYPES[column.arrow] for name, column in COLUMNS.items()} | {GEOMETRY: "string"}
+        columns = [{"name": name, "titles": name, "datatype": kind} for name, kind in types.items()]
+        table = {
+            "@context": ["http://www.w3.org/ns/csvw", {"@language": "en"}],
+            "url": path.name,
+            **said,
+            "tableSchema": {"columns": columns},
+        }
+        text = json.dumps(table, indent=2, ensure_ascii=False) + "\n"
+        return {path.with_name(f"{path.name}-metadata.json"): text}
 
 
 def _cell(value: Any) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from app.core.text import dumps
+from app.map.outputs.qgis_style import style_beside
 from app.map.segment import Segment
 
 
@@ -44,3 +45,7 @@ class GeoJsonOutput:
         with path.open("w", encoding="utf-8") as file:
             file.writelines(collection_chunks(counted(), dict(stated)))
         return count
+
+    def companions(self, path: Path, stated: Mapping[str, str]) -> dict[Path, str]:
+        """The style for QGIS."""
+        return style_beside(path)

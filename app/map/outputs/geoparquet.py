@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from app.map.outputs.qgis_style import style_beside
 from app.map.segment import Segment
 from fusion.types import Floats
 
@@ -41,6 +42,10 @@ class GeoParquetOutput:
             geo = json.dumps(_metadata(GEOMETRY, bounds))
             writer.add_key_value_metadata({"geo": geo, **stated})
         return count
+
+    def companions(self, path: Path, stated: Mapping[str, str]) -> dict[Path, str]:
+        """The style for QGIS."""
+        return style_beside(path)
 
 
 def _grown(bounds: Floats, more: Floats) -> Floats:

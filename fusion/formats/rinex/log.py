@@ -18,6 +18,14 @@ class RinexFormat:
     name = "rinex"
     description = "RINEX file"
     suffixes = (".rnx", ".crx", ".obs", ".nav", ".24o", ".24n")
+    altitude_advice = (
+        "Positions are computed from the raw signals, heights with them; what makes them better is an antenna "
+        "with a free view of the sky."
+    )
+    doppler_advice = (
+        "Let the receiver record Doppler observations (D1C, D1X) beside the pseudoranges: the vertical "
+        "velocity is computed from them."
+    )
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from fusion.gnss.earth import geodetic
+from fusion.frames import geodetic
 from fusion.gnss.error_models.likelihood import Law
 from fusion.gnss.measurements import Aids, Measurements, Solution, SolverOptions
 from fusion.gnss.solvers import one_sided_learning as learning

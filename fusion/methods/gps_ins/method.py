@@ -53,6 +53,7 @@ class GpsInsMethod:
     description: str
     options_model: type[Options]
     needs: tuple[str, ...] = ("positions with altitude or, failing altitude, a DEM", NEED)
+    cues: tuple[str, ...] = ("altitude", "doppler", "pitch", "specific force")
 
     def estimate(
         self, log: DriveLog, network: RoadNetwork, dem: Dem | None, options: GpsInsOptions, progress: Progress

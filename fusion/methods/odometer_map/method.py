@@ -60,6 +60,7 @@ class OdometerMapMethod:
         "positions with altitude or, failing altitude, a DEM",
         "to bridge outages, wheel rotations or a speed signal; without them the map alone has to do",
     )
+    cues = ("altitude", "doppler", "pitch", "specific force")
     options_model = OdometerMapOptions
 
     def estimate(

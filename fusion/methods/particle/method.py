@@ -61,6 +61,7 @@ class ParticleMethod:
         "Particle filter over GNSS, acceleration, pitch, road map and terrain; a line through its altitudes."
     )
     needs = ("positions with altitude or, failing altitude, a DEM",)
+    cues = ("altitude", "doppler", "pitch", "specific force")
     options_model = ParticleOptions
 
     def estimate(

@@ -15,10 +15,10 @@ from fusion.methods.profile.barometer import pressure_heights
 from fusion.methods.profile.path import DrivenPath, ground_speed
 from fusion.methods.profile.sampling import binned
 from fusion.terrain.dem import Dem
-from fusion.types import Bools, DriveLog, Floats, Ints
+from fusion.types import CUES, Bools, DriveLog, Floats, Ints
 
 ALTITUDE, DOPPLER, PITCH, FORCE, BARO, TERRAIN = range(6)
-SENSORS = ("altitude", "doppler", "pitch", "specific force", "barometer", "dem")
+SENSORS = (*CUES, "dem")
 """The kinds of measurements, in the order of their codes."""
 
 PERIOD_S = (1.0, 0.5, 0.5, 0.5, 1.0, 0.0)

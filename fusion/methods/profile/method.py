@@ -37,10 +37,10 @@ from fusion.methods.profile.traversals import Altimeter
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import heights_at
-from fusion.network.unknowns import knot_positions
+from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
+from fusion.types import CUES, DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
@@ -113,6 +113,7 @@ class ProfileMethod:
         "solved together."
     )
     needs = ("positions", "altitudes, Doppler velocity, pitch, acceleration or pressure: any of them")
+    cues = CUES
     options_model = ProfileOptions
 
     def estimate(
@@ -203,7 +204,9 @@ def adjusted_slopes(
     table = network.table.subset(rows)
     row_of = {int(row): k for k, row in enumerate(rows)}
     passes = [f.over(row_of[f.segment]) for f in factors]
-    terrain = heights_at(dem.heights(*knot_positions(table))) if dem is not None else None
+    terrain = (
+        heights_at(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem is not None else None
+    )
     solved = adjust(table, {0: passes}, terrain)
     first, last = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
     for one in passes:

@@ -180,11 +180,6 @@ def _warnings(log: DriveLog, measured: Measurements, report: dict[str, Any]) -> 
             f"Only {report['matched_share']:.0%} of the positions lie on known roads. Import a newer map, or check "
             "the antenna's view of the sky."
         )
-    if not np.isin(measured.sensor, (DOPPLER, BARO)).any():
-        said.append(
-            "The log has no vertical Doppler velocity, the strongest cue of slope. Record NAV-PVT (u-blox) or "
-            "vel_d_mps: sigmas become several times smaller."
-        )
     factor = report["noise"]["doppler"]
     if (measured.sensor == DOPPLER).any() and not 1 / WRONG_ACCURACY < factor < WRONG_ACCURACY:
         wrong = "better" if factor < 1 else "worse"

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from fusion.frames import geodetic
 from fusion.gnss.corrections import klobuchar_delay_m, troposphere_delay_m
-from fusion.gnss.earth import geodetic
 from fusion.gnss.measurements import Measurements
 from fusion.gnss.missing_navigation import NAMES
 from fusion.gnss.reception import NLOS

@@ -20,7 +20,7 @@ runner = CliRunner()
 
 
 def test_commands_are_those_of_the_design() -> None:
-    served = "demo up api worker migrate import-roads import-dem import-control upload drives settle sweep"
+    served = "demo up api worker migrate import-roads import-dem import-control upload drives settle elevation sweep"
     alone = "fuse track gnss-study simulate export methods"
     assert list(COMMANDS) == f"{served} {alone}".split()
 
@@ -195,7 +195,7 @@ def test_json_has_no_nan(tmp_path: Path) -> None:
 
 def test_assignments() -> None:
     given = ["particles=200", "level_pitch=false", "dem_window=tin", "x=a=b", "text="]
-    assert parse_assignments(given) == {
+    assert parse_assignments(given, "--option") == {
         "particles": 200,
         "level_pitch": False,
         "dem_window": "tin",
@@ -204,7 +204,7 @@ def test_assignments() -> None:
     }
     for wrong in ("particles", "=3"):
         with pytest.raises(typer.BadParameter):
-            parse_assignments([wrong])
+            parse_assignments([wrong], "--option")
 
 
 def test_boxes() -> None:

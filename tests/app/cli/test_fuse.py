@@ -7,13 +7,16 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import rasterio
 from PIL import Image
 from typer.testing import CliRunner, Result
 
+import fusion
 from app.cli import app
 from app.map.outputs import OUTPUTS
+from app.map.segment import PROPERTIES
 from fusion.formats import FORMATS, read_log
 from fusion.gnss import POSITIONINGS
 from fusion.methods import METHODS
@@ -83,6 +86,27 @@ def test_order_of_logs_changes_nothing_and_a_repeated_log_counts_once(bundle: Bu
     assert first == second
 
 
+def test_a_script_gets_the_same_numbers(bundle: Bundle, tmp_path: Path) -> None:
+    out = tmp_path / "out.geojson"
+    fuse = ("fuse", *bundle.drives[:2], "--roads", bundle.osm, "--dem", bundle.dem, *FAST, "-o", out)
+    assert run(*fuse).exit_code == 0
+    roads = fusion.read_roads(bundle.osm)
+    with fusion.Dem.open([bundle.dem]) as dem:
+        drives = [fusion.run_drive(fusion.read_log(p), roads, dem, method="raw") for p in bundle.drives[:2]]
+        frame = fusion.segments_frame(fusion.solve(drives, roads, dem))
+    assert [*frame.columns][:-1] == [name for name in PROPERTIES if name not in {"id", "updated_at"}]
+    written = features(out)
+    assert len(frame) == len(written) > 3
+    for _, row in frame.iterrows():
+        properties = written[row.osm_way_id, row.from_node, row.to_node]
+        for name in [*frame.columns][:-1]:
+            value, expected = row[name], properties[name]
+            if isinstance(expected, float):
+                assert value == pytest.approx(expected, abs=1e-3), name
+            else:
+                assert (None if pd.isna(value) else value) == expected, name
+
+
 def test_a_failing_log_is_reported_and_the_others_go_on(bundle: Bundle, tmp_path: Path) -> None:
     bad, out, report = tmp_path / "bad.csv", tmp_path / "out.geojson", tmp_path / "report.json"
     bad.write_text("time_s,speed_mps\n1,2\n")
@@ -147,7 +171,9 @@ def test_the_quality_layer_of_the_terrain_is_found_or_may_be_named(
 
 
 @pytest.mark.slow
-def test_pictures_and_tracks_are_numbered_when_there_are_several(bundle: Bundle, tmp_path: Path) -> None:
+def test_pictures_and_tracks_have_numbers_and_names_when_there_are_several(
+    bundle: Bundle, tmp_path: Path
+) -> None:
     extra = ("--profile", tmp_path / "p.png", "--track", tmp_path / "t.geojson", "-o", tmp_path / "o.csv")
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, *extra).exit_code == 0
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
@@ -155,8 +181,9 @@ def test_pictures_and_tracks_are_numbered_when_there_are_several(bundle: Bundle,
     assert path["geometry"]["type"] == "MultiLineString"
     assert len(points) > 10
     assert run("fuse", *bundle.drives[:2], "--roads", bundle.osm, *FAST, *extra).exit_code == 0
-    for name in ("p-1.png", "p-2.png", "t-1.geojson", "t-2.geojson"):
-        assert (tmp_path / name).exists()
+    first, second = (path.stem for path in bundle.drives[:2])
+    names = {f"p-1-{first}.png", f"p-2-{second}.png", f"t-1-{first}.geojson", f"t-2-{second}.geojson"}
+    assert {path.name for path in tmp_path.iterdir()} == names | {"p.png", "t.geojson", "o.csv"}
 
 
 def test_a_map_shows_all_roads_around_the_drives(bundle: Bundle, tmp_path: Path) -> None:

@@ -15,13 +15,13 @@ from app.core.db import Sessions
 from app.drives import intake, process, queue
 from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench
-from app.drives.publishing import hearing_report
 from app.map import store as segments
 from app.network import extracts as roads
-from app.network import passes, swap
+from app.network import swap
 from app.network.settle import settle_network
 from fusion.formats import read_log
 from fusion.pipeline import parse_options, run_drive
+from fusion.report import with_contradiction
 from fusion.roads.osm import read_roads
 from fusion.roads.table import rows_of as table_rows
 from fusion.terrain.dem import Dem
@@ -171,9 +171,10 @@ def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
 
 @pytest.mark.parametrize(("rejected", "warned"), [(0, False), (3, False), (4, True), (9, True)])
 def test_a_drive_that_contradicts_the_others_on_a_third_is_warned(rejected: int, warned: bool) -> None:
-    said = hearing_report({"warnings": ["one"]}, passes.Hearing(9, rejected))
-    assert said["rejected_segments"] == rejected
-    assert said["warnings"][0] == "one"
-    assert (len(said["warnings"]) == 2) == warned
+    said = with_contradiction(["one"], rejected, 9)
+    assert said[0] == "one"
+    assert (len(said) == 2) == warned
     if warned:
-        assert f"contradicts other drives on {rejected} of 9 segments" in said["warnings"][1]
+        assert f"contradicts other drives on {rejected} of 9 segments ({rejected / 9:.0%})" in said[1]
+    assert with_contradiction(said, rejected, 9) == said, "what an earlier look said is not said twice"
+    assert with_contradiction(said, 0, 9) == ["one"]

@@ -81,7 +81,7 @@ def test_heights_are_filled_in_piece_by_piece(
     filler = HeightFiller(sessions, bench.dem_dir)
     assert [filler.piece(), filler.piece()] == [True, False]
     assert heights(sessions) == wanted
-    monkeypatch.setattr("app.terrain.imports.SEGMENTS_PER_FILL", 50)
+    monkeypatch.setattr("app.terrain.heights.SEGMENTS_PER_FILL", 50)
     with sessions.begin() as session:
         session.execute(text("UPDATE segments SET dem_heights_m = NULL"))
     left = [len(wanted)]

@@ -6,23 +6,26 @@ from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
+import defusedxml.ElementTree
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
-from app.map.attribution import OSM_ATTRIBUTION
-from app.map.segment import Segment
-from app.map.slope_map import MapSegments, line_widths
-from app.map.slope_picture import STEEPNESS, UNKNOWN_COLOUR, draw_slope_map, slope_figure, slope_map_png
-from factor_support import street as road
+from app.map.attribution import OSM_ATTRIBUTION, attribution
+from app.map.drawn_roads import STEEPNESS, UNKNOWN_COLOUR
+from app.map.slope_map import MapError, MapSegments, line_widths
+from app.map.slope_picture import MAP_IN, slope_figure, write_map
+from fusion.errors import UnknownNameError
 from fusion.types import Floats
 
 LAT, LON = 48.0, 8.0
 UNKNOWN = float("nan")
+AROUND = (LON - 1e-3, LAT - 1e-3, LON + 3e-3, LAT + 3e-3)
 
 
 def street(slope: Floats, sigma: Floats) -> MapSegments:
@@ -38,13 +41,14 @@ def street(slope: Floats, sigma: Floats) -> MapSegments:
         slope_sigma_percent=sigma,
         bridge=np.arange(n) % 5 == 1,
         tunnel=np.arange(n) % 5 == 2,
+        name=np.array([None] * n, object),
     )
 
 
 def picture(segments: MapSegments) -> Floats:
     """Red, green, blue of every pixel, 0..1."""
     out = BytesIO()
-    draw_slope_map(out, segments, dpi=60)
+    slope_figure(segments, dpi=60).savefig(out, format="png")
     out.seek(0)
     return np.asarray(imread(out)[..., :3], float)
 
@@ -95,7 +99,7 @@ def test_unknown_is_unlike_every_colour_of_the_scale() -> None:
 
 def test_unknown_segments_are_thin_and_dashed_and_known_ones_are_not() -> None:
     slope = np.array([0.0, UNKNOWN, 2.0, UNKNOWN, UNKNOWN])
-    figure = slope_figure(street(slope, np.full(5, 9.0)))
+    figure = slope_figure(street(slope, np.full(5, 9.0)), box_deg=AROUND)
     unknown, known = drawn(figure, "unknown"), drawn(figure, "known")
     assert (len(unknown.get_segments()), len(known.get_segments())) == (3, 2)
     assert unknown.get_linestyle()[0][1] is not None
@@ -124,23 +128,161 @@ def test_arrows_point_uphill() -> None:
     assert np.asarray(arrows.V)[lower] == pytest.approx([0, 0], abs=1e-4)
 
 
+def texts(figure: Figure) -> list[str]:
+    """What is written beside the map, line by line."""
+    return [text.get_text() for text in figure.texts]
+
+
+def said(figure: Figure) -> str:
+    return " ".join(texts(figure))
+
+
 def test_the_map_says_whose_data_it_shows_and_in_which_units() -> None:
+    figure = slope_figure(street(np.array([4.0, UNKNOWN]), np.array([0.5, UNKNOWN])), box_deg=AROUND)
+    assert OSM_ATTRIBUTION in texts(figure)
+    assert "Colour: steepness, %" in texts(figure)
+    assert "slope unknown" in texts(figure)
+    (bar,) = [line for line in figure.artists if line.get_label() == "scale"]
+    assert isinstance(bar, Line2D)
+    length_in = float(np.ptp(bar.get_xdata()))  # type: ignore[arg-type]
+    metres = next(float(text.split(" m;")[0]) for text in texts(figure) if text.endswith("north is up"))
+    left, right = figure.axes[0].get_xlim()
+    across_in = figure.axes[0].get_position().width * figure.get_size_inches()[0]
+    assert length_in / across_in == pytest.approx(metres / (right - left))
+
+
+SHAPES = {
+    "narrow, north to south": (1e-4, 1e-1),
+    "narrow, east to west": (1e-1, 1e-4),
+    "a town": (4e-2, 3e-2),
+    "a few metres": (1e-5, 1e-5),
+    "a point": (0.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_whatever_the_shape_nothing_is_cut_and_nothing_overlaps(shape: str) -> None:
+    east, north = SHAPES[shape]
+    one = street(np.array([4.0, -2.0, 1.0, UNKNOWN, 3.0]), np.full(5, 0.5))
+    along = np.linspace(0, 1, 6)
+    stretched = replace(
+        one,
+        lon0_deg=LON + east * along[:-1],
+        lat0_deg=LAT + north * along[:-1],
+        lon1_deg=LON + east * along[1:],
+        lat1_deg=LAT + north * along[1:],
+    )
+    credit = attribution([f"a_raster_with_quite_a_long_name_{k}.tif" for k in range(9)])
+    figure = slope_figure(
+        stretched, title="Slopes from " + 12 * "a_long_name_", credit=credit, notes=["Note."]
+    )
+    figure.canvas.draw()
+    width, height = figure.get_size_inches()
+    assert 5 < width < 13
+    assert 4 < height < 13
+    assert width * height > 30
+    paper = figure.bbox
+    (map_box, bar_box) = (axes.get_window_extent() for axes in figure.axes)
+    assert paper.x0 < map_box.x0 < map_box.x1 < bar_box.x0 < bar_box.x1 < paper.x1
+    boxes = [text.get_window_extent() for text in figure.texts]
+    for box in boxes:
+        assert paper.x0 <= box.x0 < box.x1 <= paper.x1, "cut at a side"
+        assert paper.y0 <= box.y0 < box.y1 <= paper.y1, "cut above or below"
+        assert not box.overlaps(map_box)
+    assert not [
+        (a, b) for a in boxes for b in boxes if a is not b and a.shrunk(0.9, 0.6).overlaps(b.shrunk(0.9, 0.6))
+    ]
+    words = "".join(text.split("\n")[0] for text in texts(figure)).replace(" ", "")
+    assert credit.replace(" ", "") in words, "the attribution is whole"
+    sides = np.array([np.ptp(figure.axes[0].get_xlim()), np.ptp(figure.axes[0].get_ylim())])
+    assert sides.min() / sides.max() > 0.35
+    paper_sides = np.array([map_box.width, map_box.height]) / figure.dpi
+    assert paper_sides / paper_sides.max() == pytest.approx(sides / sides.max()), "metres are alike both ways"
+    assert paper_sides.max() == pytest.approx(MAP_IN)
+
+
+def test_roads_end_at_the_frame_and_those_outside_are_not_in_the_file() -> None:
+    measured = street(np.array([4.0, UNKNOWN, UNKNOWN]), np.array([0.5, UNKNOWN, UNKNOWN]))
+    far = replace(
+        measured,
+        lat0_deg=np.full(3, LAT),
+        lat1_deg=np.full(3, LAT),
+        lon0_deg=np.array([LON, LON - 1, LON + 0.5]),
+        lon1_deg=np.array([LON + 1e-3, LON + 1, LON + 0.6]),
+    )
+    figure = slope_figure(far)
+    left, right = figure.axes[0].get_xlim()
+    assert 70 < right - left < 200, "some land around the measured road"
+    unknown = drawn(figure, "unknown")
+    assert len(unknown.get_segments()) == 1
+    assert np.ptp(np.asarray(unknown.get_segments()[0])[:, 0]) > 1000
+    assert unknown.get_clip_on()
+    clip = unknown.get_clip_box()
+    assert clip is not None
+    assert clip.bounds == pytest.approx(figure.axes[0].bbox.bounds)
+
+
+def test_a_box_is_what_is_shown() -> None:
+    figure = slope_figure(street(np.array([4.0]), np.array([0.5])), box_deg=(7.99, 47.99, 8.01, 48.01))
+    assert np.ptp(figure.axes[0].get_xlim()) == pytest.approx(1492, rel=0.01)
+    assert np.ptp(figure.axes[0].get_ylim()) == pytest.approx(2224, rel=0.01)
+
+
+def test_only_what_is_drawn_is_explained() -> None:
+    slope, sigma = np.array([4.0, 3.0, 2.0]), np.full(3, 0.5)
+    plain = replace(street(slope, sigma), bridge=np.zeros(3, bool), tunnel=np.zeros(3, bool))
+    signs = {"bridge", "tunnel", "slope unknown", "uphill, steeper than 1 %"}
+    assert signs & set(texts(slope_figure(plain))) == {"uphill, steeper than 1 %"}
+    everything = slope_figure(street(np.array([4.0, 3.0, 2.0, UNKNOWN]), np.full(4, 0.5)))
+    assert signs <= set(texts(everything))
+    flat = replace(plain, slope_percent=np.zeros(3), bridge=np.array([True, False, False]))
+    assert signs & set(texts(slope_figure(flat))) == {"bridge"}
+    elsewhere = replace(plain, bridge=np.ones(3, bool), slope_percent=np.array([1.5, np.nan, np.nan]))
+    assert "bridge" in texts(slope_figure(elsewhere))
+    unknown_bridge = replace(
+        plain, bridge=np.array([False, True, False]), slope_percent=np.array([4, np.nan, 1])
+    )
+    assert "bridge" not in texts(slope_figure(unknown_bridge)), "it is drawn dashed and grey, without a case"
+
+
+def test_what_is_uncertain_is_explained() -> None:
     figure = slope_figure(street(np.array([4.0]), np.array([0.5])))
-    axes, bar = figure.axes
-    assert axes.xaxis.label.get_text() == OSM_ATTRIBUTION
-    assert "%" in bar.yaxis.label.get_text()
-    (legend,) = figure.legends
-    assert "slope unknown" in [text.get_text() for text in legend.get_texts()]
-    assert any(text.get_text().endswith(" m") for text in axes.texts)
+    assert "Width: how certain the slope is" in texts(figure)
+    assert "Thin lines are guesses." in said(figure)
+    by_label = {"± 0.3 % or better": 0.3, "± 1 %": 1.0, "± 3 % or worse": 3.0}
+    assert set(by_label) <= set(texts(figure))
+    samples = [a for a in figure.artists if isinstance(a, Line2D) and a.get_color() == "#777777"]
+    assert [a.get_linewidth() for a in samples] == pytest.approx(
+        line_widths(np.array(list(by_label.values())))
+    )
 
 
-@pytest.mark.parametrize(("east", "north"), [(1e-1, 1e-4), (1e-4, 1e-1), (0.0, 0.0)])
-def test_maps_of_any_shape_have_a_sensible_size(east: float, north: float) -> None:
-    one = street(np.array([4.0]), np.array([0.5]))
-    stretched = replace(one, lon1_deg=one.lon0_deg + east, lat1_deg=one.lat0_deg + north)
-    width, height = slope_figure(stretched).get_size_inches()
-    assert 4 < width < 12
-    assert 4 < height < 12
+def test_the_range_of_colours_can_be_fixed_and_is_said() -> None:
+    steep = street(np.array([4.0, 16.0]), np.full(2, 0.5))
+    fixed, chosen = slope_figure(steep, scale_percent=8), slope_figure(steep)
+    assert "Darkest from 8 % on, as asked." in said(fixed)
+    assert "Darkest from 16 % on, chosen by the slopes shown." in said(chosen)
+    for figure, top in ((fixed, 8.0), (chosen, 16.0)):
+        colours = np.asarray(drawn(figure, "known").get_color())
+        assert colours == pytest.approx(STEEPNESS(np.array([4.0, 16.0]) / top))
+        assert figure.axes[1].get_xlim()[1] == pytest.approx(top)
+
+
+def test_names_of_measured_streets_are_written_and_nothing_the_font_lacks() -> None:
+    n = 4
+    streets = street(np.array([4.0, 1.0, UNKNOWN, 2.0]), np.full(n, 0.5))
+    spaced = LAT + 4e-4 * np.arange(n)
+    named = replace(
+        streets,
+        lat0_deg=spaced,
+        lat1_deg=spaced,
+        name=np.array(["Weg $x$", None, "Unbekannt", "日本"], object),
+    )
+    figure = slope_figure(named)
+    (label,) = [text for text in figure.axes[0].texts if text.get_label() == "street"]
+    assert label.get_text() == "Weg $x$"
+    assert not label.get_parse_math()
+    assert label.get_rotation() == pytest.approx(0, abs=0.1)
 
 
 def test_every_kind_of_segment_can_be_drawn_together() -> None:
@@ -151,34 +293,47 @@ def test_every_kind_of_segment_can_be_drawn_together() -> None:
 
 
 def test_nothing_to_draw_is_an_error() -> None:
-    with pytest.raises(ValueError, match="no segment"):
+    with pytest.raises(MapError, match="no segment"):
         picture(street(np.empty(0), np.empty(0)))
 
 
-def test_single_segment() -> None:
-    assert picture(street(np.array([4.0]), np.array([0.5]))).size
+def test_continents_are_no_map() -> None:
+    wide = replace(street(np.array([4.0]), np.array([0.5])), lon1_deg=np.array([40.0]))
+    with pytest.raises(MapError, match=r"2\d+ km.*--bbox"):
+        slope_figure(wide)
 
 
-def test_any_name_may_stand_in_the_credit(tmp_path: Path) -> None:
-    path, roads = tmp_path / "map.png", road(50.0, 60.0, 70.0)
-    steep = Segment(
-        id=None,
-        osm_way_id=int(roads.osm_way_id[1]),
-        from_node=int(roads.from_node[1]),
-        to_node=int(roads.to_node[1]),
-        length_m=60.0,
-        highway="residential",
-        name=None,
-        oneway=0,
-        bridge=False,
-        tunnel=False,
-        slope_percent=4.0,
-        slope_sigma_percent=0.3,
-        drives=1,
-        observations=1,
-        dem_slope_percent=None,
-        updated_at=None,
-        coordinates=(),
-    )
-    slope_map_png(path, roads, [steep], title="x", credit=r"a $\nonsense$ b")
-    assert path.read_bytes().startswith(b"\x89PNG")
+@pytest.mark.parametrize("unknown", [False, True])
+def test_single_segment(unknown: bool) -> None:
+    assert picture(street(np.array([UNKNOWN if unknown else 4.0]), np.array([0.5]))).size
+
+
+HEADS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+
+
+@pytest.mark.parametrize("suffix", HEADS)
+def test_a_file_is_what_its_suffix_says_and_any_name_may_stand_in_it(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"map{suffix.upper()}"
+    credit = r"a $\nonsense$ <b> & \x07 日本.tif"
+    segments = street(np.array([4.0, 1.0]), np.array([0.3, 0.3]))
+    write_map(path, segments, title="x & <y>", credit=credit)
+    data = path.read_bytes()
+    assert data.startswith(HEADS[suffix])
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    if suffix == ".svg":
+        root = defusedxml.ElementTree.fromstring(data)
+        kinds = [element.tag.split("}")[1] for element in root.iter()]
+        assert kinds.count("path") > 20
+        assert "image" not in [k for k in kinds if k == "image"] or kinds.count("image") <= 1, (
+            "lines, not pixels"
+        )
+        assert "x & <y>" in "".join(root.itertext())
+    if suffix == ".pdf":
+        assert b"/Subtype /Type0" in data or b"/Type /Font" in data, "letters, not pixels"
+        assert b"/Image /Width" not in data
+
+
+def test_an_unknown_suffix_lists_those_there_are(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match=r"'\.jpg'.*\.png, \.pdf, \.svg"):
+        write_map(tmp_path / "map.jpg", street(np.array([4.0]), np.array([0.3])), title="x", credit="y")
+    assert not list(tmp_path.iterdir())

@@ -16,6 +16,7 @@ from app.core.db import Sessions
 from app.map import store as map_store
 from app.network import cells
 from app.roads import imports as roads
+from app.terrain import files, heights
 from app.terrain import imports as dem
 from app.terrain import store as dem_store
 from app.terrain.store import DemSet, current_dem
@@ -37,9 +38,7 @@ def write_raster(path: Path, west: float, north: float, rise_m: float, size: int
 
 
 def add(sessions: Sessions, paths: list[Path], folder: Path) -> DemSet:
-    sources = dem.store_files(paths, folder)
-    with sessions.begin() as session:
-        return dem.add_dem(session, sources, folder)
+    return dem.import_dem(sessions, paths, folder)
 
 
 def stored_slopes(sessions: Sessions) -> list[float | None]:
@@ -115,7 +114,7 @@ def test_a_raster_made_of_several_files_becomes_one(
     tile.unlink()
     mosaic.unlink()
     with sessions() as session:
-        again, _ = dem.terrain_under(dem_store.current_dem(session, tmp_path / "dem"), chain_in_db)
+        again, _ = heights.terrain_under(dem_store.current_dem(session, tmp_path / "dem"), chain_in_db)
     assert found.names == ("mosaic.tif",)
     assert np.isfinite(again).all()
     assert stored_slopes(sessions) == pytest.approx(again.tolist())
@@ -126,24 +125,24 @@ def test_a_file_that_is_no_raster_is_refused_and_not_kept(tmp_path: Path, conten
     path = tmp_path / "bad.tif"
     path.write_bytes(content)
     with pytest.raises(TerrainError, match=r"bad\.tif"):
-        dem.store_files([path], tmp_path / "dem")
+        files.store_files([path], tmp_path / "dem")
     assert [file for file in (tmp_path / "dem").rglob("*") if file.is_file()] == []
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TerrainError, match=r"none\.tif"):
-        dem.store_files([tmp_path / "none.tif"], tmp_path / "dem")
+        files.store_files([tmp_path / "none.tif"], tmp_path / "dem")
 
 
 def test_a_moved_folder_still_serves(sessions: Sessions, chain_in_db: RoadTable, tmp_path: Path) -> None:
     add(sessions, [write_raster(tmp_path / "a.tif", 8.4995, 49.01, 1.0)], tmp_path / "dem")
     (tmp_path / "dem").rename(tmp_path / "elsewhere")
     with sessions() as session:
-        slope, heights = dem.terrain_under(
+        slope, height_m = heights.terrain_under(
             dem_store.current_dem(session, tmp_path / "elsewhere"), chain_in_db
         )
     assert np.isfinite(slope).all()
-    assert np.isfinite(heights).all()
+    assert np.isfinite(height_m).all()
 
 
 def hgt(height_m: int) -> bytes:
@@ -174,6 +173,6 @@ def test_a_damaged_or_void_tile_is_refused_and_not_kept(tmp_path: Path) -> None:
         ("N49E010.hgt.gz", "cannot be read as a raster"),
     ):
         with pytest.raises(TerrainError, match=says) as caught:
-            dem.store_files([tmp_path / name], tmp_path / "dem")
+            files.store_files([tmp_path / name], tmp_path / "dem")
         assert ".. " not in str(caught.value)
     assert [file for file in (tmp_path / "dem").rglob("*") if file.is_file()] == []

@@ -11,6 +11,7 @@ import rasterio
 from affine import Affine
 
 from app.core.db import Sessions
+from app.terrain import files
 from app.terrain import imports as dem
 from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
@@ -37,9 +38,7 @@ def pair_in(folder: Path, scenes: int, size: int = 24) -> Path:
 
 
 def add(sessions: Sessions, paths: list[Path], folder: Path) -> DemSet:
-    sources = dem.store_files(paths, folder)
-    with sessions.begin() as session:
-        return dem.add_dem(session, sources, folder)
+    return dem.import_dem(sessions, paths, folder)
 
 
 def most_scenes(found: DemSet) -> int:
@@ -99,5 +98,5 @@ def test_a_layer_that_does_not_fit_or_stands_alone_is_refused_and_nothing_is_kep
         (tmp_path / "in" / f"{NAME}_num.tif", f"{NAME}_num.tif is a quality layer"),
     ):
         with pytest.raises(TerrainError, match=says):
-            dem.store_files([given], tmp_path / "dem")
+            files.store_files([given], tmp_path / "dem")
     assert [file for file in (tmp_path / "dem").rglob("*") if file.is_file()] == []

@@ -17,6 +17,7 @@ from app.core import mirror
 from app.core.db import Sessions
 from app.core.settings import RemoteFolder, Settings
 from app.roads import imports as roads
+from app.terrain import heights
 from app.terrain import imports as dem
 from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
@@ -101,9 +102,9 @@ def test_a_raster_that_one_machine_imported_is_read_on_another(
     assert found.paths[0].read_bytes() == raster.read_bytes()
     assert found.paths[0].is_relative_to(machine("second").copies)
     with sessions() as session:
-        slope, heights = dem.terrain_under(current_dem(session, machine("third")), chain())
+        slope, height_m = heights.terrain_under(current_dem(session, machine("third")), chain())
     assert np.isfinite(slope).all()
-    assert np.isfinite(heights).all()
+    assert np.isfinite(height_m).all()
 
 
 def test_a_copy_is_fetched_once_by_all_who_ask_at_the_same_moment(

@@ -273,7 +273,56 @@ def pseudoranges_csv(signals: Signals) -> bytes:
     return ("\n".join(out) + "\n").encode()
 
 
+def sensor_logger(epochs: int = 20) -> bytes:
+    """A Location.csv of Sensor Logger."""
+    out = [
+        "time,seconds_elapsed,bearingAccuracy,speedAccuracy,verticalAccuracy,horizontalAccuracy,speed,bearing,"
+        "altitude,longitude,latitude"
+    ]
+    for k in range(epochs):
+        ns = round((START.timestamp() + k) * 1e9)
+        out.append(f"{ns},{k}.0,5,0.3,3.2,4.1,7.1,348,{158 + k / 10},1.88,{50.95 + 6e-5 * k:.7f}")
+    return ("\n".join(out) + "\n").encode()
+
+
+def rtklib_pos(epochs: int = 20) -> bytes:
+    """A solution of RTKLIB with velocities."""
+    out = [
+        "% program   : RTKPOST ver.2.4.3 b34",
+        "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)",
+        "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)"
+        "  sdeu(m)  sdun(m) age(s)  ratio    vn(m/s)    ve(m/s)    vu(m/s)      sdvn     sdve     sdvu",
+    ]
+    for k in range(epochs):
+        when = START + timedelta(seconds=k + LEAP_S)
+        out.append(
+            f"{when:%Y/%m/%d %H:%M:%S}.000   {50.95 + 6e-5 * k:.9f}    1.880000000   {158 + k / 10:.4f}   1   9   "
+            "0.0040   0.0030   0.0100   0.0010  -0.0010   0.0020   1.00    9.9    6.90000   -1.50000    0.10000   "
+            "0.03000   0.03000   0.06000"
+        )
+    return ("\n".join(out) + "\n").encode()
+
+
+def torque(rows: int = 20) -> bytes:
+    """What Torque Pro logs."""
+    out = [
+        "GPS Time, Device Time, Longitude, Latitude,GPS Speed (Meters/second), Horizontal Dilution of Precision, "
+        "Altitude, Bearing, G(x), G(y), G(z), G(calibrated),Speed (OBD)(km/h),Barometric pressure (from vehicle)(psi)"
+    ]
+    for k in range(rows):
+        when = START + timedelta(seconds=k)
+        out.append(
+            f"{when + timedelta(hours=2):%a %b %d %H:%M:%S} GMT+02:00 {when:%Y},"
+            f"{when + timedelta(hours=2):%d-%b-%Y %H:%M:%S}.250,1.88,{50.95 + 6e-5 * k:.7f},7.1,4.0,{112 + k / 10},348,"
+            f"0.01,0.99,0.1,0.0,{25.6 if k else '-'},14.5"
+        )
+    return ("\n".join(out) + "\n").encode()
+
+
 SAMPLES = {
+    "sensor-logger": sensor_logger(),
+    "rtklib-pos": rtklib_pos(),
+    "torque": torque(),
     "rinex": rinex_file.observations(some_signals(1, 6)).encode(),
     "fit": drive_fit(),
     "gnsslogger": drive_gnsslogger(),
@@ -299,5 +348,6 @@ def make() -> Iterator[SimpleNamespace]:
     yield SimpleNamespace(
         pvt=pvt, att=att, eoe=eoe, esf_meas=esf_meas, esf_raw=esf_raw, nmea=nmea, burst=burst, gpx=gpx,
         drive_ubx=drive_ubx, drive_nmea=drive_nmea, itow_ms=itow_ms, start=START, start_s=START.timestamp(),
-        csv=csv, thesis_dump=THESIS_DUMP, raw_line=raw_line, gnsslogger=gnsslogger,
+        csv=csv, thesis_dump=THESIS_DUMP, sensor_logger=sensor_logger,
+        rtklib_pos=rtklib_pos, torque=torque, raw_line=raw_line, gnsslogger=gnsslogger,
     )  # fmt: skip

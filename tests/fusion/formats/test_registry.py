@@ -24,6 +24,12 @@ def test_every_format_has_a_sample_and_a_matching_name(samples: dict[str, bytes]
 
 
 @pytest.mark.parametrize("name", list(FORMATS))
+def test_every_format_advises_in_one_sentence(name: str) -> None:
+    for advice in (FORMATS[name].altitude_advice, FORMATS[name].doppler_advice):
+        assert advice[:1].isupper() and advice.endswith(".") and ". " not in advice, advice
+
+
+@pytest.mark.parametrize("name", list(FORMATS))
 def test_recognises_its_own_sample_and_no_other(samples: dict[str, bytes], name: str) -> None:
     assert [n for n, sample in samples.items() if FORMATS[name].recognises(sample)] == [name]
 

@@ -9,7 +9,7 @@ import pytest
 
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats import csv_cells, read_log
-from fusion.formats.csv_cells import COLUMNS, NUMBERS
+from fusion.formats.csv_header import COLUMNS, NUMBERS
 
 ALL = (
     "time_s,lat_deg,lon_deg,alt_msl_m,height_ell_m,h_acc_m,v_acc_m,vel_n_mps,vel_e_mps,vel_d_mps,s_acc_mps,speed_mps,"
@@ -105,8 +105,9 @@ def test_unknown_columns_are_a_warning_missing_ones_an_error_with_the_list() -> 
     assert any("smell_" in w for w in log.warnings)
     assert not log.skipped
     with pytest.raises(MalformedLogError) as caught:
-        read_log(b"timestamp,lat_deg,longitude\n1,2,3\n")
-    assert all(word in str(caught.value) for word in ("time_s", "lon_deg", "timestamp", "longitude"))
+        read_log(b"moment,lat_deg,lon_degs\n1,2,3\n")
+    assert all(word in str(caught.value) for word in ("time_s", "lon_deg", "moment", "lon_degs"))
+    assert "Perhaps: --columns lon_deg=lon_degs." in str(caught.value)
     assert "columns: time_s (Unix seconds) or time (RFC 3339), lon_deg." in str(caught.value)
 
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.gnss.earth import ecef, elevation_azimuth, geodetic, local_axes
+from fusion.frames import geodetic
+from fusion.gnss.earth import ecef, elevation_azimuth, local_axes
 
 LON, LAT, HEIGHT = st.floats(-179.9, 179.9), st.floats(-89, 89), st.floats(-100, 9000)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import UTC, datetime
 from typing import Any
 
@@ -97,3 +98,46 @@ def test_a_method_that_there_is_not_is_refused_before_anything_is_asked_for(sess
     with pytest.raises(ValueError, match="which method"):
         enqueuing.reprocess_all(sessions, Selection(), None)
     assert rows(sessions, "SELECT * FROM batches") == []
+
+
+def raster(uri: str, west: float, priority: int = 0, *, known: bool = True) -> dict[str, Any]:
+    """A raster over 0.015 degrees of longitude around drives' latitude, as versions list it."""
+    bounds = [west, 48.9, west + 0.015, 49.1] if known else None
+    return {"name": uri, "uri": uri, "sha256": "", "priority": priority, "bounds_deg": bounds}
+
+
+def activate(sessions: Sessions, *rasters: dict[str, Any]) -> None:
+    """Make these the active rasters."""
+    execute(sessions, "UPDATE dem_versions SET active = false")
+    query = "INSERT INTO dem_versions (sources, datum, active) VALUES (CAST(:sources AS jsonb), '', true)"
+    execute(sessions, query, sources=json.dumps(rasters))
+
+
+def test_stale_are_drives_whose_elevation_is_another_where_they_drove(sessions: Sessions) -> None:
+    """Drive k lies at 8 + k/100 degrees; a raster that came, went or changed elsewhere is of no concern."""
+    make_drives(sessions, 8, options=parse_options("raw", {}).model_dump_json())
+    execute(sessions, "UPDATE provenances SET code_version = :now", now=code_version())
+    first, second = raster("first", 7.999), raster("second", 8.039)
+    assert chosen(sessions, which=Which.STALE) == []
+    activate(sessions, first)
+    under = [0, 1]
+    assert chosen(sessions, which=Which.STALE) == under
+    computed = "UPDATE provenances SET dem_version_id = (SELECT id FROM dem_versions WHERE active)"
+    execute(sessions, computed)
+    assert chosen(sessions, which=Which.STALE) == []
+    activate(sessions, second, first)
+    assert chosen(sessions, which=Which.STALE) == [4, 5]
+    activate(sessions, raster("first", 7.999, priority=1))
+    assert chosen(sessions, which=Which.STALE) == under
+    activate(sessions)
+    assert chosen(sessions, which=Which.STALE) == under
+    activate(
+        sessions, {name: value for name, value in first.items() if name not in {"priority", "bounds_deg"}}
+    )
+    assert chosen(sessions, which=Which.STALE) == []
+    activate(sessions, first, raster("somewhere", 0, known=False))
+    assert chosen(sessions, which=Which.STALE) == list(range(8))
+    activate(sessions, first, raster("far", 100.0))
+    assert chosen(sessions, which=Which.STALE) == []
+    execute(sessions, "UPDATE drives SET bounds = NULL WHERE filename = 'log 6'")
+    assert chosen(sessions, which=Which.STALE) == [6]

@@ -97,7 +97,8 @@ def read(path: Path) -> list[dict[str, Any]]:
     if path.suffix == ".geojson":
         found = json.loads(path.read_text(encoding="utf-8"))["features"]
         return [f["properties"] | {"line": [tuple(p) for p in f["geometry"]["coordinates"]]} for f in found]
-    frame = geopandas.read_parquet(path) if path.suffix == ".parquet" else geopandas.read_file(path)
+    parquet = path.suffix == ".parquet"
+    frame = geopandas.read_parquet(path) if parquet else geopandas.read_file(path, layer="segments")
     return [
         {name: None if pd.isna(row[name]) else row[name] for name in PROPERTIES}
         | {"line": list(row.geometry.coords)}
@@ -164,8 +165,12 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path, name: str) -> No
     with pytest.raises(RuntimeError, match="went away"):
         write(broken(), path)
     assert len(read(path)) == len(SOME)
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    beside = OUTPUTS[name].companions(path, {})
+    assert {*tmp_path.iterdir()} == {path, *beside}
+    for place in beside:
+        place.unlink()
     write(SOME[:1], path)
+    assert {*tmp_path.iterdir()} == {path, *beside}
     assert len(read(path)) == 1
 
 
@@ -211,7 +216,10 @@ def test_files_with_a_place_for_it_say_whose_data_they_hold(tmp_path: Path) -> N
     write(SOME, tmp_path / "a.parquet", source=source)
     assert pq.read_metadata(tmp_path / "a.parquet").metadata[b"attribution"].decode() == source
     write(SOME, tmp_path / "a.gpkg", source=source)
-    assert pyogrio.read_info(tmp_path / "a.gpkg")["layer_metadata"]["DESCRIPTION"] == source
+    about = pyogrio.read_info(tmp_path / "a.gpkg", layer="segments")
+    assert about["layer_metadata"]["DESCRIPTION"] == source
+    write(SOME, tmp_path / "a.csv", source=source)
+    assert json.loads((tmp_path / "a.csv-metadata.json").read_text())["dc:rights"] == source
 
 
 def test_files_with_a_place_for_it_say_what_heights_refer_to(tmp_path: Path) -> None:
@@ -219,16 +227,18 @@ def test_files_with_a_place_for_it_say_what_heights_refer_to(tmp_path: Path) -> 
         for _, output in OUTPUTS.items():
             write(SOME, tmp_path / f"a{output.suffix}", **stated)
         parquet = pq.read_metadata(tmp_path / "a.parquet").metadata.get(b"height_datum")
-        layer = pyogrio.read_info(tmp_path / "a.gpkg")["layer_metadata"]
+        layer = pyogrio.read_info(tmp_path / "a.gpkg", layer="segments")["layer_metadata"]
+        beside = json.loads((tmp_path / "a.csv-metadata.json").read_text()).get("dc:description")
         return [
             json.loads((tmp_path / "a.geojson").read_text()).get("height_datum"),
             parquet and parquet.decode(),
             layer.get("height_datum"),
+            beside and beside.removeprefix("Heights refer to: ").removesuffix("."),
         ]
 
-    assert said() == [HEIGHT_DATUM] * 3
-    assert said(height_datum="the WGS 84 ellipsoid") == ["the WGS 84 ellipsoid"] * 3
-    assert said(height_datum=None) == [None] * 3
+    assert said() == [HEIGHT_DATUM] * 4
+    assert said(height_datum="the WGS 84 ellipsoid") == ["the WGS 84 ellipsoid"] * 4
+    assert said(height_datum=None) == [None] * 4
 
 
 def test_attribution_of_many_rasters_stays_short_and_harmless() -> None:

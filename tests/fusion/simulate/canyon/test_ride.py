@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fusion.gnss.earth import geodetic
+from fusion.frames import geodetic
 from fusion.simulate.canyon.ride import (
     ROUEN_EPOCHS,
     ROUEN_LENGTH_M,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Notes
-from fusion.formats.log_lines import ABSENT, Table
+from fusion.formats.phones.log_lines import ABSENT, Table
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,

@@ -1,17 +1,16 @@
-"""``versant drives``: drives of a running service listed, shown, deleted, processed again; a client of its API."""
-
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+"""``versant drives reprocess``: drives of a running service processed again, many at once or one by one."""
 
 from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.console import Console, write_json
+from app.cli.drives.look import SHOWN_FAILURES, failures_table, listed
 from app.cli.options import GnssOption, JsonFile, parse_assignments
 from app.cli.remote import GnssChoice, Server, service_client
 
@@ -20,91 +19,23 @@ if TYPE_CHECKING:
     from fusion.types import Progress
 
 POLL_S = 2.0
-PAGE_DRIVES = 1000
 _ADDRESS = "/v1/drives/reprocess"
 
-drives = typer.Typer(no_args_is_help=True)
-app = typer.Typer(add_completion=False)
-app.add_typer(drives, name="drives")
-
-DriveIds = Annotated[list[str], typer.Argument(metavar="ID...", help="Drives, as `list` names them.")]
 Moment = Annotated[
     str | None, typer.Option(metavar="TIME", help="Such as 2026-11-20 or 2026-11-20T09:00:00Z.")
 ]
 
 
-@drives.callback()
-def explain() -> None:
-    """List, show, delete or process again the drives of a service."""
-
-
-@drives.command("list")
-def list_drives(
-    ctx: typer.Context,
-    server: Server = None,
-    status: Annotated[
-        str | None, typer.Option(help="queued, running, done, failed or cancelled; without it all.")
-    ] = None,
-    limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 100,
-    json_file: JsonFile = None,
-) -> None:
-    """List drives, the newest upload first."""
-    console: Console = ctx.obj
-    with service_client(server) as client:
-        found = _listed(client, status, limit)
-    columns = ("id", "status", "method", "filename", "created_at")
-    rows = [[*(one[name] for name in columns), (one["failure"] or {}).get("reason")] for one in found]
-    console.table([*columns, "reason"], rows)
-    write_json(json_file, {"server": client.server, "drives": found})
-
-
-@drives.command("show")
-def show(
-    ctx: typer.Context,
-    drive: Annotated[str, typer.Argument(metavar="ID", help="A drive, as `list` names it.")],
-    server: Server = None,
-    json_file: JsonFile = None,
-) -> None:
-    """Show what is known of a drive; its report with --json."""
-    console: Console = ctx.obj
-    with service_client(server) as client:
-        document = client.drive(drive).document
-    told = {name: value for name, value in document.items() if name not in {"report", "links", "failure"}}
-    told |= document.get("failure") or {}
-    console.table(
-        ["what", "value"], [[name, None if value is None else str(value)] for name, value in told.items()]
-    )
-    for warning in (document.get("report") or {}).get("warnings", ()):
-        typer.echo(warning)
-    write_json(json_file, document)
-
-
-@drives.command("delete")
-def delete(ctx: typer.Context, ids: DriveIds, server: Server = None) -> None:
-    """Delete drives: their logs, and their influence on every segment; exit status 1 if any cannot be deleted."""
-    from app.cli.client import ClientError
-
-    console: Console = ctx.obj
-    failed = False
-    with service_client(server) as client:
-        client.get("/healthz")  # a service that is not there is said once, not per drive
-        for one in ids:
-            try:
-                client.request("DELETE", f"/v1/drives/{one}")
-            except ClientError as error:
-                failed = True
-                console.complain(str(error))
-    if failed:
-        raise typer.Exit(1)
-
-
-@drives.command("reprocess")
 def reprocess(
     ctx: typer.Context,
     every: Annotated[bool, typer.Option("--all", help="Every drive that is done or failed.")] = False,
     stale: Annotated[
         bool,
-        typer.Option("--stale", help="Drives that another version of the code, or other defaults, computed."),
+        typer.Option(
+            "--stale",
+            help="Drives that another version of the code, other defaults, or other elevation rasters where "
+            "they drove, computed.",
+        ),
     ] = False,
     failed: Annotated[bool, typer.Option("--failed", help="Drives that failed.")] = False,
     region: Annotated[str | None, typer.Option(metavar="NAME", help="For later: see --bbox.")] = None,
@@ -133,6 +64,10 @@ def reprocess(
     ] = None,
     gnss: GnssChoice = None,
     gnss_option: GnssOption = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Also drives whose log itself this version found to be unusable."),
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only count the drives.")] = False,
     wait: Annotated[bool, typer.Option("--wait", help="Wait until each drive is done or failed.")] = False,
     cancel: Annotated[
@@ -146,6 +81,9 @@ def reprocess(
 
     Without --all, --stale, --failed or --drive: those that are not of the method already, which is the service's
     default unless --method names one. What a drive published stays until its new run replaces it.
+
+    Failed drives whose log itself cannot be used are left out, as long as the version of the code is the same, unless
+    --drive, --failure or --force asks for them. With --wait, drives that failed are named with the reason.
     """
     if region is not None:
         raise typer.BadParameter(
@@ -160,7 +98,7 @@ def reprocess(
     }  # fmt: skip
     asked = [("which", name) for name, chosen in which.items() if chosen]
     narrowed = {name: value for name, value in filters.items() if value is not None}
-    _check_choice(len(asked), bool(narrowed) or dry_run, bool(drive) + (cancel is not None))
+    _check_choice(len(asked), bool(narrowed) or dry_run or force, bool(drive) + (cancel is not None))
     positioning = _positioning(gnss, gnss_option or [], named=bool(drive))
     console: Console = ctx.obj
     with service_client(server) as client, console.progress() as bars:
@@ -174,12 +112,14 @@ def reprocess(
                 f"Batch {cancel}: {batch.running} drive(s) still run, {batch.done} done, {batch.failed} failed."
             )
         else:
-            batch = _ask(client, dict(asked) | narrowed, method, dry_run)
+            forced = {"force": "true"} if force else {}
+            batch = _ask(client, dict(asked) | narrowed | forced, method, dry_run)
             if wait and batch.number:
                 batch = _follow(client, batch, bars.work("reprocessing"))
     if wait and not dry_run:
         typer.echo(f"{batch.done} done, {batch.failed} failed.")
-    write_json(json_file, {"server": client.server, **vars(batch)})
+        _tell_failures(console, batch)
+    write_json(json_file, {"server": client.server, **asdict(batch)})
     if wait and batch.failed:
         raise typer.Exit(1)
 
@@ -193,34 +133,26 @@ class Batch:
     running: int = 0
     done: int = 0
     failed: int = 0
+    failures: list[dict[str, Any]] = field(default_factory=list)
+    """The drives that failed, as the service describes them."""
 
     @classmethod
     def read(cls, document: dict[str, Any], number: str) -> Batch:
         """Build from the batch's JSON document."""
-        return cls(number, *(int(document[name]) for name in ("drives", "running", "done", "failed")))
+        counts: dict[str, Any] = {
+            name: int(document[name]) for name in ("drives", "running", "done", "failed")
+        }
+        return cls(number, **counts)
 
 
 def _check_choice(kinds: int, narrowed: bool, named: int) -> None:
     """``typer.BadParameter`` for what contradicts itself: drives and batches that are named need no filter."""
     if kinds + named > 1 or (named and narrowed):
         raise typer.BadParameter(
-            "Choose one of --all, --stale, --failed, --drive and --cancel; --dry-run and filters go with the first "
-            "three, or with none."
+            "Choose one of --all, --stale, --failed, --drive and --cancel; --dry-run, --force and filters go with the "
+            "first three, or with none.",
+            param_hint="'--all', '--stale', '--failed', '--drive', '--cancel'",
         )
-
-
-def _listed(client: Client, status: str | None, limit: int) -> list[dict[str, Any]]:
-    """The newest drives, page after page."""
-    asked = {"limit": min(limit, PAGE_DRIVES)} | ({} if status is None else {"status": status})
-    page = client.request("GET", "/v1/drives", params=asked).json()
-    found: list[dict[str, Any]] = page["drives"]
-    while len(found) < limit:
-        following = [link["href"] for link in page["links"] if link["rel"] == "next"]
-        if not following:
-            break
-        page = client.get(following[0]).json()
-        found += page["drives"]
-    return found[:limit]
 
 
 def _ask(client: Client, asked: dict[str, str], method: str | None, dry_run: bool) -> Batch:
@@ -230,11 +162,28 @@ def _ask(client: Client, asked: dict[str, str], method: str | None, dry_run: boo
     document = answer.json()
     if dry_run:
         typer.echo(f"{document['queued']} drive(s) would be processed again.")
+        _note(document)
         return Batch(None, int(document["queued"]))
     number = answer.headers["Location"].rpartition("=")[2]
     rest = "" if document["complete"] else " so far; a worker puts the rest into the queue"
     typer.echo(f"{document['queued']} drive(s) are processed again{rest}. Batch {number}.")
+    _note(document)
     return Batch(number, int(document["queued"]))
+
+
+def _note(document: dict[str, Any]) -> None:
+    """Why drives were left out, or none was chosen."""
+    if document.get("note"):
+        typer.echo(document["note"])
+
+
+def _tell_failures(console: Console, batch: Batch) -> None:
+    """Name each that failed, once."""
+    if batch.failures:
+        failures_table(console, batch.failures)
+    if len(batch.failures) < batch.failed:
+        rest = batch.failed - len(batch.failures)
+        typer.echo(f"... and {rest} more: versant drives list --status failed --batch {batch.number}")
 
 
 def _follow(client: Client, batch: Batch, show: Progress) -> Batch:
@@ -244,13 +193,15 @@ def _follow(client: Client, batch: Batch, show: Progress) -> Batch:
         batch = Batch.read(document, str(batch.number))
         show(f"{batch.done + batch.failed} of {batch.drives}", document["progress"])
         if document["state"] in {"done", "cancelled"} and not batch.running:
-            return batch
+            of_it = {"status": "failed", "batch": batch.number}
+            failures = listed(client, of_it, SHOWN_FAILURES) if batch.failed else []
+            return replace(batch, failures=failures)
         time.sleep(POLL_S)
 
 
 def _positioning(gnss: str | None, gnss_option: list[str], *, named: bool) -> dict[str, Any]:
     """The query for another positioning; ``typer.BadParameter`` unless drives are named, since a batch knows none."""
-    options = parse_assignments(gnss_option)
+    options = parse_assignments(gnss_option, "--gnss-option")
     if not named and (gnss or options):
         raise typer.BadParameter("--gnss and --gnss-option go with --drive.", param_hint="'--gnss'")
     asked: dict[str, Any] = {"gnss": gnss} if gnss else {}
@@ -264,5 +215,6 @@ def _each(client: Client, ids: list[str], asked: dict[str, Any], wait: bool) -> 
     for one in ids:
         client.request("POST", f"/v1/drives/{one}/reprocess", params=asked)
     typer.echo(f"{len(ids)} drive(s) are processed again.")
-    ended = [client.wait(one).status for one in ids] if wait else []
-    return Batch(None, len(ids), done=ended.count("done"), failed=len(ended) - ended.count("done"))
+    ended = [client.wait(one) for one in ids] if wait else []
+    failures = [one.document for one in ended if one.status != "done"]
+    return Batch(None, len(ids), done=len(ended) - len(failures), failed=len(failures), failures=failures)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.drives.outputs.track import track_length_m
+from fusion.report import track_length_m
 from fusion.types import Track
 
 STEP_M = 10.0

@@ -21,6 +21,7 @@ WHOLE = frozenset({
 """Columns of whole numbers, which have more digits than a float holds."""
 ABSENT = np.iinfo(np.int64).min
 """What stands in a column of whole numbers where there is none."""
+_LONGEST_KIND = 40
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,10 @@ class LogLines:
     def __init__(self, text: bytes) -> None:
         self._text = text
         self._lines = text.split(b"\n")
-        self.has_kinds = re.search(rb"(?m)^[A-Z]\w*,", text) is not None
+        self._numbers: dict[bytes, list[int]] = {}
+        for number, row in enumerate(self._lines):
+            self._numbers.setdefault(row[: row.find(b",", 0, _LONGEST_KIND)], []).append(number)
+        self.has_kinds = any(re.match(rb"[A-Z]\w*$", kind) for kind in self._numbers)
 
     def header(self, kind: str) -> list[str]:
         """The names of the columns of a kind; empty if the text does not say them."""
@@ -61,12 +65,12 @@ class LogLines:
         header = self.header(kind)
         if not header:
             return None
-        lead = f"{kind},".encode()
-        found = [(row, k) for k, row in enumerate(self._lines, 1) if row.startswith(lead)]
+        numbers = self._numbers.get(kind.encode(), [])
         if first_cell:
-            lead += f"{first_cell},".encode()
-            found = [(row, k) for row, k in found if row[: len(lead)].lower() == lead.lower()]
-        rows, line = [row.rstrip(b"\r") for row, _ in found], np.array([k for _, k in found], np.int64)
+            lead = f"{kind},{first_cell},".lower().encode()
+            numbers = [k for k in numbers if self._lines[k][: len(lead)].lower() == lead]
+        rows = [self._lines[k].rstrip(b"\r") for k in numbers]
+        line = np.array(numbers, np.int64) + 1
         cells = np.array([row.count(b",") for row in rows], np.int64)
         usual = int(np.bincount(cells).argmax()) if rows else 0
         odd = np.flatnonzero(cells != usual)

@@ -30,18 +30,21 @@ def sweep(
 ) -> None:
     """Remove stored logs that no drive refers to any more.
 
-    Workers do so every hour, for logs older than VERSANT_ORPHAN_DAYS. Where other databases have used the store as well
-    nothing is removed and the logs are listed, unless --only-database is given.
+    Workers do so every hour, for logs older than VERSANT_ORPHAN_DAYS, and for elevation rasters that have been in no
+    use for so long. Where other databases have used the store as well nothing is removed and the logs are listed,
+    unless --only-database is given.
     """
     from app.cli.console import write_json
     from app.cli.database import sessions
     from app.core.blobs import BlobStore
     from app.drives.intake import sweep_blobs
+    from app.terrain.files import sweep_rasters
 
     with sessions(data_dir) as (settings, factory):
         blobs = BlobStore(settings.blob_store_url)
         age = timedelta(days=settings.orphan_days)
         found = sweep_blobs(factory, blobs, age, confirmed=only_database)
+        rasters = [] if found.strangers else sweep_rasters(factory, settings.dem_dir, age)
     if found.strangers:
         for key in found.orphans:
             typer.echo(key)
@@ -51,4 +54,6 @@ def sweep(
         )
     else:
         typer.echo(f"{len(found.orphans)} logs without a drive removed.")
-    write_json(json_file, asdict(found) | {"removed": found.removed})
+    for uri in rasters:
+        typer.echo(f"{uri.rpartition('/')[2]}: this elevation raster is in no use any more and removed.")
+    write_json(json_file, asdict(found) | {"removed": found.removed, "rasters": rasters})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fusion.formats.base import Notes
-from fusion.formats.log_lines import ABSENT, LogLines
+from fusion.formats.phones.log_lines import ABSENT, LogLines
 
 HEAD = b"# notes\n# Raw,TimeNanos,Cn0DbHz,CodeType,State\n#\n# Fix,Provider,Latitude\n"
 WANTED = ("TimeNanos", "Cn0DbHz", "State", "Svid")

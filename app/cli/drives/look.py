@@ -1,0 +1,237 @@
+"""``versant drives list``, ``show`` and ``delete``: what a running service knows of drives, made to be read."""
+
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli.console import Console, figure, write_json
+from app.cli.options import JsonFile
+from app.cli.remote import Server, service_client
+
+if TYPE_CHECKING:
+    from app.cli.client import Client
+
+PAGE_DRIVES = 1000
+SHORT_REASON = 80
+"""Characters of a reason in a list; ``show`` gives all of it."""
+SHOWN_FAILURES = 100
+"""Drives that failed in a batch and are named at its end."""
+
+DriveIds = Annotated[list[str], typer.Argument(metavar="ID...", help="Drives, as `list` names them.")]
+
+
+def a_moment(text: str | None) -> str | None:
+    """Callback of an option that names a time; raises ``typer.BadParameter``."""
+    try:
+        if text is not None:
+            datetime.fromisoformat(text)
+        return text
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r} is no time. Write it as 2026-11-20 or 2026-11-20T09:00:00Z."
+        ) from None
+
+
+class Status(StrEnum):
+    """Where a drive stands; the service's own names, known here without loading it."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+def list_drives(
+    ctx: typer.Context,
+    server: Server = None,
+    status: Annotated[Status | None, typer.Option(help="Only drives of this status.")] = None,
+    failure: Annotated[
+        str | None,
+        typer.Option(metavar="KIND", help="Only drives that failed so, such as no-match or malformed-log."),
+    ] = None,
+    since: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            callback=a_moment,
+            help="Only drives uploaded since, such as 2026-11-20.",
+        ),
+    ] = None,
+    batch: Annotated[
+        int | None, typer.Option(min=1, help="Only drives that were last asked for with this batch.")
+    ] = None,
+    limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 100,
+    json_file: JsonFile = None,
+) -> None:
+    """List drives, the newest upload first, with the reason of what failed."""
+    console: Console = ctx.obj
+    asked = {"status": status and str(status), "failure": failure, "created_after": since, "batch": batch}
+    with service_client(server) as client:
+        found = listed(client, asked, limit)
+    columns = ("id", "status", "file", "km", "segments", "uploaded", "method", "reason")
+    console.table(columns, [_row(one) for one in found])
+    if len(found) == limit:
+        console.note(f"These are the newest {limit}; --limit shows more.")
+    write_json(json_file, {"server": client.server, "drives": found})
+
+
+def show(
+    ctx: typer.Context,
+    drive: Annotated[str, typer.Argument(metavar="ID", help="A drive, as `list` names it.")],
+    server: Server = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Show what is known of a drive: its file, its times, its result, its warnings; all of its report with --json."""
+    with service_client(server) as client:
+        document = client.drive(drive).document
+    for line in drive_lines(document):
+        typer.echo(line)
+    write_json(json_file, document)
+
+
+def delete(ctx: typer.Context, ids: DriveIds, server: Server = None) -> None:
+    """Delete drives: their logs, and their influence on every segment; exit status 1 if any cannot be deleted."""
+    from app.cli.client import ClientError
+
+    console: Console = ctx.obj
+    failed = False
+    with service_client(server) as client:
+        client.get("/healthz")  # a service that is not there is said once, not per drive
+        for one in ids:
+            try:
+                client.request("DELETE", f"/v1/drives/{one}")
+            except ClientError as error:
+                failed = True
+                console.complain(str(error))
+    if failed:
+        raise typer.Exit(1)
+
+
+def listed(client: Client, asked: Mapping[str, Any], limit: int) -> list[dict[str, Any]]:
+    """The newest drives for which that holds, page after page; what is None is not asked."""
+    wanted = {"limit": min(limit, PAGE_DRIVES)} | {k: v for k, v in asked.items() if v is not None}
+    page = client.request("GET", "/v1/drives", params=wanted).json()
+    found: list[dict[str, Any]] = page["drives"]
+    while len(found) < limit:
+        following = [link["href"] for link in page["links"] if link["rel"] == "next"]
+        if not following:
+            break
+        page = client.get(following[0]).json()
+        found += page["drives"]
+    return found[:limit]
+
+
+def failures_table(console: Console, failed: Iterable[Mapping[str, Any]]) -> None:
+    """Which drives failed and why, in full."""
+    rows = [
+        [one["id"], one["filename"], _failure(one).get("kind"), _failure(one).get("reason")] for one in failed
+    ]
+    console.table(["id", "file", "kind", "reason"], rows)
+
+
+def drive_lines(document: Mapping[str, Any]) -> list[str]:
+    """A drive's document as lines to read, in groups; what is unknown is left out."""
+    failure, report = _failure(document), document.get("report") or {}
+    groups = {
+        f"Drive {document['id']}": _of_drive(document),
+        "Times": {
+            name: _when(document.get(f"{name}_at")) for name in ("created", "queued", "started", "finished")
+        }
+        | {"recorded": _when(document.get("drive_time"))},
+        "Failure": {name: failure.get(name) for name in ("kind", "stage", "where", "reason")},
+        "Result" if not failure else "Result of an earlier run": _of_result(document, report),
+    }
+    lines: list[str] = []
+    for title, facts in groups.items():
+        known = {name: value for name, value in facts.items() if value not in (None, "", [], {})}
+        if known:
+            width = max(map(len, known))
+            lines += [*([""] if lines else []), title]
+            lines += [f"  {name:<{width}}  {figure(value)}" for name, value in known.items()]
+    warnings: Sequence[str] = report.get("warnings") or ()
+    if warnings:
+        lines += ["", "Warnings", *(f"  {sentence}" for sentence in warnings)]
+    return lines
+
+
+def _of_drive(document: Mapping[str, Any]) -> dict[str, Any]:
+    under_way = document["status"] in {"queued", "running"}
+    options = ", ".join(f"{name}={value}" for name, value in (document.get("options") or {}).items())
+    return {
+        "file": document["filename"],
+        "size": _size(document.get("size_bytes")),
+        "status": document["status"],
+        "stage": document.get("stage") if under_way else None,
+        "progress": _percent(document.get("progress")) if under_way else None,
+        "method": document["method"],
+        "options": options,
+        "same drive as": document.get("same_as"),
+        "squares not solved": ", ".join(document.get("unsolved") or ()),
+    }
+
+
+def _of_result(document: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, Any]:
+    bbox = document.get("bbox")
+    return {
+        "length": None if _km(document) is None else f"{_km(document):.2f} km",
+        "segments": report.get("segments_estimated"),
+        "median sigma": _sigma(report.get("median_slope_sigma_percent")),
+        "positions": document.get("epochs"),
+        "matched to roads": _percent(report.get("matched_share")),
+        "segments not heard": report.get("rejected_segments"),
+        "west,south,east,north": None if bbox is None else ",".join(f"{degrees:.5f}" for degrees in bbox),
+        "code version": report.get("code_version"),
+        "roads version": report.get("road_version"),
+        "elevation version": report.get("dem_version"),
+    }
+
+
+def _row(document: Mapping[str, Any]) -> list[Any]:
+    reason = _failure(document).get("reason") or ""
+    short = reason if len(reason) <= SHORT_REASON else reason[:SHORT_REASON].rpartition(" ")[0] + " ..."
+    return [
+        document["id"],
+        document["status"],
+        document["filename"],
+        _km(document),
+        (document.get("report") or {}).get("segments_estimated"),
+        _when(document.get("created_at")),
+        document["method"],
+        short,
+    ]
+
+
+def _failure(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    return document.get("failure") or {}
+
+
+def _km(document: Mapping[str, Any]) -> float | None:
+    metres = document.get("distance_m")
+    return None if metres is None else float(metres) / 1000
+
+
+def _when(moment: str | None) -> str | None:
+    """To the second; UTC."""
+    return None if moment is None else moment[:19].replace("T", " ") + "Z"
+
+
+def _percent(share: float | None) -> str | None:
+    return None if share is None else f"{100 * share:.0f} %"
+
+
+def _sigma(percent: float | None) -> str | None:
+    return None if percent is None else f"{percent:.2g} %"
+
+
+def _size(count: int | None) -> str | None:
+    if count is None:
+        return None
+    return f"{count} bytes" if count < 10_000 else f"{count / 1e6:.2f} MB"

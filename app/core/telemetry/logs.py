@@ -1,0 +1,155 @@
+"""Lines of the log: one for each request and each event of a drive, as text or as JSON, with the ids they are about.
+
+Nothing of a track stands in them. Who tells something names ids, counts and times, never a place; names of files, which
+may hold a person's, are told at DEBUG alone. To be sure, numbers that are as long as those of places are blanked in
+whatever comes: messages and tracebacks of others, words of the database.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import re
+import sys
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from datetime import UTC, datetime
+from typing import Any
+
+from app.core.settings import Settings
+
+FIELDS = "versant"
+"""The attribute of a record that holds what ``tell`` was given."""
+CHATTY = (
+    "procrastinate",
+    "uvicorn",
+    "httpx",
+    "httpcore",
+    "alembic",
+    "matplotlib",
+    "urllib3",
+    "opentelemetry",
+)
+"""What the queue or a library says of each step is of interest only while it is debugged."""
+DIGITS = 3
+"""Of figures in events: milliseconds and metres; places have more."""
+
+_IDS: ContextVar[Mapping[str, str]] = ContextVar("versant_ids", default={})  # noqa: B039 - it is never changed
+
+# A degree with four decimals is a street. Times have three, and so has what is told.
+_PLACE = re.compile(r"(?<![\w.])[-+]?\d{1,3}\.\d{4,}")
+_GEOMETRY = re.compile(r"\b0[01][0-9A-F]{40,}\b")
+_BLANK = "(blanked)"
+_BARE = re.compile(r"[\w.:/@+-]+")
+
+
+@contextmanager
+def about(**ids: object) -> Iterator[None]:
+    """Every line that is logged within the block, in whatever thread it starts, names these ids; None: not this one."""
+    known = {name: str(value) for name, value in ids.items() if value is not None}
+    token = _IDS.set({**_IDS.get(), **known})
+    try:
+        yield
+    finally:
+        _IDS.reset(token)
+
+
+def present_ids() -> Mapping[str, str]:
+    """The ids that lines name here."""
+    return _IDS.get()
+
+
+def tell(logger: logging.Logger, event: str, /, *, level: int = logging.INFO, **fields: Any) -> None:
+    """Log an event with figures and ids of its own; a field that is None is left out."""
+    if logger.isEnabledFor(level):
+        logger.log(level, event, extra={FIELDS: {k: v for k, v in fields.items() if v is not None}})
+
+
+def blanked(text: str) -> str:
+    """The text without numbers that could be places."""
+    return _GEOMETRY.sub(_BLANK, _PLACE.sub(_BLANK, text))
+
+
+class _Lines(logging.Formatter):
+    """What both kinds of lines have in common."""
+
+    def __init__(self, process: str) -> None:
+        super().__init__()
+        self._process = process
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The record as one line; of text, a traceback follows."""
+        return blanked(self.line(record, {**_IDS.get(), **_figures(getattr(record, FIELDS, {}))}))
+
+    def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
+        """The record, before what could be places is blanked."""
+        raise NotImplementedError
+
+    @staticmethod
+    def trace(record: logging.LogRecord) -> str | None:
+        """The record's traceback."""
+        if record.exc_info and record.exc_info[0] is not None:
+            return "".join(traceback.format_exception(*record.exc_info)).rstrip()
+        return None
+
+
+class TextLines(_Lines):
+    """``time LEVEL process logger: event name=value ...``."""
+
+    def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
+        """The line, and the lines of a traceback."""
+        said = " ".join([record.getMessage(), *(f"{name}={_word(value)}" for name, value in fields.items())])
+        head = f"{_moment(record)} {record.levelname} {self._process} {record.name}: {said}"
+        trace = self.trace(record)
+        return head if trace is None else f"{head}\n{trace}"
+
+
+class JsonLines(_Lines):
+    """One JSON object a line; ``error`` holds a traceback."""
+
+    def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
+        """The object, with its own members before those of the event."""
+        own = {
+            "time": _moment(record),
+            "level": record.levelname,
+            "process": self._process,
+            "logger": record.name,
+            "event": record.getMessage(),
+        }
+        trace = self.trace(record)
+        more = {} if trace is None else {"error": trace}
+        return json.dumps({**fields, **own, **more}, default=str, ensure_ascii=False)
+
+
+def begin_logging(settings: Settings, process: str) -> None:
+    """Log to standard error as the settings say, all libraries included; ``process`` says which one this is."""
+    lines = {"json": JsonLines, "text": TextLines}[settings.log_format]
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(lines(f"{process}[{os.getpid()}]"))
+    root = logging.getLogger()
+    for former in [one for one in root.handlers if isinstance(one.formatter, _Lines)]:
+        root.removeHandler(former)
+    root.addHandler(handler)
+    root.setLevel(settings.log_level)
+    logging.captureWarnings(capture=True)
+    quiet = max(logging.WARNING, root.level) if root.level > logging.DEBUG else root.level
+    for chatty in CHATTY:
+        logging.getLogger(chatty).setLevel(quiet)
+
+
+def _figures(fields: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: round(v, DIGITS) if isinstance(v, float) else v for name, v in fields.items()}
+
+
+def _moment(record: logging.LogRecord) -> str:
+    return (
+        datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    )
+
+
+def _word(value: object) -> str:
+    text = str(value)
+    return text if _BARE.fullmatch(text) else json.dumps(text, ensure_ascii=False)

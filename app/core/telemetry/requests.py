@@ -1,0 +1,110 @@
+"""Each request's number, its line in the log and its span.
+
+The line holds the template of the route, the path unless that is a place (a tile), and the names of the query's
+parameters without their values: a box or a list of places is where somebody lives, or looks.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+import uuid
+from collections.abc import Iterable
+from urllib.parse import parse_qsl
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.core.telemetry import tracing
+from app.core.telemetry.logs import about, tell
+
+REQUEST_ID = "X-Request-ID"
+QUIET = frozenset({"/healthz", "/readyz", "/metrics"})
+"""Asked every few seconds by machines: told at DEBUG."""
+NO_ROUTE = "(no route)"
+LONGEST_PATH = 200
+
+_ACCEPTED_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
+_PLACES = frozenset({"x", "y", "z", "bbox"})
+"""Parts of a path that say where."""
+
+logger = logging.getLogger(__name__)
+
+
+class RequestLog:
+    """Numbers every request, answers with that number, and tells of it when its answer has ended.
+
+    A number that the client or a proxy sends as ``X-Request-ID`` is kept, if it can be one.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on; the time ends with the last byte of the answer."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        number = request_id(headers.get(REQUEST_ID))
+        status, sent, started = 500, 0, time.perf_counter()
+
+        async def watched(message: Message) -> None:
+            nonlocal status, sent
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                MutableHeaders(scope=message)[REQUEST_ID] = number
+            sent += len(message.get("body", b""))
+            await send(message)
+
+        with (
+            about(request=number),
+            tracing.span("request", server=True, parent=headers.get("traceparent")) as span,
+        ):
+            try:
+                await self.app(scope, receive, watched)
+            finally:
+                told = self._told(scope, status)
+                span.name(f"{scope['method']} {told['route']}")
+                span.note(**told, request=number)
+                span.failed(status >= 500)
+                tell(
+                    logger,
+                    "request",
+                    level=_level(scope["path"], status),
+                    **told,
+                    seconds=time.perf_counter() - started,
+                    bytes=sent,
+                )
+
+    @staticmethod
+    def _told(scope: Scope, status: int) -> dict[str, object]:
+        route = getattr(scope.get("route"), "path", NO_ROUTE)
+        parts = scope.get("path_params") or {}
+        path = None if _PLACES & parts.keys() else scope["path"][:LONGEST_PATH]
+        return {
+            "method": scope["method"],
+            "route": route,
+            "path": path,
+            "query": names_of(scope["query_string"]),
+            "status": status,
+            "drive": parts.get("drive_id"),
+        }
+
+
+def request_id(asked: str | None) -> str:
+    """The number that was sent, or a new one where none was that could be one."""
+    return asked if asked and _ACCEPTED_ID.fullmatch(asked) else uuid.uuid4().hex
+
+
+def names_of(query: bytes) -> str | None:
+    """The names of a query's parameters, without their values; None: there are none."""
+    names: Iterable[str] = {name for name, _ in parse_qsl(query.decode("latin-1"), keep_blank_values=True)}
+    return ",".join(sorted(names))[:LONGEST_PATH] or None
+
+
+def _level(path: str, status: int) -> int:
+    if path in QUIET:
+        return logging.DEBUG
+    return logging.WARNING if status >= 500 else logging.INFO

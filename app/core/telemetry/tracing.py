@@ -1,0 +1,159 @@
+"""Traces of requests, runs and solutions for an OpenTelemetry collector; off unless ``VERSANT_OTLP_ENDPOINT`` is set.
+
+Off, nothing that makes spans is imported and a span costs a call. The tracer is ours and not the one that libraries
+find: theirs would tell whole addresses, with the boxes and places in their queries. A trace goes on from the request to
+the worker: the drive's row keeps the request's ``traceparent`` (W3C Trace Context). Spans carry ids, names and counts,
+as the log does, and never a place. What cannot be sent is dropped: nobody waits for the collector.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from app.core.settings import Settings, SettingsError
+from app.core.telemetry.logs import present_ids
+
+TRACES_PATH = "/v1/traces"
+
+logger = logging.getLogger(__name__)
+
+
+class Span(Protocol):
+    """What is told of a stretch of work."""
+
+    def name(self, name: str) -> None:
+        """Call it otherwise than at its beginning."""
+
+    def note(self, **facts: object) -> None:
+        """Ids and counts; what is None is left out."""
+
+    def failed(self, failed: bool = True) -> None:
+        """It did not end well."""
+
+
+class _NoSpan:
+    """Tells nobody."""
+
+    def name(self, name: str) -> None: ...
+    def note(self, **facts: object) -> None: ...
+    def failed(self, failed: bool = True) -> None: ...
+
+
+_NOTHING = _NoSpan()
+_tracer: _Tracer | None = None
+
+
+@contextmanager
+def span(name: str, *, server: bool = False, parent: str | None = None, **facts: object) -> Iterator[Span]:
+    """A stretch of work, within the one that surrounds it or that ``parent`` (a ``traceparent``) names.
+
+    ``server``: it answers somebody outside. An error that leaves the block marks it as failed, by its class alone.
+    """
+    if _tracer is None:
+        yield _NOTHING
+        return
+    with _tracer.span(name, server, parent, {**present_ids(), **facts}) as made:
+        yield made
+
+
+def traceparent() -> str | None:
+    """What names the present span to others; None: there is none."""
+    return None if _tracer is None else _tracer.traceparent()
+
+
+def begin_tracing(settings: Settings, process: str) -> None:
+    """Send traces to ``otlp_endpoint``, where one is set; ``SettingsError`` where what that needs is not installed."""
+    if settings.otlp_endpoint is None:
+        return
+    try:
+        from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter  # noqa: PLC0415
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415
+    except ImportError as error:
+        raise SettingsError(
+            "VERSANT_OTLP_ENDPOINT is set, but OpenTelemetry is not installed. Install it by `pip install "
+            "'versant[otel]'`, or unset the variable."
+        ) from error
+    begin_tracing_to(BatchSpanProcessor(OTLPSpanExporter(settings.otlp_endpoint + TRACES_PATH)), process)
+
+
+def begin_tracing_to(processor: Any, process: str) -> None:
+    """Hand every span that ends to ``processor``, an OpenTelemetry ``SpanProcessor``."""
+    global _tracer  # noqa: PLW0603 - a process has one, as it has one log
+    _tracer = _Tracer(processor, process)
+
+
+def end_tracing() -> None:
+    """Send what waits, and make no more."""
+    global _tracer  # noqa: PLW0603
+    if _tracer is not None:
+        _tracer.end()
+        _tracer = None
+
+
+class _Tracer:
+    """What of OpenTelemetry is used; imported with the first of these."""
+
+    def __init__(self, processor: Any, process: str) -> None:
+        from opentelemetry.sdk.resources import Resource  # noqa: PLC0415
+        from opentelemetry.sdk.trace import TracerProvider  # noqa: PLC0415
+        from opentelemetry.trace.propagation.tracecontext import (  # noqa: PLC0415
+            TraceContextTextMapPropagator,
+        )
+
+        about = {"service.name": "versant", "service.instance.id": process}
+        self._provider = TracerProvider(resource=Resource.create(about), shutdown_on_exit=True)
+        self._provider.add_span_processor(processor)
+        self._tracer = self._provider.get_tracer("versant")
+        self._propagator = TraceContextTextMapPropagator()
+
+    @contextmanager
+    def span(self, name: str, server: bool, parent: str | None, facts: dict[str, object]) -> Iterator[Span]:
+        from opentelemetry.trace import SpanKind  # noqa: PLC0415
+
+        context = None if parent is None else self._propagator.extract({"traceparent": parent})
+        kind = SpanKind.SERVER if server else SpanKind.INTERNAL
+        # Messages and tracebacks of errors may say more than the log does.
+        with self._tracer.start_as_current_span(
+            name, context, kind, record_exception=False, set_status_on_exception=False
+        ) as made:
+            told = _Told(made)
+            told.note(**facts)
+            try:
+                yield told
+            except BaseException as error:
+                told.note(error=type(error).__name__)
+                told.failed()
+                raise
+
+    def traceparent(self) -> str | None:
+        carrier: dict[str, str] = {}
+        self._propagator.inject(carrier)
+        return carrier.get("traceparent")
+
+    def end(self) -> None:
+        self._provider.shutdown()
+
+
+class _Told:
+    """A span of OpenTelemetry's, under the names of the log."""
+
+    def __init__(self, span: Any) -> None:
+        self._span = span
+
+    def name(self, name: str) -> None:
+        self._span.update_name(name)
+
+    def note(self, **facts: object) -> None:
+        for name, value in facts.items():
+            if value is not None:
+                plain = value if isinstance(value, bool | int | float | str) else str(value)
+                self._span.set_attribute(f"versant.{name}", plain)
+
+    def failed(self, failed: bool = True) -> None:
+        from opentelemetry.trace import StatusCode  # noqa: PLC0415
+
+        if failed:
+            self._span.set_status(StatusCode.ERROR)

@@ -1,0 +1,24 @@
+"""Every stored segment, read page by page: for files and pictures of the whole map, in constant memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from sqlalchemy.orm import Session
+
+from app.core.db import Bounds
+from app.map.segment import Segment
+from app.map.store import segment_items
+
+PAGE = 5000
+"""Segments that are read from the database at once."""
+
+
+def all_segments(
+    session: Session, bbox: Bounds | None = None, *, driven: bool = False, gaps: bool = False
+) -> Iterator[Segment]:
+    """Every segment that meets the box, or of them those that were driven; ``gaps`` as in ``segment_items``."""
+    after, wanted = 0, True if driven else None
+    while rows := segment_items(session, bbox=bbox, after_id=after, limit=PAGE, driven=wanted, gaps=gaps):
+        yield from rows
+        after = rows[-1].stored_id

@@ -1,0 +1,51 @@
+"""Where drives are not heard: on how many of its segments each contradicts the others, by the verdicts that stand.
+
+It changes as others come and go, so whoever shows a drive asks again. Loads nothing that solves.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Collection
+from typing import NamedTuple
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+# Most drives have no such pass, and an index knows those that have.
+_WITH_REJECTED = text(
+    "SELECT DISTINCT drive_id FROM rejected_passes WHERE drive_id = ANY(CAST(:ids AS uuid[])) ORDER BY drive_id"
+)
+# A segment is heard where any of the drive's passes over it is. One that is there already contradicts nobody.
+_HEARD = text(
+    """
+    SELECT drive_id, count(*) AS segments, count(*) FILTER (WHERE NOT heard) AS rejected
+    FROM (SELECT p.drive_id, bool_or(r.pass_id IS NULL OR d.same_as IS NOT NULL) AS heard
+          FROM drive_passes AS p
+          JOIN drives AS d ON d.id = p.drive_id
+          LEFT JOIN rejected_passes AS r ON r.segment_id = p.segment_id AND r.pass_id = p.id
+          WHERE p.drive_id = ANY(CAST(:ids AS uuid[])) AND p.region = ANY(ARRAY(
+              SELECT DISTINCT unnest(regions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[]))))
+          GROUP BY p.drive_id, p.segment_id) AS one
+    GROUP BY drive_id
+    """
+)
+
+
+class Hearing(NamedTuple):
+    """On how many segments a drive has passes, and on how many of them none is heard."""
+
+    segments: int
+    rejected: int
+
+
+def hearings(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Hearing]:
+    """How far each of these drives agrees with the others over the same segments.
+
+    Drives of which no pass is rejected are left out.
+    """
+    if not drive_ids:
+        return {}
+    ids = list(session.execute(_WITH_REJECTED, {"ids": list(drive_ids)}).scalars())
+    found = session.execute(_HEARD, {"ids": ids}) if ids else ()
+    return {row.drive_id: Hearing(row.segments, row.rejected) for row in found}

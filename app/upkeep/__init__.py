@@ -1,0 +1,1 @@
+"""A service kept whole: backups of all that it holds, their return, and what is wrong with it."""

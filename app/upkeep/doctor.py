@@ -1,0 +1,272 @@
+"""What is wrong with a service, found by looking only: each finding with what to do about it.
+
+One look after the other; one that fails is a finding itself and ends no other.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import platform
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Literal
+
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from app.core import migrate, mirror
+from app.core.blobs import BlobStore
+from app.core.db import Sessions
+from app.core.filesystems import file_system, free_bytes
+from app.core.settings import Settings
+from app.core.version import code_version
+from app.drives.store import unreferenced_blobs
+from app.ops import store as figures
+from app.terrain.store import current_dem, pending_heights
+from app.upkeep import store
+from app.upkeep.manifest import some
+from fusion.errors import FusionError
+from fusion.types import Progress, no_progress
+
+State = Literal["ok", "warn", "fail"]
+
+LONG_WAIT_S = 3600.0
+"""Drives that wait longer make a warning."""
+SKEW_WARN_S, SKEW_FAIL_S = 2.0, 60.0
+_MIB = 2**20
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was found of one thing, and what to do about it; nothing where it is as it should be."""
+
+    subject: str
+    state: State
+    found: str
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class Patient:
+    """The service that is looked at. ``sessions`` None: its database is not there, which ``away`` says."""
+
+    settings: Settings
+    sessions: Sessions | None
+    away: str = ""
+
+
+_Look = Callable[[Patient], Iterable[Finding]]
+_DatabaseLook = Callable[[Settings, Session], Iterable[Finding]]
+
+
+def examine(patient: Patient, progress: Progress = no_progress) -> list[Finding]:
+    """All findings, in an order that begins with what others rest on."""
+    findings: list[Finding] = []
+    looks = [*_LOOKS, *(_with_session(name, look) for name, look in _DATABASE_LOOKS.items())]
+    for done, (subject, look) in enumerate(looks):
+        progress(subject, done / len(looks))
+        try:
+            findings.extend(look(patient))
+        except (SQLAlchemyError, FusionError, OSError) as error:
+            reason = " ".join(str(getattr(error, "orig", None) or error).split())
+            findings.append(
+                Finding(subject, "fail", f"It cannot be looked at: {reason}", "See to that first.")
+            )
+    return findings
+
+
+def _with_session(subject: str, look: _DatabaseLook) -> tuple[str, _Look]:
+    def looks(patient: Patient) -> Iterable[Finding]:
+        if patient.sessions is None:
+            return []
+        with patient.sessions() as session:
+            return list(look(patient.settings, session))
+
+    return subject, looks
+
+
+def _programs(patient: Patient) -> Iterator[Finding]:
+    import pyproj  # noqa: PLC0415 - as rasterio, of no use to other commands
+    import rasterio  # noqa: PLC0415
+
+    here = f"Versant {code_version()}, Python {platform.python_version()}"
+    yield Finding(
+        "programs", "ok", f"{here}, GDAL {rasterio.__gdal_version__}, PROJ {pyproj.proj_version_str}"
+    )
+
+
+def _access(patient: Patient) -> Iterator[Finding]:
+    host = patient.settings.host
+    if not _is_loopback(host):
+        yield Finding(
+            "access",
+            "warn",
+            f"The API listens on {host}, where other machines reach it, and has no access control.",
+            "Let it listen on 127.0.0.1 (VERSANT_HOST) behind something that asks who comes, or close the network.",
+        )
+    elif "*" in patient.settings.host_names:
+        yield Finding(
+            "access",
+            "warn",
+            "The API answers under any host name (VERSANT_ALLOWED_HOSTS is *).",
+            "Name those that people use, unless something in front of it checks them.",
+        )
+    else:
+        yield Finding("access", "ok", f"The API listens on {host}, for this machine alone.")
+
+
+def _room(patient: Patient) -> Iterator[Finding]:
+    settings = patient.settings
+    places = {"data folder": str(settings.data_dir), "logs": settings.blob_store_url}
+    places["rasters"] = str(mirror.local_folder(settings.dem_dir))
+    for name, url in places.items():
+        free, least = free_bytes(*file_system(url)), settings.min_free_bytes
+        if free is None:
+            yield Finding(f"room of {name}", "ok", "Nothing tells how much room a bucket has.")
+        elif free < least:
+            said = (
+                f"{free / _MIB:.0f} MiB are free, less than the {least / _MIB:.0f} of VERSANT_MIN_FREE_BYTES."
+            )
+            yield Finding(f"room of {name}", "fail", said, f"Make room in {url}: uploads are refused.")
+        elif free < 4 * least:
+            said = f"{free / _MIB:.0f} MiB are free; at {least / _MIB:.0f} uploads are refused."
+            yield Finding(f"room of {name}", "warn", said, f"Make room in {url}.")
+        else:
+            yield Finding(f"room of {name}", "ok", f"{free / _MIB:.0f} MiB are free.")
+
+
+def _reachable(patient: Patient) -> Iterator[Finding]:
+    if patient.sessions is None:
+        yield Finding("database", "fail", patient.away, "Nothing else of it can be looked at.")
+
+
+def _database(settings: Settings, session: Session) -> Iterator[Finding]:
+    found = store.versions(session)
+    if found.postgis is None:
+        yield Finding(
+            "database", "fail", f"PostgreSQL {found.postgres} without PostGIS.", "Install PostGIS there."
+        )
+    else:
+        yield Finding("database", "ok", f"PostgreSQL {found.postgres}, PostGIS {found.postgis}")
+    standing = migrate.standing(session)
+    if not standing.usable:
+        yield Finding("schema", "fail", standing.sentence, "Until then neither API nor workers run.")
+    else:
+        said = standing.sentence or f"The database is at migration {standing.revision}, as this program."
+        yield Finding(
+            "schema", "warn" if standing.newer else "ok", said, "Update the program." * standing.newer
+        )
+
+
+def _clock(settings: Settings, session: Session) -> Iterator[Finding]:
+    before, there, after = datetime.now(UTC), store.server_clock(session), datetime.now(UTC)
+    skew_s = max((before - there).total_seconds(), (there - after).total_seconds(), 0.0)
+    state: State = "fail" if skew_s > SKEW_FAIL_S else "warn" if skew_s > SKEW_WARN_S else "ok"
+    advice = (
+        ""
+        if state == "ok"
+        else "Let both follow a time server: signs of life and ages are told by the clocks."
+    )
+    yield Finding("clocks", state, f"The database's clock and this one are {skew_s:.1f} s apart.", advice)
+
+
+def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
+    waiting, workers = figures.queue(session), store.workers(session, settings.stalled_after_s)
+    said = f"{waiting.depth} drives wait"
+    if waiting.oldest_wait_s is not None:
+        said += f", the first for {waiting.oldest_wait_s:.0f} s"
+    said += f"; {workers.alive} workers are alive."
+    if waiting.depth and not workers.alive:
+        yield Finding("queue", "warn", said, "Start `versant worker` or `versant up`.")
+    elif (waiting.oldest_wait_s or 0.0) > LONG_WAIT_S:
+        yield Finding(
+            "queue", "warn", said, "Start more workers, or wait: uploads go before what is processed again."
+        )
+    else:
+        yield Finding("queue", "ok", said)
+    if workers.stuck:
+        advice = "A worker that lives puts them back by itself; start one."
+        yield Finding(
+            "stuck jobs", "warn", f"{workers.stuck} jobs are held by workers that are silent.", advice
+        )
+    if workers.queued:
+        said = f"{workers.queued} drives wait and have no job, as after an update."
+        yield Finding(
+            "drives without a job", "warn", said, "A worker gives them one within minutes; start one."
+        )
+    if workers.running:
+        said = f"{workers.running} drives run and have no job: nobody computes them."
+        advice = "`versant drives reprocess --drive ID` for each (`versant drives list --status running`)."
+        yield Finding("drives nobody computes", "fail", said, advice)
+
+
+def _squares(settings: Settings, session: Session) -> Iterator[Finding]:
+    squares = figures.squares(session)
+    said = f"{squares.waiting} squares wait to be solved."
+    if squares.unsolved:
+        said += f" {squares.unsolved} of them were begun with in vain again and again."
+        advice = "/v1/admin/stats names them and what to do (`unsolved`); the worker's log says why."
+        yield Finding("squares", "warn", said, advice)
+    else:
+        yield Finding("squares", "ok", said)
+
+
+def _logs(settings: Settings, session: Session) -> Iterator[Finding]:
+    blobs = BlobStore(settings.blob_store_url)
+    # The store after the database: what is uploaded meanwhile has its log, whatever is listed.
+    drives, keys = store.drive_blobs(session), blobs.keys()
+    there = set(keys)
+    without = sorted(drive for drive, key in drives.items() if key not in there)
+    if without:
+        said = f"{len(without)} drives have lost their logs: {some(without)}."
+        advice = "Bring them back from a backup, or upload them again; what these drives said stays."
+        yield Finding("logs", "fail", said, advice)
+    else:
+        yield Finding("logs", "ok", f"{len(drives)} drives have their logs.")
+    if orphans := unreferenced_blobs(session, keys):
+        said = f"{len(orphans)} logs are of no drive."
+        advice = "Workers remove them after VERSANT_ORPHAN_DAYS; `versant sweep` says whether they may."
+        yield Finding("logs without a drive", "warn" if len(orphans) > len(drives) else "ok", said, advice)
+
+
+def _elevation(settings: Settings, session: Session) -> Iterator[Finding]:
+    active = current_dem(session, settings.dem_dir)
+    if active is None:
+        advice = "`versant import-dem FILE...` adds some: slopes of roads that few drove gain by it."
+        yield Finding("elevation", "warn", "There are no elevation rasters.", advice)
+        return
+    bad = [problem for s in active.sources if (problem := mirror.problem(settings.dem_dir, s.uri, s.sha256))]
+    if bad:
+        advice = "Import them again (`versant import-dem`), or remove them (`versant elevation remove`)."
+        yield Finding(
+            "elevation", "fail", f"Of {len(active.sources)} rasters some are not sound: {some(bad)}.", advice
+        )
+    else:
+        yield Finding("elevation", "ok", f"{len(active.sources)} rasters are there as they were imported.")
+    if pending_heights(session) is not None:
+        advice = "A worker goes on with it; start one."
+        yield Finding("heights", "warn", "Heights of segments are still of the rasters before.", advice)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+_LOOKS: tuple[tuple[str, _Look], ...] = (
+    ("programs", _programs),
+    ("access", _access),
+    ("room", _room),
+    ("database", _reachable),
+)
+_DATABASE_LOOKS: dict[str, _DatabaseLook] = {
+    "database": _database,
+    "clocks": _clock,
+    "queue": _queue,
+    "squares": _squares,
+    "logs": _logs,
+    "elevation": _elevation,
+}

@@ -1,0 +1,184 @@
+"""What a backup holds: a list of its files with their SHA-256, without which a folder is no backup.
+
+Files are copied under another name and renamed when they are whole, and the list comes last: what is broken off is
+never taken for a backup, and the one before stays valid until then. Knows no database.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any, BinaryIO
+
+from app.upkeep.dumps import BackupError
+from fusion.types import Progress
+
+FORMAT = 1
+NAME = "manifest.json"
+LOGS, RASTERS, REGIONS = "blobs", "dem", "regions"
+
+DUMPS = "database-*.dump"
+
+_LOCK = ".versant-backup.lock"
+_PART = ".part"
+_CHUNK_BYTES = 1 << 20
+_SHOWN = 5
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A file of a backup: its path below the backup's folder, its size and the SHA-256 of its bytes (hex)."""
+
+    path: str
+    size_bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """One complete backup."""
+
+    made_at: str
+    versions: Mapping[str, Any]
+    """Of Versant, the schema, PostgreSQL and PostGIS."""
+    identity: str
+    """Of the database that was saved (``app.core.databases``)."""
+    drives: int
+    segments: int
+    dump: Entry
+    files: tuple[Entry, ...]
+    missing: tuple[str, ...] = ()
+    """Logs of drives that the store did not have."""
+    damaged: tuple[str, ...] = ()
+    """Logs that are not as they were uploaded."""
+    format: int = field(default=FORMAT)
+
+    @property
+    def size_bytes(self) -> int:
+        """Of all files."""
+        return self.dump.size_bytes + sum(entry.size_bytes for entry in self.files)
+
+    def below(self, folder: str) -> list[tuple[Entry, str]]:
+        """The files below a folder of the backup, each with its path there."""
+        return [(e, e.path.removeprefix(f"{folder}/")) for e in self.files if e.path.startswith(f"{folder}/")]
+
+
+def read_manifest(folder: Path) -> Manifest | None:
+    """The backup in a folder; None where there is none. ``BackupError`` for one that this program cannot read."""
+    try:
+        said = json.loads((folder / NAME).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise BackupError(f"{folder / NAME} cannot be read: {error}. Take another backup.") from error
+    try:
+        if said["format"] > FORMAT:
+            raise BackupError(f"The backup in {folder} was made by a newer Versant. Update this one first.")
+        dump, files = Entry(**said.pop("dump")), tuple(Entry(**entry) for entry in said.pop("files"))
+        missing, damaged = tuple(said.pop("missing")), tuple(said.pop("damaged"))
+        manifest = Manifest(dump=dump, files=files, missing=missing, damaged=damaged, **said)
+    except (KeyError, TypeError) as error:
+        raise BackupError(
+            f"{folder / NAME} is no list of a backup ({error}). Take another backup."
+        ) from error
+    outside = [
+        e.path for e in (dump, *files) if PurePosixPath(e.path).is_absolute() or ".." in Path(e.path).parts
+    ]
+    if outside:
+        raise BackupError(
+            f"{folder / NAME} names files outside of its folder ({outside[0]}). Take another backup."
+        )
+    return manifest
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Make the folder this backup, at once; what was kept for the one before and is not for this one goes."""
+    part = folder / f"{NAME}{_PART}"
+    with part.open("w", encoding="utf-8") as file:
+        json.dump(asdict(manifest), file, indent=1)
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(folder / NAME)
+    named = {entry.path for entry in (manifest.dump, *manifest.files)}
+    kept = [
+        path for kind in (LOGS, RASTERS, REGIONS) for path in (folder / kind).rglob("*") if path.is_file()
+    ]
+    for path in [*kept, *folder.glob(f"{DUMPS}*")]:
+        if path.relative_to(folder).as_posix() not in named:
+            path.unlink()
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Keep other programs from writing a backup there, while the block runs; the folder is made, closed to others."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if any(folder.iterdir()) and not (folder / _LOCK).exists():
+        raise BackupError(
+            f"{folder} holds something that is no backup. Name an empty folder, or one to be made."
+        )
+    with (folder / _LOCK).open("ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise BackupError(f"Another program writes a backup into {folder} just now.") from None
+        yield
+
+
+def keep(folder: Path, path: str, opened: Callable[[], BinaryIO]) -> Entry:
+    """Copy a file into the backup; it is there whole or not at all. ``FileNotFoundError`` where there is none."""
+    target = folder / path
+    target.parent.mkdir(parents=True, exist_ok=True)
+    part = target.with_name(target.name + _PART)
+    digest, size = hashlib.sha256(), 0
+    with opened() as source, part.open("wb") as copy:
+        while chunk := source.read(_CHUNK_BYTES):
+            digest.update(chunk)
+            size += copy.write(chunk)
+        copy.flush()
+        os.fsync(copy.fileno())
+    part.replace(target)
+    return Entry(path, size, digest.hexdigest())
+
+
+def entry_of(folder: Path, path: str) -> Entry:
+    """What a file of the backup's folder is now."""
+    file = folder / path
+    with file.open("rb") as opened:
+        return Entry(path, file.stat().st_size, hashlib.file_digest(opened, "sha256").hexdigest())
+
+
+def is_there(folder: Path, entry: Entry | None) -> bool:
+    """Whether a file of an earlier backup is still there, by its size: files of a backup are never written again."""
+    if entry is None:
+        return False
+    file = folder / entry.path
+    return file.is_file() and file.stat().st_size == entry.size_bytes
+
+
+def verify(folder: Path, manifest: Manifest, progress: Progress) -> None:
+    """Read every file of a backup; ``BackupError`` that names those that are missing or not as they were."""
+    entries, done, bad = (manifest.dump, *manifest.files), 0, []
+    for entry in entries:
+        progress("checking", done / max(manifest.size_bytes, 1))
+        if not (folder / entry.path).is_file():
+            bad.append(f"{entry.path} is missing")
+        elif entry_of(folder, entry.path) != entry:
+            bad.append(f"{entry.path} is damaged")
+        done += entry.size_bytes
+    if bad:
+        raise BackupError(
+            f"The backup in {folder} is not whole: {some(bad)}. Nothing was changed. Take another backup."
+        )
+
+
+def some(names: Iterable[str]) -> str:
+    """The first names of many, and how many more there are."""
+    listed = list(names)
+    more = f" and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
+    return ", ".join(listed[:_SHOWN]) + more

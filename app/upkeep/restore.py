@@ -1,0 +1,159 @@
+"""A backup brought back into an empty database, and its files to where they are kept. Nothing is ever overwritten."""
+
+from __future__ import annotations
+
+import shutil
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.core import databases, migrate, mirror
+from app.core.blobs import BlobStore
+from app.core.db import Sessions
+from app.core.filesystems import file_system, free_bytes
+from app.core.settings import Settings
+from app.upkeep import dumps, store
+from app.upkeep.dumps import BackupError
+from app.upkeep.manifest import LOGS, RASTERS, REGIONS, Entry, Manifest, read_manifest, some, verify
+from fusion.types import Progress, no_progress
+
+_MIB = 2**20
+
+
+@dataclass(frozen=True)
+class Restored:
+    """What came back: logs that were not in the store yet, drives that wait to be processed."""
+
+    logs: int
+    waiting: int
+    other_databases: tuple[str, ...]
+    """Identities of databases that have used the store before; while there are any, sweeps remove nothing."""
+
+
+def checked(folder: Path, progress: Progress = no_progress) -> Manifest:
+    """The backup in a folder, all of whose files are as they were; ``BackupError`` where they are not."""
+    manifest = read_manifest(folder)
+    if manifest is None:
+        raise BackupError(
+            f"{folder} holds no complete backup: there is no manifest.json. One that was broken off is none; name the "
+            "folder that `versant backup` was given."
+        )
+    revision = manifest.versions["revision"]
+    if revision is not None and not migrate.is_known(revision):
+        raise BackupError(
+            f"The backup is of schema {revision}, made by Versant {manifest.versions['versant']}, which is newer than "
+            "this one. Update this program first."
+        )
+    verify(folder, manifest, progress)
+    return manifest
+
+
+def require_empty(sessions: Sessions, manifest: Manifest) -> None:
+    """``BackupError`` unless the database is empty and of a version that can take the backup."""
+    with sessions() as session:
+        if not store.is_empty(session):
+            raise BackupError(
+                "The database is not empty, and nothing is overwritten. Name a data folder without a database "
+                "(--data-dir), or an empty database (VERSANT_DATABASE_URL)."
+            )
+        here = store.versions(session)
+    if here.postgres_major < manifest.versions["postgres_major"]:
+        raise BackupError(
+            f"The backup is of PostgreSQL {manifest.versions['postgres']}, and this server is {here.postgres}. Restore "
+            "it on that version or a newer one."
+        )
+
+
+def restore(
+    settings: Settings, sessions: Sessions, folder: Path, manifest: Manifest, progress: Progress = no_progress
+) -> Restored:
+    """Bring a checked backup back; the database is the last to come, so what is broken off can be done again.
+
+    Where the store of logs was empty the restored database is the only one that uses it. Else it is another one to the
+    store, and sweeps remove nothing until they are told that the former one is gone.
+    """
+    assert settings.database_url is not None  # noqa: S101 - the commands see to it
+    require_empty(sessions, manifest)
+    databases.ensure_postgis(settings.database_url)
+    blobs = BlobStore(settings.blob_store_url)
+    logs = manifest.below(LOGS)
+    _require_room(settings, manifest)
+    with sessions() as session:
+        identity, here = databases.database_identity(session), store.versions(session)
+    mine = {key for _, key in logs}
+    strangers = [key for key in blobs.keys() if key not in mine]  # noqa: SIM118 - no dictionary
+    if not strangers and not blobs.databases():
+        blobs.register_database(identity)
+    new = 0
+    for done, (entry, key) in enumerate(logs):
+        progress("logs", done / len(logs))
+        new += blobs.take(key, folder / entry.path)
+    _rasters(settings, folder, manifest.below(RASTERS), progress)
+    _regions(settings, folder, manifest.below(REGIONS))
+    progress("database", 0.0)
+    newest = max(here.postgres_major, manifest.versions["postgres_major"])
+    dumps.restore(settings.database_url, folder / manifest.dump.path, newest)
+    with sessions.begin() as session:
+        waiting = store.put_back(session)
+    progress("database", 1.0)
+    return Restored(new, waiting, tuple(name for name in blobs.databases() if name != identity))
+
+
+def _require_room(settings: Settings, manifest: Manifest) -> None:
+    """That the files find room, each kind where it goes; the database's needs are its server's."""
+    for url, kind in ((settings.blob_store_url, LOGS), (str(mirror.local_folder(settings.dem_dir)), RASTERS)):
+        wanted = sum(entry.size_bytes for entry, _ in manifest.below(kind))
+        free = free_bytes(*file_system(url))
+        if free is not None and free < wanted:
+            raise BackupError(
+                f"There are {free / _MIB:.0f} MiB free in {url}, and the backup has {wanted / _MIB:.0f} MiB for it. "
+                "Make room there first."
+            )
+
+
+def _rasters(
+    settings: Settings, folder: Path, files: Sequence[tuple[Entry, str]], progress: Progress
+) -> None:
+    """Rasters lie in folders that are named after their content: what is there is right."""
+    place = mirror.local_folder(settings.dem_dir)
+    for done, (entry, name) in enumerate(files):
+        progress("rasters", done / len(files))
+        _take(folder / entry.path, place / name)
+    try:
+        # The quality layer first: where a raster is, what belongs to it is as well.
+        mirror.send(
+            settings.dem_dir, sorted((name for _, name in files), key=lambda name: "_num" not in name.lower())
+        )
+    except mirror.MirrorError as error:
+        raise BackupError(
+            f"A raster cannot be kept: {error} See to the storage of VERSANT_DEM_URL."
+        ) from error
+
+
+def _regions(settings: Settings, folder: Path, files: Sequence[tuple[Entry, str]]) -> None:
+    place = settings.data_dir / REGIONS
+    others = [
+        name
+        for entry, name in files
+        if (place / name).exists() and (place / name).read_bytes() != (folder / entry.path).read_bytes()
+    ]
+    if others:
+        raise BackupError(
+            f"{place} holds other files of the same names ({some(others)}). Move them away first."
+        )
+    for entry, name in files:
+        _take(folder / entry.path, place / name)
+
+
+def _take(source: Path, target: Path) -> None:
+    """Copy a file to where nothing is, whole or not at all."""
+    if target.exists():
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    part = target.with_name(f".{uuid.uuid4().hex}")
+    try:
+        shutil.copyfile(source, part)
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Logs of phones, whose axes are not the vehicle's."""

@@ -1,0 +1,206 @@
+"""The text that Google's GnssLogger writes on Android phones: positions (``Fix``), raw measurements (``Raw``), sensors.
+
+The header names the columns of every kind of line, ``# Raw,utcTimeMillis,TimeNanos,...``; they differ by version.
+Accelerometer and gyroscope are in the phone's axes (``mounting``). ``OrientationDeg`` is so too, in whole degrees, and
+``Mag`` tells a compass more of the car's steel than of north: both are left out.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from fusion.errors import EmptyLogError, MalformedLogError
+from fusion.formats.base import (
+    MAX_TIME_S,
+    MIN_TIME_S,
+    Data,
+    Notes,
+    build_log,
+    ground_velocity,
+    usable_positions,
+)
+from fusion.formats.phones.android_raw import MEASURED, measured
+from fusion.formats.phones.log_lines import LogLines, Table
+from fusion.signals import Navigation, RawGnss
+from fusion.types import (
+    DeviceMotion,
+    DriveLog,
+    Floats,
+    GnssFix,
+    GnssVelocity,
+    Pressure,
+    Progress,
+    SensorTable,
+    ThreeAxes,
+)
+
+_FIX: dict[str, tuple[str, ...]] = {
+    "lat_deg": ("LatitudeDegrees", "Latitude"),
+    "lon_deg": ("LongitudeDegrees", "Longitude"),
+    "height_m": ("AltitudeMeters", "Altitude"),
+    "speed_mps": ("SpeedMps", "Speed"),
+    "h_acc_m": ("AccuracyMeters", "Accuracy"),
+    "bearing_deg": ("BearingDegrees", "Bearing"),
+    "time_ms": ("UnixTimeMillis", "(UTC)TimeInMs", "UTCTimeInMs"),
+    "s_acc_mps": ("SpeedAccuracyMps",),
+    "v_acc_m": ("VerticalAccuracyMeters",),
+}
+"""Ours -> the names that versions 1.4 to 3 have for it."""
+_PROVIDERS = ("GPS", "FLP")
+"""The satellite receiver itself, and, for want of it, what the phone mixes with networks' positions; these alone
+(``NLP``) are wrong by whole streets."""
+_SENSORS = {
+    "force": (("Accel", "Accel{}Mps2"), ("UncalAccel", "UncalAccel{}Mps2")),
+    "rate": (("Gyro", "Gyro{}RadPerSec"), ("UncalGyro", "UncalGyro{}RadPerSec")),
+}
+"""``DeviceMotion`` -> the kinds of lines that hold it, the better first, and what their columns are called."""
+_PRESSURES = ("Pressure", "Baro", "Barometer")
+_PRESSURE_COLUMNS = ("PressureHpa", "PressureHPa", "PressureMbar", "Pressure", "BaroHpa", "pressureHpa")
+_CLOCK = ("utcTimeMillis", "elapsedRealtimeNanos")
+_MOST_APART_S = 5.0
+"""The clocks may drift by so much; beyond, one of them was set anew."""
+_HEADER = re.compile(rb"(?m)^# ?(?:Raw,[^\r\n]*\bReceivedSvTimeNanos\b|Fix,Provider,)")
+
+
+def has_log_header(head: bytes) -> bool:
+    """Whether the header of a GnssLogger file is in the bytes."""
+    return _HEADER.search(head[:65536]) is not None
+
+
+class GnssLoggerFormat:
+    """Recognised by the header that names the columns of ``Raw`` or ``Fix`` lines."""
+
+    name = "gnsslogger"
+    description = "GnssLogger text"
+    suffixes = (".txt",)
+    altitude_advice = (
+        "Tick `Location` beside the measurements in GnssLogger: its `Fix` lines of the provider GPS hold "
+        "heights above the ellipsoid."
+    )
+    doppler_advice = (
+        "Tick `Measurements` in GnssLogger: the `Raw` lines hold each satellite's Doppler shift, which "
+        "Android's own positions keep no vertical velocity of."
+    )
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        return has_log_header(head)
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        return self._read(data, progress, part=False)
+
+    def comes_first(self, head: bytes) -> bool:
+        """See ``PartFormat``."""
+        return False
+
+    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
+        """See ``PartFormat``."""
+        return self._read(data, progress, part=True)
+
+    def _read(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+        notes = Notes()
+        lines = LogLines(bytes(data))
+        progress("read lines", 0.1)
+        tables = _fixes(lines, notes)
+        pressure = _pressure(lines, notes)
+        if len(pressure):
+            tables["pressure"] = pressure
+        device = DeviceMotion(**{name: _axes(lines, kinds, notes) for name, kinds in _SENSORS.items()})
+        progress("read lines", 0.3)
+        table = lines.table("Raw", MEASURED, notes)
+        raw = RawGnss(measured(table, notes)) if table is not None and len(table) else None
+        progress("read lines", 1.0)
+        if raw is not None and not len(raw.signals):
+            raw = None
+        if raw is None and not len(tables.get("fix", ())) and notes.first_offender:
+            raise EmptyLogError(
+                f"This {self.description} holds no usable position and no usable pseudorange. The first fault: "
+                f"{notes.first_offender}. Record with satellite reception and upload it again."
+            )
+        if not lines.has_kinds and not part:
+            raise MalformedLogError(
+                f"This {self.description} has a header and no line after it. Upload the whole file."
+            )
+        return build_log(self.name, self.description, notes, tables, raw=raw, part=part, device=device)
+
+
+def _fixes(lines: LogLines, notes: Notes) -> dict[str, SensorTable]:
+    """Positions and velocities: the satellite receiver's own if there are any."""
+    names = tuple(name for known in _FIX.values() for name in known)
+    for provider in _PROVIDERS:
+        table = lines.table("Fix", names, notes, provider)
+        if table is not None and len(table):
+            if provider != _PROVIDERS[0]:
+                notes.warn(
+                    "The log has no positions of the satellite receiver itself (Fix,GPS): those that the phone mixes "
+                    f"with networks' ({provider}) are used, whose heights are smoothed."
+                )
+            return _positions(table, notes)
+    return {}
+
+
+def _positions(table: Table, notes: Notes) -> dict[str, SensorTable]:
+    col = {ours: _first_known(table, known) for ours, known in _FIX.items()}
+    time_s = col["time_ms"] / 1000.0
+    good = usable_positions(time_s, col["lat_deg"], col["lon_deg"], notes, table.place)
+    time_s, col = time_s[good], {name: column[good] for name, column in col.items()}
+    for name in ("h_acc_m", "v_acc_m", "s_acc_mps"):
+        col[name] = np.where(col[name] > 0, col[name], np.nan)  # 0 is written for unknown
+    north, east = ground_velocity(col["speed_mps"], np.radians(col["bearing_deg"]))
+    moving = np.isfinite(north)
+    fix = GnssFix.assemble(
+        time_s, notes.repaired, lat_deg=col["lat_deg"], lon_deg=col["lon_deg"], height_ell_m=col["height_m"],
+        h_acc_m=col["h_acc_m"], v_acc_m=col["v_acc_m"],
+    )  # fmt: skip
+    velocity = GnssVelocity.assemble(
+        time_s[moving], vel_n_mps=north[moving], vel_e_mps=east[moving], s_acc_mps=col["s_acc_mps"][moving]
+    )
+    return {"fix": fix, "velocity": velocity}
+
+
+def _first_known(table: Table, names: tuple[str, ...]) -> Floats:
+    known = [table.columns[name] for name in names if name in table.columns]
+    return known[0].astype(float) if known else np.full(len(table), np.nan)
+
+
+def _axes(lines: LogLines, kinds: tuple[tuple[str, str], ...], notes: Notes) -> ThreeAxes:
+    """An inertial sensor in the phone's axes, of the first kind of lines that there is."""
+    for kind, column in kinds:
+        names = tuple(column.format(axis) for axis in "XYZ")
+        table = lines.table(kind, (*_CLOCK, *names), notes)
+        if table is not None and len(table) and all(name in table.columns for name in names):
+            x, y, z = (np.where(np.isfinite(table.columns[n]), table.columns[n], np.nan) for n in names)
+            return ThreeAxes.assemble(_sensor_times(table, notes), None, x=x, y=y, z=z)
+    return ThreeAxes.empty()
+
+
+def _pressure(lines: LogLines, notes: Notes) -> Pressure:
+    for kind in _PRESSURES:
+        table = lines.table(kind, (*_CLOCK, *_PRESSURE_COLUMNS), notes)
+        if table is not None and len(table):
+            value = _first_known(table, _PRESSURE_COLUMNS)
+            return Pressure.assemble(_sensor_times(table, notes), None, pressure_pa=value * 100)
+    return Pressure.empty()
+
+
+def _sensor_times(table: Table, notes: Notes) -> Floats:
+    """Unix seconds of a sensor's lines: the clock that runs evenly, set by the one that knows the time of day."""
+    utc_s, even_s = (
+        table.columns[name] * unit if name in table.columns else np.full(len(table), np.nan)
+        for name, unit in zip(_CLOCK, (1e-3, 1e-9), strict=True)
+    )
+    with np.errstate(invalid="ignore"):
+        utc_s = np.where((utc_s > MIN_TIME_S) & (utc_s < MAX_TIME_S), utc_s, np.nan)
+        late = utc_s - even_s
+    known = np.isfinite(late)
+    if known.mean() < 0.5:
+        time_s = utc_s
+    else:
+        time_s = even_s + float(np.median(late[known]))
+        with np.errstate(invalid="ignore"):
+            time_s = np.where(np.abs(time_s - utc_s) < _MOST_APART_S, time_s, utc_s)
+    notes.skip("sensor lines without a time", int((~np.isfinite(time_s)).sum()))
+    return time_s

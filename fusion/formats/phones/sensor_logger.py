@@ -1,0 +1,198 @@
+"""Sensor Logger's CSVs: one a sensor, in a folder or a zip; those of one drive are read together.
+
+Every file has ``time`` (nanoseconds since 1970) and ``seconds_elapsed``. Positions and pressure are known by their
+columns; accelerometer, gravity and gyroscope have the same columns, and are known by the files' names. They are in the
+phone's axes (``mounting``). Orientation, magnetometer and watches are not used.
+
+Source: the app's reference of units and of differences between platforms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import Self
+
+import numpy as np
+
+from fusion.errors import EmptyLogError, MalformedLogError
+from fusion.formats.base import (
+    MAX_TIME_S,
+    MIN_TIME_S,
+    Data,
+    Notes,
+    build_log,
+    ground_velocity,
+    usable_positions,
+)
+from fusion.formats.csv_cells import Block, read_blocks
+from fusion.formats.csv_header import Schema, delimiter_of, first_line, from_utf16, header_cells, layout_of
+from fusion.formats.csv_names import Known, known_columns
+from fusion.formats.time_texts import of_epoch
+from fusion.signals import Navigation
+from fusion.types import (
+    DeviceMotion,
+    DriveLog,
+    Floats,
+    GnssFix,
+    GnssVelocity,
+    Pressure,
+    Progress,
+    SensorTable,
+    ThreeAxes,
+)
+
+_LOCATION = (
+    "latitude", "longitude", "altitude", "altitudeabovemeansealevel", "speed", "bearing", "horizontalaccuracy",
+    "verticalaccuracy", "speedaccuracy",
+)  # fmt: skip
+_COLUMNS = ("time", *_LOCATION, "pressure", "x", "y", "z")
+_MOTION = {"accelerometer": "moved", "gravity": "gravity", "totalacceleration": "force", "gyroscope": "rate"}
+"""File -> what it is in ``DeviceMotion``."""
+_UNUSED = ("watch", "headphone", "locationnetwork")
+_LARGEST_KPA = 200.0
+"""Air never has so few hPa where there are roads: a smaller number is of kPa."""
+
+
+def is_sensor_logger(line: bytes) -> bool:
+    """Whether a header is that of one of the app's files."""
+    cells = set(header_cells(line[:4096], delimiter_of(line[:4096])))
+    return {"time", "seconds_elapsed"} <= cells or {"device name", "recording time", "platform"} <= cells
+
+
+@dataclass(frozen=True)
+class SensorLoggerFormat:
+    """Recognised by the columns that all of the app's files have."""
+
+    file: str = ""
+    """What the file is called, in small letters and without ending; empty if unknown."""
+
+    name = "sensor-logger"
+    description = "zip or CSV of Sensor Logger"
+    suffixes = (".zip", ".csv")
+    altitude_advice = "Switch `Location` and, where the phone has one, `Barometer` on in Sensor Logger."
+    doppler_advice = (
+        "Phones' positions have no vertical velocity: on Android record with GnssLogger (measurements) instead; on an "
+        "iPhone let Sensor Logger record `Barometer`, `Accelerometer`, `Gravity` and `Gyroscope` beside `Location`."
+    )
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        head = from_utf16(head[: len(head) // 2 * 2]) if head[:1] in (b"\xff", b"\xfe") else head
+        return is_sensor_logger(first_line(head)[2])
+
+    def with_name(self, name: str) -> Self:
+        """See ``NamedFileFormat``."""
+        return replace(self, file=PurePath(name.lower().removesuffix(".gz")).stem)
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        return self._read(data, progress, part=False)
+
+    def comes_first(self, head: bytes) -> bool:
+        """See ``PartFormat``."""
+        return False
+
+    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
+        """See ``PartFormat``."""
+        return self._read(data, progress, part=True)
+
+    def _read(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+        notes = Notes()
+        text = from_utf16(bytes(data))
+        cells = header_cells(first_line(text)[2], ",")
+        positions = "latitude" in cells and "longitude" in cells
+        if not part and not positions:
+            raise EmptyLogError(
+                f"This {self.description} holds no positions. Upload Location.csv and the other files of the recording "
+                "together, as the zip that the app exports."
+            )
+        used = positions or "pressure" in cells or {"x", "y", "z"} <= set(cells)
+        if not used or self.file.startswith(_UNUSED):
+            return build_log(self.name, self.description, notes, {}, part=part)
+        if "time" not in cells:
+            raise MalformedLogError(
+                f"This {self.description} has no column time. Export the recording again."
+            )
+        col, blocks = _columns(text, notes, progress)
+        time_s = of_epoch(col["time"])
+        tables: dict[str, SensorTable] = {}
+        device = DeviceMotion()
+        if positions:
+            tables = _positions(time_s, col, blocks, notes)
+        elif "pressure" in cells:
+            tables["pressure"] = _pressure(time_s, col["pressure"], notes)
+        elif kind := _MOTION.get(self.file):
+            axes = ThreeAxes.assemble(_sane(time_s, notes), None, **{n: col[n] for n in "xyz"})
+            device = DeviceMotion(**{kind: axes})
+        return build_log(self.name, self.description, notes, tables, part=part, device=device)
+
+
+def _columns(text: bytes, notes: Notes, progress: Progress) -> tuple[dict[str, Floats], list[Block]]:
+    schema = Schema(_COLUMNS, lambda found: [], clocks=frozenset(), understood=_understood)
+    blocks = []
+    for block, share in read_blocks(text, layout_of(text, notes, schema), notes):
+        blocks.append(block)
+        progress("read rows", share)
+    progress("read rows", 1.0)
+    none = np.empty(0)
+    names = blocks[0].columns if blocks else ()
+    col = {name: np.concatenate([block.columns[name] for block in blocks]) for name in names}
+    rows = len(col.get("time", none))
+    return {name: col.get(name, np.full(rows, np.nan)) for name in _COLUMNS}, blocks
+
+
+def _understood(header: list[str], schema: Schema) -> Known:
+    """The columns by their names; what else the app writes is no reason for a word."""
+    known = known_columns(header, schema.columns, {}, loose=False)
+    return Known(known.cells, (), ())
+
+
+def _place(blocks: list[Block], row: int) -> str:
+    for block in blocks:
+        rows = len(next(iter(block.columns.values())))
+        if row < rows:
+            return block.place(row)
+        row -= rows
+    return f"row {row + 1}"
+
+
+def _positions(
+    time_s: Floats, col: dict[str, Floats], blocks: list[Block], notes: Notes
+) -> dict[str, SensorTable]:
+    """Positions and velocities; what is below 0 stands for unknown."""
+    lat, lon = col["latitude"], col["longitude"]
+    good = usable_positions(time_s, lat, lon, notes, lambda row: _place(blocks, row))
+    time_s, col = time_s[good], {name: value[good] for name, value in col.items()}
+    for name in ("horizontalaccuracy", "verticalaccuracy", "speedaccuracy"):
+        col[name] = np.where(col[name] > 0, col[name], np.nan)
+    for name in ("speed", "bearing"):
+        col[name] = np.where(col[name] >= 0, col[name], np.nan)
+    north, east = ground_velocity(col["speed"], np.radians(col["bearing"]))
+    moving = np.isfinite(north)
+    fix = GnssFix.assemble(
+        time_s, notes.repaired, lat_deg=col["latitude"], lon_deg=col["longitude"], height_ell_m=col["altitude"],
+        alt_msl_m=col["altitudeabovemeansealevel"], h_acc_m=col["horizontalaccuracy"], v_acc_m=col["verticalaccuracy"],
+    )  # fmt: skip
+    velocity = GnssVelocity.assemble(
+        time_s[moving],
+        vel_n_mps=north[moving],
+        vel_e_mps=east[moving],
+        s_acc_mps=col["speedaccuracy"][moving],
+    )
+    return {"fix": fix, "velocity": velocity}
+
+
+def _sane(time_s: Floats, notes: Notes) -> Floats:
+    """Times of a sensor, NaN where there can be none."""
+    with np.errstate(invalid="ignore"):
+        sane = (time_s > MIN_TIME_S) & (time_s < MAX_TIME_S)
+    notes.skip("samples at an impossible time", int((~sane).sum()))
+    return np.where(sane, time_s, np.nan)
+
+
+def _pressure(time_s: Floats, pressure: Floats, notes: Notes) -> Pressure:
+    known = pressure[np.isfinite(pressure)]
+    in_kpa = len(known) and float(np.median(known)) < _LARGEST_KPA
+    pascals = pressure * (1000.0 if in_kpa else 100.0)
+    return Pressure.assemble(_sane(time_s, notes), None, pressure_pa=pascals)

@@ -1,0 +1,270 @@
+"""RTKLIB's solution files (``.pos``): one position a line, what the columns are of in comments that begin with %.
+
+Source: the manual of RTKLIB 2.4.2, appendix B.1: positions as latitude, longitude and height or as earth-centred
+coordinates, times as date and time or as week and second, in GPST, UTC or JST; velocities where they were asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from fusion.errors import MalformedLogError
+from fusion.formats.base import GPS_EPOCH_S, WEEK_S, Data, Notes, build_log, usable_positions
+from fusion.frames import geodetic
+from fusion.signals import unix_from_gps
+from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Progress, SensorTable
+
+_HEADER = re.compile(
+    rb"(?m)^%[ \t]+(?P<scale>GPST|UTC|JST)[ ,;\t]+(?P<columns>[^\r\n]*(?:\bQ\b)[^\r\n]*)", re.IGNORECASE
+)
+_KINDS = ("latitude(deg)", "latitude(d'\")", "x-ecef(m)", "e-baseline(m)")
+_JST_AHEAD_S = 9 * 3600.0
+_DATE = re.compile(rb"\d{4}/\d{1,2}/\d{1,2}$")
+_CLOCK = re.compile(rb"\d{1,2}:\d{2}:\d{2}(?:\.\d+)?$")
+_MOST_CELLS = 40
+_EARTH_M = (6_200_000.0, 6_500_000.0)
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What the comments say: the scale of time, the columns after the time, and whether heights are of a geoid."""
+
+    scale: str
+    columns: tuple[str, ...]
+    geodetic: bool
+
+
+class RtklibPosFormat:
+    """Recognised by the comment that names the columns."""
+
+    name = "rtklib-pos"
+    description = "RTKLIB solution"
+    suffixes = (".pos",)
+    altitude_advice = (
+        "Let RTKLIB write latitude, longitude and height (Lat/Lon/Height): every line then has a height."
+    )
+    doppler_advice = (
+        "Switch `Output Velocity` (out-outvel) on in RTKLIB, or upload the receiver's observations (RINEX, UBX) "
+        "instead."
+    )
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        return head.lstrip()[:1] == b"%" and _HEADER.search(head[:65536]) is not None
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        notes = Notes()
+        text = bytes(data)
+        header = _header(text)
+        progress("read lines", 0.1)
+        rows = _rows(text, header, notes)
+        progress("read lines", 0.9)
+        log = build_log(
+            self.name, self.description, notes, _tables(rows, header, notes),
+            geoid="as RTKLIB was told" if header.geodetic else "unknown",
+        )  # fmt: skip
+        progress("read lines", 1.0)
+        return log
+
+
+def _header(text: bytes) -> _Header:
+    found = _HEADER.search(text[:65536])
+    if found is None:
+        raise MalformedLogError(
+            "This RTKLIB solution has no comment that names its columns. Export it with the header.",
+            where="line 1",
+        )
+    columns = tuple(re.split(r"[ ,;\t]+", found.group("columns").decode("ascii", "replace").strip().lower()))
+    if columns[0] == _KINDS[3]:
+        raise MalformedLogError(
+            "This RTKLIB solution holds baselines (E/N/U from a base station) and not positions: where the base is, it "
+            "does not say. Let RTKLIB write Lat/Lon/Height."
+        )
+    if columns[0] not in _KINDS:
+        raise MalformedLogError(
+            f"The first column of this RTKLIB solution is {columns[0][:40]!r}, which is not known here. Let RTKLIB "
+            "write Lat/Lon/Height."
+        )
+    comment = text[: found.start()].lower()
+    return _Header(found.group("scale").decode().upper(), columns, b"/geodetic" in comment)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Times in seconds of the header's scale, since 1970 or since the GPS epoch, and the cells after them (n, k)."""
+
+    time_s: Floats
+    of_week: bool
+    cells: Floats
+    line: np.ndarray[tuple[int], np.dtype[np.int64]]
+
+
+def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
+    """The lines, cell by cell; those that are broken are counted."""
+    lines = text.split(b"\n")
+    plain = [
+        (row.replace(b",", b" ").replace(b";", b" "), k)
+        for k, row in enumerate(lines, 1)
+        if row[:1] != b"%" and row.strip()
+    ]
+    cells = [row.split(None, _MOST_CELLS) for row, _ in plain]
+    least = 2 + (7 if header.columns[0] == _KINDS[1] else 3)
+    width = max((len(row) for row in cells[:100]), default=0)
+    good = [len(row) == width and width >= least for row in cells]
+    if not all(good):
+        first = good.index(False)
+        example = f"line {plain[first][1]}: {len(cells[first])} cells instead of {width}"
+        notes.skip("lines with another number of cells", good.count(False), example, position=True)
+    kept = [row for row, ok in zip(cells, good, strict=True) if ok]
+    line = np.array([k for (_, k), ok in zip(plain, good, strict=True) if ok], np.int64)
+    if not kept:
+        return _Rows(np.empty(0), False, np.empty((0, max(width - 2, least - 2))), line)
+    of_week = b"/" not in kept[0][0]
+    time_s = _week_times(kept) if of_week else _calendar_times(kept)
+    return _Rows(time_s, of_week, _numbers([row[2:] for row in kept]), line)
+
+
+def _numbers(rows: list[list[bytes]]) -> Floats:
+    """Numbers (n, k) of cells; NaN where one is none."""
+    width = len(rows[0])
+    body = b"\n".join(b" ".join(row) for row in rows) + b"\n"
+    names = [f"c{i}" for i in range(width)]
+    try:
+        table = csv.read_csv(
+            pa.py_buffer(body),
+            csv.ReadOptions(use_threads=False, block_size=max(1 << 20, len(body) + 1), column_names=names),
+            csv.ParseOptions(delimiter=" ", quote_char=False),
+            csv.ConvertOptions(check_utf8=False, column_types=dict.fromkeys(names, pa.float64())),
+        )
+        if table.num_rows == len(rows):
+            return np.column_stack([table.column(name).to_numpy() for name in names])
+    except pa.ArrowException:
+        pass
+    return np.array([[_number(cell) for cell in row] for row in rows], float)
+
+
+def _number(cell: bytes) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+def _week_times(rows: list[list[bytes]]) -> Floats:
+    week, second = (np.array([_number(row[k]) for row in rows]) for k in (0, 1))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(week * WEEK_S + second)
+
+
+def _calendar_times(rows: list[list[bytes]]) -> Floats:
+    """Seconds since 1970 of dates and times, each day looked up once."""
+    days: dict[bytes, float] = {}
+    out = np.full(len(rows), np.nan)
+    for k, (date, clock, *_) in enumerate(rows):
+        day = days.get(date)
+        if day is None:
+            day = days.setdefault(date, _day_s(date))
+        if _CLOCK.match(clock):
+            hour, minute, second = clock.split(b":")
+            out[k] = day + int(hour) * 3600 + int(minute) * 60 + float(second)
+    return out
+
+
+def _day_s(date: bytes) -> float:
+    if not _DATE.match(date):
+        return float("nan")
+    try:
+        text = "-".join(part.zfill(2) for part in date.decode().split("/"))
+        return float(np.datetime64(text, "s").astype(np.int64))
+    except ValueError:
+        return float("nan")
+
+
+def _tables(rows: _Rows, header: _Header, notes: Notes) -> dict[str, SensorTable]:
+    time_s = _unix(rows, header)
+    cells, columns = rows.cells, list(header.columns)
+    if columns[0] == _KINDS[1]:
+        lat, lon = _sexagesimal(cells[:, 0:3]), _sexagesimal(cells[:, 3:6])
+        cells = np.column_stack([lat, lon, cells[:, 6:]])
+    col = {name: cells[:, k] for k, name in enumerate(columns[: cells.shape[1]])}
+    nothing = np.full(len(time_s), np.nan)
+    sigma = {axis: col.get(f"sd{axis}(m)", nothing) for axis in "neu"}
+    if columns[0] == _KINDS[2]:
+        lat, lon, height = _from_ecef(cells[:, :3])
+    else:
+        lat, lon, height = cells[:, 0], cells[:, 1], cells[:, 2]
+    good = usable_positions(time_s, lat, lon, notes, lambda row: f"line {rows.line[row]}")
+    fix = GnssFix.assemble(
+        time_s[good], notes.repaired, lat_deg=lat[good], lon_deg=lon[good],
+        **{"alt_msl_m" if header.geodetic else "height_ell_m": height[good]},
+        h_acc_m=_positive(np.hypot(sigma["n"], sigma["e"]))[good], v_acc_m=_positive(sigma["u"])[good],
+    )  # fmt: skip
+    velocity = _velocity(
+        time_s[good], {name: column[good] for name, column in col.items()}, lat[good], lon[good]
+    )
+    return {"fix": fix, "velocity": velocity}
+
+
+def _positive(value: Floats) -> Floats:
+    return np.where(value > 0, value, np.nan)
+
+
+def _velocity(time_s: Floats, col: dict[str, Floats], lat_deg: Floats, lon_deg: Floats) -> GnssVelocity:
+    """North, east and down, where the columns are there; of earth-centred ones turned into these."""
+    nothing = np.full(len(time_s), np.nan)
+    if "vn(m/s)" in col:
+        north, east, up = (col.get(f"v{axis}(m/s)", nothing) for axis in "neu")
+        sigmas = [col.get(name, nothing) for name in ("sdvn", "sdve", "sdvu")]
+        sigmas = [col.get(f"{n}(m/s)", s) for n, s in zip(("sdvn", "sdve", "sdvu"), sigmas, strict=True)]
+    elif "vx(m/s)" in col:
+        vx, vy, vz = (col.get(f"v{axis}(m/s)", nothing) for axis in "xyz")
+        lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+        level = np.cos(lon) * vx + np.sin(lon) * vy
+        north, east = np.cos(lat) * vz - np.sin(lat) * level, np.cos(lon) * vy - np.sin(lon) * vx
+        up = np.cos(lat) * level + np.sin(lat) * vz
+        sigmas = [col.get(name, col.get(f"{name}(m/s)", nothing)) for name in ("sdvx", "sdvy", "sdvz")]
+    else:
+        return GnssVelocity.empty()
+    # a mean of the axes, as receivers state the accuracy of speeds
+    s_acc = _positive(np.sqrt((sigmas[0] ** 2 + sigmas[1] ** 2 + sigmas[2] ** 2) / 3))
+    still = (north == 0) & (east == 0) & (up == 0) & ~np.isfinite(s_acc)  # written where there is no Doppler
+    known = np.isfinite(north) & np.isfinite(east) & ~still
+    return GnssVelocity.assemble(
+        time_s[known],
+        vel_n_mps=north[known],
+        vel_e_mps=east[known],
+        vel_d_mps=-up[known],
+        s_acc_mps=s_acc[known],
+    )
+
+
+def _unix(rows: _Rows, header: _Header) -> Floats:
+    """Unix seconds. Weeks and seconds are of the GPS epoch, on the header's scale as dates are."""
+    time_s = rows.time_s
+    if header.scale == "GPST":
+        gps_s = time_s if rows.of_week else time_s - GPS_EPOCH_S
+        known = np.isfinite(gps_s)
+        return np.where(known, unix_from_gps(np.where(known, gps_s, 0.0)), np.nan)
+    unix_s = time_s + GPS_EPOCH_S if rows.of_week else time_s
+    return unix_s - (_JST_AHEAD_S if header.scale == "JST" else 0.0)
+
+
+def _sexagesimal(parts: Floats) -> Floats:
+    """Degrees (n,) of degrees, minutes and seconds (n, 3); the sign stands with the first that is not 0."""
+    negative = np.signbit(parts).any(axis=1)
+    size = np.abs(parts)
+    return np.where(negative, -1.0, 1.0) * (size[:, 0] + size[:, 1] / 60 + size[:, 2] / 3600)
+
+
+def _from_ecef(place_m: Floats) -> tuple[Floats, Floats, Floats]:
+    radius = np.linalg.norm(place_m, axis=1)
+    on_earth = (radius > _EARTH_M[0]) & (radius < _EARTH_M[1])
+    lon, lat, height = geodetic(np.where(on_earth[:, None], place_m, 0.0))
+    lat, lon = np.where(on_earth, lat, np.nan), np.where(on_earth, lon, np.nan)
+    return lat, lon, height

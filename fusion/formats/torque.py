@@ -1,0 +1,109 @@
+"""CSV of apps that read a car's bus: Torque, and others that name a car's speed beside positions.
+
+Source: what Torque Pro writes. Units stand in the names and depend on the settings of the app; a header may come again
+in the middle, with other columns. The accelerometer is the phone's, in the phone's axes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+from fusion.formats.base import Data, Notes
+from fusion.formats.csv_header import (
+    COLUMNS,
+    Schema,
+    delimiter_of,
+    first_line,
+    from_utf16,
+    understood_header,
+    written_cells,
+)
+from fusion.formats.csv_log import DEVICE_AXES, DEVICE_TIME, read_rows
+from fusion.formats.csv_names import Cell, Known, known_columns
+from fusion.signals import Navigation
+from fusion.types import DriveLog, Progress
+
+_MARKS = re.compile(
+    r"device ?time|\bobd\b|engine (?:rpm|load|coolant)|^rpm\b|vehicle ?speed|\bg\([xyz]\)|from vehicle|coolant temp|"
+    r"throttle"
+)
+_PLACE = re.compile(r"^(?:gps |gnss )?(?:lat|latitude)\b")
+_OWN = {"device time": DEVICE_TIME, "g(x)": DEVICE_AXES[0], "g(y)": DEVICE_AXES[1], "g(z)": DEVICE_AXES[2]}
+
+
+def is_vehicle_log(head: bytes) -> bool:
+    """Whether the first line names positions and what only a car's bus or such an app tells."""
+    line = first_line(head)[2]
+    cells = [cell.lower() for cell in written_cells(line[:20_000], delimiter_of(line))]
+    return any(map(_PLACE.search, cells)) and any(map(_MARKS.search, cells))
+
+
+@dataclass(frozen=True)
+class TorqueFormat:
+    """Recognised by the names of positions beside those of an OBD app in the first line."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    name = "torque"
+    description = "CSV of Torque or another OBD app"
+    suffixes = (".csv",)
+    altitude_advice = "Tick `Altitude` under what Torque logs, and let it log GPS positions every second."
+    doppler_advice = (
+        "OBD apps log no vertical velocity: record with GnssLogger (measurements) or a u-blox receiver "
+        "(UBX-NAV-PVT) beside, and upload both files together."
+    )
+
+    def recognises(self, head: bytes) -> bool:
+        """See ``LogFormat``."""
+        head = from_utf16(head[: len(head) // 2 * 2]) if head[:1] in (b"\xff", b"\xfe") else head
+        return b"\x00" not in head[:4096] and is_vehicle_log(head)
+
+    def with_columns(self, columns: Mapping[str, str]) -> Self:
+        """See ``NamedColumnsFormat``."""
+        return replace(self, columns=columns)
+
+    def refuse_header(self, head: bytes, *, part: bool) -> None:
+        """See ``NamedColumnsFormat``."""
+        understood_header(from_utf16(head[: len(head) // 2 * 2]), self._schema(part=part))
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        return self._read(data, progress, part=False)
+
+    def comes_first(self, head: bytes) -> bool:
+        """See ``PartFormat``."""
+        return False
+
+    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
+        """See ``PartFormat``."""
+        return self._read(data, progress, part=True)
+
+    def _read(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+        schema = self._schema(part=part)
+        return read_rows(
+            data, progress, schema, format_name=self.name, description=self.description, notes=Notes()
+        )
+
+    def _schema(self, *, part: bool) -> Schema:
+        return Schema(
+            COLUMNS, _lacking, named=self.columns, loose=True, part=part,
+            clocks=frozenset({"time", DEVICE_TIME}), understood=_understood,
+        )  # fmt: skip
+
+
+def _lacking(found: Collection[str]) -> list[str]:
+    timed = {"time_s", "time", DEVICE_TIME} & set(found)
+    missing = [] if timed else ["GPS Time or Device Time"]
+    return missing + [name for name in ("lat_deg", "lon_deg") if name not in found]
+
+
+def _understood(header: list[str], schema: Schema) -> Known:
+    """By names as in any CSV, and by those that only such apps write; what no slope needs is not complained of."""
+    own = {_OWN[cell.lower()]: k for k, cell in enumerate(header) if cell.lower() in _OWN}
+    rest = ["" if k in own.values() else cell for k, cell in enumerate(header)]
+    known = known_columns(rest, schema.columns, schema.named, loose=True, part=schema.part)
+    cells = {**{ours: Cell(index) for ours, index in own.items()}, **known.cells}
+    return Known(cells, () if DEVICE_TIME in own else known.taken, ())

@@ -1,0 +1,336 @@
+"""What a drive's report says, whatever the method: figures, and in sentences what a person should know or do.
+
+``report["warnings"]`` is the one place of these sentences: the command line, the service's documents and its pages show
+them as they stand. What a reader or a method found by itself it has said in words of its own, which go before those
+that are made here. What a report says of other drives changes as they come and go, so it is added when somebody looks
+(``with_contradiction``, ``with_twin``). Nothing is estimated here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from pyproj import Geod
+
+from fusion.errors import UnknownNameError
+from fusion.formats import FORMATS
+from fusion.formats.base import LogFormat
+from fusion.terrain.datum import MEAN_SEA_LEVEL, datum_of_log
+from fusion.types import CUES, MAX_SPEED_MPS, PAUSE_S, DriveLog, Floats, Track
+
+if TYPE_CHECKING:
+    from fusion.methods.base import DriveResult, Method, Options
+    from fusion.terrain.dem import Dem
+
+PART_COVERED = 0.9
+"""An elevation model that knows the ground under a smaller share of the positions is worth a warning; every model has
+voids."""
+OFFSET_M = 20.0
+"""Altitudes that are farther off the elevation model all along are no error of either: models are within 9 m in nine of
+ten places (SRTM), receivers within a few metres in the middle of a drive. Barometers that nobody set are off by up to
+100 m, and the ellipsoid is 15 to 50 m from mean sea level in most of Europe and North America."""
+LEAST_RELIEF_M, SCALE_GAIN = 3.0, 3.0
+"""Altitudes are taken for feet if that explains them so many times better, where the ground rises and falls enough."""
+FOOT_M = 0.3048
+REJECTED_SHARE = 1 / 3
+"""A drive that contradicts the others on more of its segments than this gets a warning."""
+FEWEST_ALIKE = 60
+"""So many altitudes that are all the same were not measured: what measures them is unsteady on the flattest road."""
+MOST_NAMED = 4
+"""Rasters that one sentence names."""
+MOST_PLACES = 5000
+"""Positions of a drive, evenly chosen, at which the elevation model is looked at."""
+
+_WGS84 = Geod(ellps="WGS84")
+NO_GROUND = "The elevation model has no height under the drive, and could not be used."
+NO_HEIGHTS = "All altitudes of the log are 0 m: they were not measured, and are left out."
+_CONTRADICTS = "This drive contradicts other drives on "
+_ALTITUDE_ADVICE = "Record altitudes as well, or give an elevation model that covers the drive."
+_DOPPLER_ADVICE = "Record it if the receiver offers it (u-blox: UBX-NAV-PVT), or use one that does."
+
+
+class Ground(NamedTuple):
+    """An elevation model under a drive's positions: the share of them that it has a height for, and its heights (n,), m
+    (NaN: none), with the rows in the log's table of positions of those that were looked at."""
+
+    share: float
+    height_m: Floats
+    row: np.ndarray
+
+
+def ground_under(log: DriveLog, dem: Dem | None) -> Ground | None:
+    """What the elevation model knows of the ground under a log; None without a model."""
+    if dem is None:
+        return None
+    fix = log.fix
+    row = np.arange(0, len(fix), max(1, -(-len(fix) // MOST_PLACES)))
+    height = dem.heights(fix.lon_deg[row], fix.lat_deg[row])
+    share = float(np.mean(np.isfinite(height))) if len(row) else 0.0
+    return Ground(share, height, row)
+
+
+def without_placeholders(log: DriveLog) -> DriveLog:
+    """The log without altitudes that are all 0, as programs write them that know none, and with a warning of it."""
+    altitude = known_altitudes(log)
+    if len(altitude) < FEWEST_ALIKE or altitude.any():
+        return log
+    unknown = np.full(len(log.fix), np.nan)
+    return replace(log, fix=replace(log.fix, alt_msl_m=unknown), warnings=(*log.warnings, NO_HEIGHTS))
+
+
+def known_altitudes(log: DriveLog) -> Floats:
+    """The altitudes above sea level that the log has."""
+    return log.fix.alt_msl_m[np.isfinite(log.fix.alt_msl_m)]
+
+
+def drive_report(
+    log: DriveLog,
+    result: DriveResult,
+    method: Method,
+    options: Options,
+    dem: Dem | None,
+    ground: Ground | None,
+    *,
+    computed: bool,
+    graded: bool,
+) -> dict[str, Any]:
+    """The method's own report with what is the same for every method; JSON-serialisable.
+
+    ``log`` is what the method was given, ``ground`` the elevation model under it. ``computed``: its positions were made
+    from raw signals, and their heights left out; ``graded``: slopes could be made of it.
+    """
+    track = result.track
+    sigmas = [slope.slope_sigma_percent for slope in result.slopes]
+    only = _rests_on_terrain(log, result, method, ground)
+    return {
+        "format": log.source_format,
+        "method": method.name,
+        "options": options.model_dump(mode="json"),
+        "epochs": len(track),
+        "duration_s": float(np.ptp(track.time_s)) if len(track) else 0.0,
+        "distance_m": track_length_m(track),
+        "matched_share": result.report.get("matched_share", _matched_share(track)),
+        "segments_driven": len(
+            {*track.segment[track.segment >= 0].tolist(), *(s.segment for s in result.slopes)}
+        ),
+        "segments_estimated": len(result.slopes),
+        "segments_in_network": len({factor.segment for factor in result.factors}),
+        "median_slope_sigma_percent": float(np.median(sigmas)) if sigmas else None,
+        "dem": None if dem is None else dem.description,
+        "dem_datum": None if dem is None else dem.datum,
+        "dem_share": None if ground is None else ground.share,
+        "dem_only": only,
+        "geoid": log.geoid,
+        "height_datum": datum_of_log(log),
+        "missing": list(log.missing),
+        "skipped": dict(log.skipped),
+        "repaired": dict(log.repaired),
+        "warnings": [
+            *log.warnings,
+            *result.report.get("warnings", ()),
+            *_lacking(log, method, only=only, computed=computed),
+            *(_never_changing(log) if "altitude" in method.cues else ()),
+            *_of_terrain(log, dem, ground),
+            *(_nothing_came_out(result) if graded else ()),
+        ],
+        **{k: v for k, v in result.report.items() if k not in ("matched_share", "warnings")},
+    }
+
+
+def track_length_m(track: Track) -> float | None:
+    """Length of the path through the track's positions, metres; None with fewer than two positions.
+
+    Nothing is counted where the path is interrupted, nor a step that no vehicle can make.
+    """
+    known = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
+    if np.count_nonzero(known) < 2:
+        return None
+    lon, lat, pause_s = track.lon_deg[known], track.lat_deg[known], np.diff(track.time_s[known])
+    step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
+    driven = (pause_s <= PAUSE_S) & ~track.after_gap[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
+    return float(step_m[driven].sum())
+
+
+def cues_of(log: DriveLog) -> frozenset[str]:
+    """Which of ``CUES`` the log has."""
+    has = {
+        "altitude": log.fix.has("alt_msl_m") or log.fix.has("height_ell_m"),
+        "doppler": log.velocity.has("vel_d_mps"),
+        "pitch": log.attitude.has("pitch_rad"),
+        "specific force": log.force.has("acc_x_mps2"),
+        "barometer": log.pressure.has("pressure_pa"),
+    }
+    return frozenset(name for name in CUES if has[name])
+
+
+def advice_of(log: DriveLog, cues: Collection[str], dem: Dem | None, ground: Ground | None) -> str:
+    """What to do about a log that lacks what its method needs: which of ``cues`` a person with that kind of device
+    could record, and whether the elevation model is one of another place; "" where there is nothing to say.
+    """
+    said = {"altitude": _altitude_advice, "doppler": _doppler_advice}
+    lacking = [said[name](log) for name in said if name in cues and name not in cues_of(log)]
+    elsewhere = _of_terrain(log, dem, ground) if ground is not None and not ground.share else []
+    zeros = [NO_HEIGHTS] if NO_HEIGHTS in log.warnings else []
+    return " ".join([*zeros, *lacking, *elsewhere])
+
+
+def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) -> list[str]:
+    """The warnings with that of a drive that is not heard on ``rejected`` of its ``segments``, where these are many.
+
+    What an earlier look said of the same goes.
+    """
+    kept = [said for said in warnings if not said.startswith(_CONTRADICTS)]
+    if rejected <= REJECTED_SHARE * segments:
+        return kept
+    return [
+        *kept,
+        f"{_CONTRADICTS}{rejected} of {segments} segments ({rejected / segments:.0%}) and is not heard there; its "
+        "other segments count. Look whether it was driven on another road beside, whether its clock and its sensors' "
+        "axes are right, and whether the mounting moved.",
+    ]
+
+
+def with_twin(warnings: Sequence[str], other: str) -> list[str]:
+    """The warnings with that of a drive that another log, named ``other``, is of too."""
+    return [
+        *warnings,
+        f"This is the same drive as {other}: over the same segments at the same times. That one holds more "
+        "measurements and is heard; this one adds nothing to the map as long as that one is there.",
+    ]
+
+
+def _matched_share(track: Track) -> float:
+    return float(np.mean(track.segment >= 0)) if len(track) else 0.0
+
+
+def _format_of(log: DriveLog) -> LogFormat | None:
+    try:
+        return FORMATS[log.source_format]
+    except UnknownNameError:  # several formats, joined
+        return None
+
+
+def _altitude_advice(log: DriveLog) -> str:
+    known = _format_of(log)
+    return known.altitude_advice if known else _ALTITUDE_ADVICE
+
+
+def _doppler_advice(log: DriveLog) -> str:
+    known = _format_of(log)
+    return known.doppler_advice if known else _DOPPLER_ADVICE
+
+
+def _rests_on_terrain(log: DriveLog, result: DriveResult, method: Method, ground: Ground | None) -> bool:
+    """Whether slopes came out to which the drive's own sensors said nothing."""
+    if not result.slopes or ground is None or not ground.share:
+        return False
+    used = result.report.get("sensors", cues_of(log))
+    return not set(used) & set(method.cues)
+
+
+def _lacking(log: DriveLog, method: Method, *, only: bool, computed: bool) -> list[str]:
+    """What the log lacks that would have made its slopes surer; a barometer makes up for either."""
+    cues, said = cues_of(log), []
+    if only and method.cues:
+        said.append(
+            "The slopes of this drive rest on the elevation model alone, for nothing in the log measures height or "
+            "grade: they are as good as the model, and more such drives do not improve them."
+        )
+    if "barometer" in cues & set(method.cues):
+        return said
+    if "altitude" in method.cues and "altitude" not in cues and not computed:
+        worth = "so its slopes are less sure, and" if "doppler" not in cues else "so"
+        said.append(f"The log has no altitudes, {worth} it measures no heights. {_altitude_advice(log)}")
+    if "doppler" in method.cues and "doppler" not in cues:
+        said.append(
+            "The log has no vertical Doppler velocity, the strongest cue of slope: with it sigmas become several "
+            f"times smaller. {_doppler_advice(log)}"
+        )
+    return said
+
+
+def _never_changing(log: DriveLog) -> list[str]:
+    """Altitudes that stand for none, perhaps."""
+    altitude = known_altitudes(log)
+    if len(altitude) < FEWEST_ALIKE or np.ptp(altitude):
+        return []
+    return [
+        f"All altitudes of the log are {altitude[0]:g} m, so slopes made of them are flat: look whether the device "
+        f"measured them. {_altitude_advice(log)}"
+    ]
+
+
+def _of_terrain(log: DriveLog, dem: Dem | None, ground: Ground | None) -> list[str]:
+    """Where the elevation model does not cover the drive, and where the log's altitudes are not what it says."""
+    if dem is None or ground is None:
+        return []
+    if ground.share < PART_COVERED:
+        west, south, east, north = log.bounds_deg()
+        place = f"{south:.4f} to {north:.4f} degrees north and {west:.4f} to {east:.4f} degrees east"
+        there = f"There is {_named(dem)}. Give one that covers {place}."
+        if not ground.share:
+            return [f"{NO_GROUND} {there}"]
+        return [
+            f"The elevation model has heights under {100 * ground.share:.2g} % of the positions only; elsewhere it "
+            f"ends or has voids, and slopes were made without it. {there}",
+            *_altitudes_off(log, dem, ground),
+        ]
+    return _altitudes_off(log, dem, ground)
+
+
+def _named(dem: Dem) -> str:
+    rest = len(dem.names) - MOST_NAMED
+    return ", ".join(dem.names[:MOST_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _altitudes_off(log: DriveLog, dem: Dem, ground: Ground) -> list[str]:
+    """Altitudes that lie a constant off the ground, and such as are in feet.
+
+    Heights that the log states above the ellipsoid are another datum by right.
+    """
+    if datum_of_log(log) != MEAN_SEA_LEVEL or _never_changing(log):
+        return []
+    altitude = log.fix.alt_msl_m[ground.row]
+    both = np.isfinite(altitude) & np.isfinite(ground.height_m)
+    if not both.any():
+        return []
+    altitude, height = altitude[both], ground.height_m[both]
+    above = altitude - height
+    off, spread = float(np.median(above)), _spread(above)
+    if abs(off) < OFFSET_M:
+        return []
+    if _spread(height) > LEAST_RELIEF_M and SCALE_GAIN * _spread(altitude * FOOT_M - height) < spread:
+        return [
+            "The log's altitudes rise and fall three times as much as the elevation model: they seem to be in feet. "
+            "Slopes made of them are too steep. Record or convert them to metres and upload the log again."
+        ]
+    if spread > 0.5 * abs(off):
+        return []  # no constant: where the model stands out from itself is said elsewhere
+    side = "above" if off > 0 else "below"
+    return [
+        f"The log's altitudes are {abs(off):.0f} m {side} the elevation model (datum {dem.datum}) all along: perhaps "
+        "they are heights above the ellipsoid in a column of altitudes above sea level, or an altimeter was not set. "
+        "Slopes are not affected by a constant offset, but heights are."
+    ]
+
+
+def _spread(values: Floats) -> float:
+    """Half of the values lie so far or farther from the middle one."""
+    return float(np.median(np.abs(values - np.median(values))))
+
+
+def _nothing_came_out(result: DriveResult) -> list[str]:
+    """Why nothing came out, where nothing did."""
+    if result.slopes:
+        return []
+    track = result.track
+    matched = np.mean(track.segment >= 0)
+    spacing = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
+    return [
+        f"No segment got a slope: {matched:.0%} of the epochs lie on roads, {spacing:.1f} s apart. A slope needs "
+        "several epochs with a height on one segment, at more than walking pace: record at 1 Hz or more, and check "
+        "that the log or the DEM has heights there and that the roads are those that were driven, in their direction."
+    ]
