@@ -23,6 +23,7 @@ import matplotlib as mpl
 import pandas as pd
 import pytest
 
+import fusion
 from fusion.simulate.bundle import Bundle, write_all
 
 DOCS = Path(__file__).resolve().parents[1] / ".docs"
@@ -105,6 +106,20 @@ def test_the_notebook_is_sound_small_and_names_no_place() -> None:
     said = "".join("".join(c["source"]) + shown(c.get("outputs", [])) for c in found["cells"])
     assert not re.search(r"(?<![\w.:/<])/(?:tmp|home|root|work|usr|var)\b", said)
     assert "Warning" not in said
+
+
+def test_what_the_readme_names_of_the_library_is_offered() -> None:
+    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    section = text.partition("### In Python\n")[2].partition("\n## ")[0]
+    called = set(re.findall(r"fusion\.(\w+)[.(]", section))
+    listed = {
+        name
+        for row in re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
+        for name in re.findall(r"`(\w+)", row)
+    }
+    assert {"read_log", "solve", "track_frame"} <= called
+    assert called <= listed - {"fusion"} <= set(fusion.HOMES)
+    assert set(fusion.HOMES) - listed == {"Solution"}
 
 
 @pytest.fixture(scope="module")

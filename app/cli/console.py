@@ -23,6 +23,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from app.core.text import whole_file
+
 if TYPE_CHECKING:
     from fusion.types import Progress as ProgressCall
 
@@ -145,27 +147,6 @@ def part_of(progress: ProgressCall, start: float, end: float) -> ProgressCall:
         progress(stage, reached)
 
     return show
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """Where to write a file, so that it appears complete or not at all, whatever interrupts; ``path`` otherwise stays.
-
-    What is no file, such as ``/dev/stdout``, is written to as it is.
-    """
-    if path.exists() and not path.is_file():
-        yield path
-        return
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
-    try:
-        yield partial
-        partial.replace(path)
-    except OSError as error:
-        if error.filename == str(partial):  # a name that nobody gave
-            error.filename = str(path)
-        raise
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def figure(value: Any) -> str:

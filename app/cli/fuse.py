@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.console import Bars, Console, whole_file, write_json
+from app.cli.console import Bars, Console, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import (
     ColumnsOption,
@@ -27,7 +27,9 @@ from app.cli.options import (
     parse_assignments,
     parse_columns,
     usable_map,
+    usable_picture,
 )
+from app.core.text import whole_file
 from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
@@ -90,7 +92,7 @@ def fuse(
         Path | None,
         typer.Option(
             metavar="OUT.png",
-            help="Elevation profile; one per log, with its number and name if several.",
+            help="Elevation profile: .png, .pdf or .svg; one per log, with its number and name if several.",
             callback=in_a_folder,
         ),
     ] = None,
@@ -122,6 +124,7 @@ def fuse(
     named = {"columns": parse_columns(columns)} if columns else {}
     chosen = _usable(method, named, option or [], gnss, gnss_option or [], out)
     usable_map(map_file, scale)
+    usable_picture(profile, "--profile")
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
         points = read_control(control) if control else []
@@ -238,9 +241,11 @@ def _pictures(
     one: FusedLog, number: int | None, profile: Path | None, track: Path | None, console: Console
 ) -> None:
     from app.drives.outputs.profile import build_profile, table_facts
-    from app.drives.outputs.profile_picture import profile_png
+    from app.drives.outputs.profile_marks import datum_words
+    from app.drives.outputs.profile_picture import printable, profile_figure, written
     from app.drives.outputs.track import track_chunks
     from app.map.attribution import attribution
+    from app.map.slope_map import picture_format
 
     estimated = one.result.track
     if profile is not None:
@@ -248,8 +253,10 @@ def _pictures(
         facts = table_facts(one.network.table, estimated.segment)
         columns = build_profile(estimated, estimated.segment, slopes, facts)
         path = _numbered(profile, number, one.source)
+        datum, title = datum_words(one.result.report), printable(one.source.short_name)
+        figure = profile_figure(columns, title, one.result.measurements, datum=datum)
         with whole_file(path) as partial:
-            partial.write_bytes(profile_png(columns, one.source.short_name, one.result.measurements))
+            partial.write_bytes(written(figure, picture_format(path)))
         console.note(f"{path}: profile of {one.source.short_name}.")
     if track is not None:
         path = _numbered(track, number, one.source)

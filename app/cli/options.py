@@ -153,10 +153,15 @@ def parse_assignments(texts: Sequence[str] | None, option: str) -> dict[str, Any
 
 def usable_map(path: Path | None, scale: float | None) -> None:
     """Refuse, before any work, a suffix that no picture has, and a scale without a map."""
-    from app.map.slope_map import picture_format  # noqa: PLC0415 - see app.cli
-
     if path is None and scale is not None:
         raise typer.BadParameter("it is the scale of a map, and no --map is asked for.", param_hint="--scale")
+    usable_picture(path, "--map")
+
+
+def usable_picture(path: Path | None, option: str) -> None:
+    """Refuse, before any work, a suffix that no picture has."""
+    from app.map.slope_map import picture_format  # noqa: PLC0415 - see app.cli
+
     if path is not None:
-        with naming("--map"):
+        with naming(option):
             picture_format(path)

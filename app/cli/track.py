@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.console import Console, part_of, whole_file, write_json
+from app.cli.console import Console, part_of, write_json
 from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import (
     ColumnsOption,
@@ -22,6 +22,7 @@ from app.cli.options import (
     parse_assignments,
     parse_columns,
 )
+from app.core.text import whole_file
 from fusion.errors import FusionError
 from fusion.registry import DEFAULT_POSITIONING
 

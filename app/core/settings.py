@@ -117,8 +117,8 @@ class Settings(BaseSettings):
     orphan_days: float = Field(
         7.0,
         ge=1,
-        description="Days after which a stored log without a drive is removed. Longer than the oldest backup of the "
-        "database that may be restored, so that its drives find their logs.",
+        description="Days after which a stored log without a drive, or an elevation raster in no use, is removed. "
+        "Longer than the oldest backup of the database that may be restored, so that it finds its files.",
     )
 
     # The API

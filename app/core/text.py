@@ -1,11 +1,14 @@
-"""How values are written in every answer and every file: digits, times, compact JSON. Knows no document."""
+"""How every answer and every file is written: digits, times, compact JSON; whole or not at all. Knows no document."""
 
 from __future__ import annotations
 
+import errno
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import PlainSerializer
@@ -70,3 +73,27 @@ def _in_parts(value: Any) -> str:
 
 Moment = Annotated[datetime, PlainSerializer(utc_text, return_type=str, when_used="json-unless-none")]
 """A time in a model of pydantic, written by ``utc_text``."""
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Where to write what becomes ``path`` at the end of the block; whatever interrupts that, ``path`` stays as it was.
+
+    What is no file, such as ``/dev/stdout``, is written to as it is. The place ends as ``path`` does, in lower case,
+    since writers go by that. Raises ``OSError`` that names ``path``, or its folder where that is missing.
+    """
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
+    partial = path.with_name(f".{path.stem}.partial{path.suffix.lower()}")
+    try:
+        yield partial
+        partial.replace(path)
+    except OSError as error:
+        if error.filename == str(partial):  # a name that nobody gave
+            error.filename = str(path)
+        raise
+    finally:
+        partial.unlink(missing_ok=True)

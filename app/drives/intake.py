@@ -64,7 +64,7 @@ def register_upload(
         blobs.delete(blob.key)
     with about(drive=drive.id):
         event = "drive uploaded" if created else "drive uploaded again"
-        tell(logger, event, bytes=drive.size_bytes, method=drive.method, status=drive.status)
+        tell(logger, event, bytes=drive.size_bytes, method=drive.method, state=drive.status)
         tell(logger, "drive's file", level=logging.DEBUG, filename=filename)
     return drive, created
 

@@ -44,6 +44,7 @@ from app.drives.outputs.profile import (
     build_profile,
     profile_json,
 )
+from app.drives.outputs.profile_marks import datum_words
 from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
 from app.drives.tracks import StoredTrack
 from app.map.attribution import attribution
@@ -209,7 +210,8 @@ def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
         drive, stored = _drive_and_track(session, drive_id)
         estimates = drive_segment_rows(session, drive_id)
         measurements = tracks.read_measurements(session, drive_id)
-    picture = drawing.profile(_profile(stored, estimates), drive.filename, measurements)
+    datum = datum_words(drive.report or {})
+    picture = drawing.profile(_profile(stored, estimates), drive.filename, measurements, datum)
     try:
         with service.sessions.begin() as session:
             tracks.keep_picture(session, drive, picture, service.settings.pictures_kept)

@@ -1,4 +1,4 @@
-"""The way of an upload: its body (``body``) piece by piece into one blob (``parcel``), then row and job (``intake``).
+"""The way of an upload: its body piece by piece into one blob (``receiving``), then row and job (``intake``).
 
 Nothing is held in memory but the piece on its way, nothing on disk but the blob. Knows neither formats of bodies nor
 SQL.
@@ -17,10 +17,7 @@ from app.core.errors import BodyTooLargeError
 from app.core.http import BaseUrl, ServiceDep, problems
 from app.core.settings import Settings
 from app.drives import intake
-from app.drives.body import Piece, UploadSource, upload_source
-from app.drives.bundles import MAX_FILES
 from app.drives.documents import DriveAccepted, accepted, drive_address
-from app.drives.first_look import FirstLook
 from app.drives.method_choice import (
     ColumnsQuery,
     GnssOptionQuery,
@@ -35,7 +32,10 @@ from app.drives.method_choice import (
     default_method,
     with_positioning,
 )
-from app.drives.parcel import Parcel
+from app.drives.receiving.body import Piece, UploadSource, upload_source
+from app.drives.receiving.bundles import MAX_FILES
+from app.drives.receiving.first_look import FirstLook
+from app.drives.receiving.parcel import Parcel
 
 CHUNK_BYTES = 1024 * 1024
 """How much is handed to the blob store at a time: few hops between threads, little memory."""

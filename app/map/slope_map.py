@@ -38,7 +38,7 @@ LEAST_SIDE_SHARE = 0.36
 
 
 PICTURES = (".png", ".pdf", ".svg")
-"""What a map may be written as; the suffix chooses. The latter two hold lines and letters, not pixels."""
+"""What pictures may be written as; the suffix chooses. The latter two hold lines and letters, not pixels."""
 
 
 class MapError(FusionError):
@@ -86,9 +86,7 @@ def picture_format(path: Path) -> str:
     """png, pdf or svg, as the suffix says; raises ``UnknownNameError`` that lists them for any other."""
     suffix = path.suffix.lower()
     if suffix not in PICTURES:
-        raise UnknownNameError(
-            f"No picture of a map is called {path.suffix!r}. Choose one of: {', '.join(PICTURES)}."
-        )
+        raise UnknownNameError(f"No picture is called {path.suffix!r}. Choose one of: {', '.join(PICTURES)}.")
     return suffix[1:]
 
 

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
+from app.core.text import whole_file
 from app.map.attribution import OSM_ATTRIBUTION
 from app.map.drawn_roads import (
     ARROW_COLOUR,
@@ -43,7 +44,6 @@ from app.map.map_key import (
     height_in,
     rows_of,
 )
-from app.map.outputs import whole
 from app.map.slope_map import MapError, MapSegments, arrow_choice, frame_around, picture_format
 from app.map.street_names import place_names
 from fusion.frames import LocalProjection
@@ -79,7 +79,7 @@ def write_map(
     figure = slope_figure(
         segments, title=title, credit=credit, scale_percent=scale_percent, box_deg=box_deg, notes=notes
     )
-    with whole(path) as partial:
+    with whole_file(path) as partial:
         save_figure(figure, partial, picture_format(path), title, credit)
 
 

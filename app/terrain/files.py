@@ -94,6 +94,8 @@ def bounds_deg(path: Path, margin_posts: int = 0) -> Bounds:
         left, bottom, right, top = raster.bounds
         box = (left - across, bottom - down, right + across, top + down)
         west, south, east, north = transform_bounds(raster.crs or "EPSG:4326", "EPSG:4326", *box)
+    if west > east:  # across the antimeridian: two boxes in one
+        west, east = -180.0, 180.0
     return tuple(round(float(w), _BOUNDS_DIGITS) for w in (west, south, east, north))  # type: ignore[return-value]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import uuid
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,12 +78,11 @@ def restore(
     databases.ensure_postgis(settings.database_url)
     blobs = BlobStore(settings.blob_store_url)
     logs = manifest.below(LOGS)
-    _require_room(settings, manifest)
     with sessions() as session:
         identity, here = databases.database_identity(session), store.versions(session)
-    mine = {key for _, key in logs}
-    strangers = [key for key in blobs.keys() if key not in mine]  # noqa: SIM118 - no dictionary
-    if not strangers and not blobs.databases():
+    mine, stored = {key for _, key in logs}, set(blobs.keys())
+    _require_room(settings, manifest, stored)
+    if stored <= mine and not blobs.databases():
         blobs.register_database(identity)
     new = 0
     for done, (entry, key) in enumerate(logs):
@@ -100,10 +99,15 @@ def restore(
     return Restored(new, waiting, tuple(name for name in blobs.databases() if name != identity))
 
 
-def _require_room(settings: Settings, manifest: Manifest) -> None:
-    """That the files find room, each kind where it goes; the database's needs are its server's."""
-    for url, kind in ((settings.blob_store_url, LOGS), (str(mirror.local_folder(settings.dem_dir)), RASTERS)):
-        wanted = sum(entry.size_bytes for entry, _ in manifest.below(kind))
+def _require_room(settings: Settings, manifest: Manifest, stored: Set[str]) -> None:
+    """That files which are not there yet find room, each kind where it goes; the database's needs are its server's."""
+    rasters = mirror.local_folder(settings.dem_dir)
+    for url, kind in ((settings.blob_store_url, LOGS), (str(rasters), RASTERS)):
+        wanted = sum(
+            entry.size_bytes
+            for entry, name in manifest.below(kind)
+            if not (name in stored if kind == LOGS else (rasters / name).exists())
+        )
         free = free_bytes(*file_system(url))
         if free is not None and free < wanted:
             raise BackupError(

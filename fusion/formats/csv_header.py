@@ -23,6 +23,7 @@ from fusion.registry import LOG_COLUMNS
 
 COLUMNS = LOG_COLUMNS
 NUMBERS = tuple(name for name in COLUMNS if name != "time")
+MOST_CELLS = 1000
 DELIMITERS = ",;\t|"
 LINE_END = re.compile(rb"\r\n|\r|\n")
 _DECIMAL_COMMA = re.compile(rb"(?:^|[;\t|\n]) *-?\d{1,20},\d{1,20} *(?:[;\t|\r\n]|$)")
@@ -110,6 +111,12 @@ def understood_header(data: bytes, schema: Schema) -> tuple[Known, list[str], st
     number, _, line = first_line(data)
     delimiter = delimiter_of(line)
     header = written_cells(line, delimiter)
+    if len(header) > MOST_CELLS:
+        raise MalformedLogError(
+            f"The first line of this CSV, line {number}, has {len(header)} cells; {MOST_CELLS} are read at most. Put a "
+            "header before the rows.",
+            where=f"line {number}",
+        )
     if schema.understood is not None:
         known = schema.understood(header, schema)
     else:
@@ -128,13 +135,9 @@ def sections(data: bytes, notes: Notes) -> Iterator[tuple[bytes, int]]:
     """
     at, line = first_line(data)[1:]
     lead = line[: line.find(delimiter_of(line).encode()) + 1]
-    starts = (
-        [m.start() for m in re.finditer(rb"(?m)^[ \t]*" + re.escape(lead), data)] if len(lead) > 3 else []
-    )
+    starts = sorted(_lines_with(lead, data, at)) if len(lead) > 3 else []
     cuts, blanks, current = [0], list[tuple[int, int]](), line
     for start in starts:
-        if start <= at:
-            continue
         end = LINE_END.search(data, start)
         again = data[start : end.start() if end else len(data)].strip()
         if again == current:
@@ -149,7 +152,17 @@ def sections(data: bytes, notes: Notes) -> Iterator[tuple[bytes, int]]:
     for start, stop in pairwise([*cuts, len(data)]):
         piece = data[start:stop] if len(cuts) > 1 else data
         yield piece, before
-        before += len(LINE_END.findall(piece))
+        if stop < len(data):
+            before += len(LINE_END.findall(piece))
+
+
+def _lines_with(lead: bytes, data: bytes, after: int) -> Iterator[int]:
+    """Offsets of the lines behind one that begin with ``lead``."""
+    for line_end in (b"\n", b"\r"):
+        at = data.find(line_end + lead, after)
+        while at >= 0:
+            yield at + 1
+            at = data.find(line_end + lead, at + 1)
 
 
 def _without(data: bytes, blanks: list[tuple[int, int]], cuts: list[int]) -> tuple[bytes, list[int]]:

@@ -7,6 +7,7 @@ pitch. Whatever is taken for something else is said.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -116,6 +117,7 @@ def known_columns(
     cells = _named(header, named, part=part)
     used = {cell.index for cell in cells.values()}
     lower = [cell.lower() for cell in header]
+    often = Counter(lower)
     for ours in columns:
         if ours not in cells and ours in lower and lower.index(ours) not in used:
             cells[ours] = Cell(lower.index(ours))
@@ -128,8 +130,8 @@ def known_columns(
         cells[ours] = cell
         used.add(index)
         taken.append(f"{name[:_SHOWN]!r} as {_shown(ours)}{_converted(cell)}")
-    unknown = [n for k, n in enumerate(header) if k not in used and lower.count(n.lower()) == 1]
-    unknown += sorted({n for n in header if lower.count(n.lower()) > 1 and n.lower() not in cells})
+    unknown = [n for k, n in enumerate(header) if k not in used and often[n.lower()] == 1]
+    unknown += sorted({n for n in header if often[n.lower()] > 1 and n.lower() not in cells})
     return Known(cells, tuple(taken), tuple(n for n in unknown if n.lower() not in columns))
 
 

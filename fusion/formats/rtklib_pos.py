@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
+from pyarrow import compute as pc
 from pyarrow import csv
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import GPS_EPOCH_S, WEEK_S, Data, Notes, build_log, usable_positions
+from fusion.formats.time_texts import times_of
 from fusion.frames import geodetic
 from fusion.signals import unix_from_gps
 from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Progress, SensorTable
@@ -27,6 +29,9 @@ _JST_AHEAD_S = 9 * 3600.0
 _DATE = re.compile(rb"\d{4}/\d{1,2}/\d{1,2}$")
 _CLOCK = re.compile(rb"\d{1,2}:\d{2}:\d{2}(?:\.\d+)?$")
 _MOST_CELLS = 40
+_TO_BLANKS = bytes.maketrans(b",;\t", b"   ")
+_LARGEST = 1e12
+"""No metre, degree or metre a second that is written is as large."""
 _EARTH_M = (6_200_000.0, 6_500_000.0)
 
 
@@ -106,7 +111,56 @@ class _Rows:
 
 
 def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
-    """The lines, cell by cell; those that are broken are counted."""
+    """The lines, all at once where they are whole, else cell by cell; those that are broken are counted."""
+    begin = re.search(rb"(?m)^[^%\s]", text)
+    body = text[begin.start() :] if begin else b""
+    plain = body.replace(b"\r\n", b"\n").translate(_TO_BLANKS)
+    while b"  " in plain:
+        plain = plain.replace(b"  ", b" ")
+    if begin and b"%" not in plain and (whole := _whole_rows(plain, header)):
+        times, cells = whole
+        before = text.count(b"\n", 0, begin.start())
+        return _Rows(*times, cells, before + 1 + np.arange(len(cells)))
+    return _single_rows(text, header, notes)
+
+
+def _whole_rows(body: bytes, header: _Header) -> tuple[tuple[Floats, bool], Floats] | None:
+    """Times and cells of lines that all have as many cells as the first and nothing but numbers; None of others."""
+    body = body.replace(b" \n", b"\n").strip()
+    first = body.split(b"\n", 1)[0].split(b" ")
+    rows = body.count(b"\n") + 1
+    if len(first) < _least_cells(header) or len(first) > _MOST_CELLS or b"\n\n" in body or b"\n " in body:
+        return None
+    names = [f"c{i}" for i in range(len(first))]
+    of_week = b"/" not in first[0]
+    kinds = dict.fromkeys(names, pa.float64())
+    if not of_week:
+        kinds |= {"c0": pa.string(), "c1": pa.string()}
+    try:
+        table = csv.read_csv(
+            pa.py_buffer(body),
+            csv.ReadOptions(use_threads=False, block_size=max(1 << 20, len(body) + 1), column_names=names),
+            csv.ParseOptions(delimiter=" ", quote_char=False),
+            csv.ConvertOptions(check_utf8=False, column_types=kinds),
+        )
+    except pa.ArrowException:
+        return None
+    if table.num_rows != rows:
+        return None
+    lead = [table.column(name) for name in names[:2]]
+    cells = np.column_stack([table.column(name).to_numpy() for name in names[2:]])
+    if of_week:
+        with np.errstate(over="ignore", invalid="ignore"):
+            return (np.asarray(lead[0].to_numpy() * WEEK_S + lead[1].to_numpy()), True), cells
+    texts = pc.binary_join_element_wise(*lead, " ").to_pylist()
+    return (times_of(texts)[0], False), cells
+
+
+def _least_cells(header: _Header) -> int:
+    return 2 + (7 if header.columns[0] == _KINDS[1] else 3)
+
+
+def _single_rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
     lines = text.split(b"\n")
     plain = [
         (row.replace(b",", b" ").replace(b";", b" "), k)
@@ -114,7 +168,7 @@ def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
         if row[:1] != b"%" and row.strip()
     ]
     cells = [row.split(None, _MOST_CELLS) for row, _ in plain]
-    least = 2 + (7 if header.columns[0] == _KINDS[1] else 3)
+    least = _least_cells(header)
     width = max((len(row) for row in cells[:100]), default=0)
     good = [len(row) == width and width >= least for row in cells]
     if not all(good):
@@ -188,7 +242,9 @@ def _day_s(date: bytes) -> float:
 
 def _tables(rows: _Rows, header: _Header, notes: Notes) -> dict[str, SensorTable]:
     time_s = _unix(rows, header)
-    cells, columns = rows.cells, list(header.columns)
+    with np.errstate(invalid="ignore"):
+        cells = np.where(np.abs(rows.cells) < _LARGEST, rows.cells, np.nan)
+    columns = list(header.columns)
     if columns[0] == _KINDS[1]:
         lat, lon = _sexagesimal(cells[:, 0:3]), _sexagesimal(cells[:, 3:6])
         cells = np.column_stack([lat, lon, cells[:, 6:]])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from calendar import timegm
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fusion.formats.base import unix_seconds
-from fusion.types import Bools, Floats
+from fusion.types import Bools, Floats, Ints
 
 _MONTHS = {
     name: number
@@ -39,6 +40,8 @@ _ZONES_H = {
 }  # fmt: skip
 """Abbreviations that mean one thing."""
 _ISO_ZONE = re.compile(r"(?:[zZ]|[+-]\d\d:?\d\d|[+-]\d\d)\s*\"?\s*$")
+_FEWEST_ALIKE = 8
+"""From so many times of one form on, they are read together."""
 _EPOCH_STEPS = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
 """Numbers below the first are seconds, and so on: 1980 to 2100 in one unit is out of reach in the others."""
 
@@ -54,12 +57,90 @@ def times_of(texts: Sequence[str | None], seconds: float | None = None) -> tuple
         value = np.array([_number(text) if text else None for text in texts], float)
         return of_epoch(value, seconds), np.zeros(len(texts), bool)
     out = unix_seconds(texts)
-    bare = np.array([bool(t) and not _ISO_ZONE.search(t or "") for t in texts], bool) & np.isfinite(out)
-    for k in np.flatnonzero(np.isnan(out)):
-        text = texts[k]
-        if text:
-            out[k], bare[k] = _worded(text)
+    bare = np.zeros(len(texts), bool)
+    for k in np.flatnonzero(np.isfinite(out)):
+        end = (texts[k] or "")[-8:]
+        bare[k] = end[-1:] not in "zZ" and not _ISO_ZONE.search(end)
+    left = [int(k) for k in np.flatnonzero(np.isnan(out)) if texts[k]]
+    by_length: dict[int, list[int]] = {}
+    for k in left:
+        by_length.setdefault(len(texts[k] or ""), []).append(k)
+    for rows in by_length.values():
+        _read_alike([texts[k] or "" for k in rows], np.array(rows), out, bare)
     return out, bare
+
+
+def _read_alike(texts: list[str], rows: Ints, out: Floats, bare: Bools) -> None:
+    """Times of one length, into ``out`` and ``bare`` at ``rows``: together as far as they are like the first."""
+    done = np.zeros(len(texts), bool)
+    found = _match(texts[0]) if len(texts) >= _FEWEST_ALIKE else None
+    if found is not None and all(text.isascii() for text in texts):
+        seconds, zoned, done = _columns_of(np.array(texts, f"S{len(texts[0])}"), found)
+        out[rows[done]], bare[rows[done]] = seconds[done], ~zoned[done]
+    for k in np.flatnonzero(~done):
+        out[rows[k]], bare[rows[k]] = _worded(texts[k])
+
+
+def _columns_of(texts: NDArray[np.bytes_], found: re.Match[str]) -> tuple[Floats, Bools, Bools]:
+    """Unix seconds, whether a zone is named, and which of the texts have digits, letters and signs where the first has.
+
+    ``found`` is the first text's match; all have its length.
+    """
+    letters = texts.view(np.uint8).reshape(len(texts), -1)
+    model = np.frombuffer(found.string.encode(), np.uint8)
+    digit, word = _is_digit(letters), _is_letter(letters)
+    alike = (letters == model) | (digit & _is_digit(model)) | (word & _is_letter(model))
+    zone_at = [c for name in ("zone", "offset") for c in range(*found.span(name))]
+    alike[:, zone_at] = True
+    done = alike.all(axis=1)
+
+    def number(name: str) -> Ints:
+        begin, end = found.span(name)
+        powers = 10 ** np.arange(end - begin - 1, -1, -1)
+        return np.asarray((letters[:, begin:end].astype(np.int64) - ord("0")) @ powers)
+
+    def each(begin: int, end: int, value: Callable[[str], float]) -> Floats:
+        if end <= begin:
+            return np.full(len(texts), value(""))
+        cells = np.ascontiguousarray(letters[:, begin:end]).view(f"S{end - begin}").ravel()
+        known, which = np.unique(cells, return_inverse=True)
+        return np.array([value(one.decode("ascii", "replace")) for one in known], float)[which]
+
+    by_name = "name" in found.groupdict()
+    month = each(*found.span("name"), _month) if by_name else number("month").astype(float)
+    days = np.stack([number("year"), month.astype(np.int64), number("day")], axis=1)
+    code, which = np.unique(days @ np.array([10_000, 100, 1]), return_inverse=True)
+    day_s = np.array([_day_s(int(c) // 10_000, int(c) // 100 % 100, int(c) % 100) for c in code])[which]
+    hour, minute, second = number("hour"), number("minute"), number("second")
+    begin, end = found.span("part")
+    share = number("part") / 10.0 ** (end - begin) if end > begin else 0.0
+    zone, zoned = found.span("zone"), np.zeros(len(texts))
+    offset = found.span("offset")
+    shift = each(*offset, lambda text: _offset_s(None, text or None)[0])
+    if offset[1] <= offset[0]:
+        shift = each(*zone, lambda text: _offset_s(text or None, None)[0])
+        zoned = each(*zone, lambda text: float(_offset_s(text or None, None)[1]))
+    else:
+        signs = np.isin(letters[:, offset[0]], (ord("+"), ord("-")))
+        inside = _is_digit(letters[:, offset[0] + 1 : offset[1]]) | (
+            letters[:, offset[0] + 1 : offset[1]] == ord(":")
+        )
+        done &= (
+            signs & inside.all(axis=1) & (letters[:, range(*zone)] == model[list(range(*zone))]).all(axis=1)
+        )
+        zoned = np.ones(len(texts))
+    sane = (hour < 24) & (minute < 60) & (second < 61)
+    seconds = day_s + hour * 3600 + minute * 60 + second + share - shift
+    return np.where(sane, seconds, np.nan), zoned > 0, done
+
+
+def _is_digit(letters: NDArray[np.uint8]) -> Bools:
+    return np.asarray((letters >= ord("0")) & (letters <= ord("9")))
+
+
+def _is_letter(letters: NDArray[np.uint8]) -> Bools:
+    small = letters | 0x20
+    return np.asarray((small >= ord("a")) & (small <= ord("z")))
 
 
 def of_epoch(value: Floats, seconds: float | None = None) -> Floats:
@@ -78,14 +159,21 @@ def _number(text: str) -> float | None:
         return None
 
 
+def _match(text: str) -> re.Match[str] | None:
+    return next((match for form in _FORMS if (match := form.fullmatch(text[:60]))), None)
+
+
+def _month(name: str) -> int:
+    return _MONTHS.get(name.lower()[:4], _MONTHS.get(name.lower()[:3], 0))
+
+
 def _worded(text: str) -> tuple[float, bool]:
     """Unix seconds of a time in one of the forms, and whether it names no zone."""
-    found = next((match for form in _FORMS if (match := form.fullmatch(text[:60]))), None)
+    found = _match(text)
     if found is None:
         return float("nan"), False
     part = found.groupdict()
-    name = (part.get("name") or "").lower()
-    month = int(part["month"]) if part.get("month") else _MONTHS.get(name[:4], _MONTHS.get(name[:3], 0))
+    month = int(part["month"]) if part.get("month") else _month(part.get("name") or "")
     hour, minute, second = int(part["hour"]), int(part["minute"]), int(part["second"])
     if hour > 23 or minute > 59 or second > 60:
         return float("nan"), False

@@ -34,8 +34,8 @@ class Dem:
 
     ``datum`` says what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
     "mixed (...)" where the rasters differ. ``description`` is a line for people, ``names`` are the rasters' files,
-    ``postings_m`` the distances between the posts of each grid, along rows and along columns; ``without_quality`` are
-    those rasters without a quality layer, which ``filtered`` leaves as they are.
+    ``postings_m`` the distances between the posts of each grid, along rows and along columns. ``without_quality`` are
+    the rasters without a quality layer, which ``filtered`` leaves as they are.
     """
 
     def __init__(self, mosaics: Sequence[Mosaic], cache: DemCache) -> None:
@@ -127,6 +127,17 @@ class Dem:
         A line is of the first mosaic that knows all its places. Where none does, mosaics fill each other as far as
         their rasters state one datum; what is left is NaN.
         """
+        heights = np.full(len(lon_deg), np.nan)
+        order = np.argsort(line, kind="stable")
+        begins = np.flatnonzero(np.diff(line[order], prepend=-1))
+        # Whole lines, so many places that the memory in between is bounded.
+        cuts = np.unique(begins[np.searchsorted(begins, np.arange(0, len(order), _PLACES_AT_ONCE))[1:] - 1])
+        for part in np.split(order, cuts):
+            lines = np.unique(line[part], return_inverse=True)[1].ravel()
+            heights[part] = self._along(lon_deg[part], lat_deg[part], lines)
+        return heights
+
+    def _along(self, lon_deg: Floats, lat_deg: Floats, line: Ints) -> Floats:
         heights = np.full(len(lon_deg), np.nan)
         todo = np.flatnonzero(np.isfinite(lon_deg) & np.isfinite(lat_deg))
         begun: list[str | None] = [None] * (int(line.max(initial=-1)) + 1)

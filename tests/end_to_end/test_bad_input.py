@@ -47,7 +47,10 @@ BAD: dict[str, tuple[Callable[[Bundle], bytes], str]] = {
     "lat91.csv": (lambda bundle: rows(60, lat_deg=91).encode(), "lat_deg is 91"),
     "far.csv": (lambda bundle: rows(60, lat_deg=-30, lon_deg=-120).encode(), "road"),
     "three.csv": (lambda bundle: rows(3).encode(), "3"),
-    "bomb.csv.gz": (lambda bundle: gzip.compress(HEADER.encode() + bytes(200 * 2**20), 9), "bomb|decompress"),
+    "bomb.csv.gz": (
+        lambda bundle: gzip.compress(HEADER.encode() + b"0,0,0,0\n" * (25 * 2**20), 9),
+        "bomb|decompress",
+    ),
     "cut.zip": (lambda bundle: _zipped(bundle)[:-500], "zip cannot be read"),
     "locked.zip": (lambda bundle: _zipped(bundle, encrypted=True), "password"),
     "pictures.zip": (lambda bundle: _zipped(None), "format|PNG|recogni|log"),

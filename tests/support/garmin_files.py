@@ -15,13 +15,13 @@ Message = tuple[int, list[Field]]
 """(number in the profile, its fields)."""
 
 BASE_TYPES = {"B": 0x02, "b": 0x01, "H": 0x84, "h": 0x83, "i": 0x85, "I": 0x86, "f": 0x88, "E": 0x00}
-FILE_ID, SESSION, RECORD, EVENT, GPS_METADATA, TIMESTAMPS, ACCELEROMETER, BAROMETER = (
+FILE_ID, SESSION, RECORD, EVENT, GPS_METADATA, GYROSCOPE, ACCELEROMETER, BAROMETER = (
     0,
     18,
     20,
     21,
     160,
-    162,
+    164,
     165,
     209,
 )

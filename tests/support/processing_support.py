@@ -19,6 +19,9 @@ from fusion.pipeline import parse_options
 
 Send = Callable[..., Drive]
 
+HEADER = b"time_s,lat_deg,lon_deg\n"
+"""What an upload begins with that is taken for a log."""
+
 
 def put_blob(blobs: BlobStore, chunks: Iterable[bytes]) -> StoredBlob:
     """Store chunks as a blob of their own."""

@@ -75,6 +75,10 @@ class MovedDem(Dem):
         lon = np.asarray(lon_deg, float) - east / (111_320.0 * np.cos(np.radians(lat)))
         return self._dem.heights(lon, lat - north / 111_320.0) + up
 
+    def heights_along(self, lon_deg: Floats, lat_deg: Floats, line: Ints) -> Floats:
+        """See ``Dem.heights_along``: of one raster."""
+        return self.heights(lon_deg, lat_deg)
+
 
 @dataclass(frozen=True, eq=False)
 class Outcome:

@@ -111,7 +111,7 @@ class JsonLines(_Lines):
     """One JSON object a line; ``error`` holds a traceback."""
 
     def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
-        """The object, with its own members before those of the event."""
+        """The object; what every line has comes first and is never another thing."""
         own = {
             "time": _moment(record),
             "level": record.levelname,
@@ -121,7 +121,8 @@ class JsonLines(_Lines):
         }
         trace = self.trace(record)
         more = {} if trace is None else {"error": trace}
-        return json.dumps({**fields, **own, **more}, default=str, ensure_ascii=False)
+        theirs = {name: value for name, value in fields.items() if name not in own}
+        return json.dumps({**own, **theirs, **more}, default=str, ensure_ascii=False)
 
 
 def begin_logging(settings: Settings, process: str) -> None:

@@ -14,11 +14,11 @@ def draw(pipe: Connection) -> None:
 
     while True:
         try:
-            profile, title, measurements = pipe.recv()
+            profile, title, measurements, datum = pipe.recv()
         except EOFError:
             return
         try:
-            answer = (profile_png(profile, title, measurements), "")
+            answer = (profile_png(profile, title, measurements, datum=datum), "")
         except Exception:  # whatever it is: the next picture may be drawn
             answer = (b"", traceback.format_exc())
         pipe.send(answer)

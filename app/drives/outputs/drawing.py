@@ -33,12 +33,18 @@ class Drawing:
         self._process: subprocess.Popen[bytes] | None = None
         self._pipe: Connection | None = None
 
-    def profile(self, profile: Profile, title: str, measurements: DrawnMeasurements | None) -> bytes:
+    def profile(
+        self,
+        profile: Profile,
+        title: str,
+        measurements: DrawnMeasurements | None,
+        datum: str | None = None,
+    ) -> bytes:
         """The PNG; ``NotReadyError`` when the process ends or stays silent over it."""
         with self._lock:
             for _ in range(2):  # one that was ended at rest, for lack of memory say, is found out only now
                 try:
-                    return self._asked((profile, title, measurements))
+                    return self._asked((profile, title, measurements, datum))
                 except (EOFError, OSError):
                     self._stop()
         raise NotReadyError(
@@ -50,7 +56,7 @@ class Drawing:
         with self._lock:
             self._stop()
 
-    def _asked(self, wanted: tuple[Profile, str, DrawnMeasurements | None]) -> bytes:
+    def _asked(self, wanted: tuple[Profile, str, DrawnMeasurements | None, str | None]) -> bytes:
         pipe = self._pipe or self._start()
         pipe.send(wanted)
         if not pipe.poll(LONGEST_S):

@@ -5,8 +5,9 @@ Knows no figure and no matplotlib: ``profile_picture`` draws what is worked out 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,6 +115,37 @@ def steps_of(profile: Profile) -> Steps:
     known = np.isfinite(profile.slope_percent[first])
     columns = (from_m, to_m, profile.slope_percent[first], profile.slope_sigma_percent[first])
     return Steps(*(column[known] for column in columns))
+
+
+def apart(profile: Profile, steps: Steps) -> Mask:
+    """Which steps lie farther from the mean of the line over them than their 95 % bar reaches, shape (k,).
+
+    The line is the grade at each place along the drive; a step is the slope of its whole segment. False where the
+    line, or a step's sigma, is not known.
+    """
+    known = np.isfinite(profile.grade_percent)
+    if known.sum() < 2 or not len(steps.slope_percent):
+        return np.zeros(len(steps.slope_percent), np.bool_)
+    at, grade = profile.distance_m[known], profile.grade_percent[known]
+    climbed = np.concatenate([[0.0], np.cumsum(np.diff(at) * (grade[1:] + grade[:-1]) / 2)])
+    length = steps.to_m - steps.from_m
+    rise = np.interp(steps.to_m, at, climbed) - np.interp(steps.from_m, at, climbed)
+    on_line = (np.searchsorted(at, steps.to_m, "right") - np.searchsorted(at, steps.from_m)) > 0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        off = np.abs(rise / length - steps.slope_percent) > NORMAL_95 * steps.sigma_percent
+    return np.asarray(off & on_line & (length > 0), np.bool_)
+
+
+def datum_words(report: Mapping[str, Any]) -> str:
+    """What the heights of a drive refer to, by its report."""
+    datum, dem = report.get("height_datum"), report.get("dem_datum")
+    if datum:
+        return f"Heights: {datum}."
+    return (
+        f"Heights: those of the elevation model ({dem})."
+        if dem
+        else "What the heights refer to is not known."
+    )
 
 
 def stretches(profile: Profile, mask: Mask, least_s: float = 0.0) -> Floats:

@@ -25,6 +25,7 @@ from app.drives.outputs.profile_marks import (
     NORMAL_95,
     Dots,
     Steps,
+    apart,
     broken,
     dots_of,
     interruptions,
@@ -37,7 +38,10 @@ from fusion.types import DrawnMeasurements, Floats
 HEIGHT, GRADE, SEGMENT, MUTED = "#17507a", "#b3471a", "#1c2328", "#5f6b73"
 BAND_ALPHA = 0.24
 SIZE_IN, DPI = (14.0, 8.0), 100
-TITLE_Y = 0.965
+TITLE_Y, NOTES_Y, NOTE_STEP = 0.965, 0.066, 0.021
+"""Where the title begins and the notes end, and from line to line of these, shares of the height."""
+BARS = "Bars: slope of the whole segment, from this drive alone. Line: grade at each place."
+DIFFER = "They differ where the grade changes inside a segment, and where only a part of it was driven"
 DOTS_PER_OPACITY, EPOCHS_DRAWN_FULL, STEPS_DRAWN_FULL = 250, 2500, 150
 """So many dots, epochs or segments are drawn at full strength; more of them paler or thinner."""
 MOST_SLOPE_PERCENT = 50.0
@@ -56,23 +60,39 @@ _LOOKS: dict[str, dict[str, Any]] = {
 
 
 def profile_png(
-    profile: Profile, title: str, measurements: DrawnMeasurements | None = None, *, dpi: int = DPI
+    profile: Profile,
+    title: str,
+    measurements: DrawnMeasurements | None = None,
+    *,
+    datum: str | None = None,
+    dpi: int = DPI,
 ) -> bytes:
     """A PNG with height above and slope below, each with its 95 % band, over the distance driven.
 
-    ``measurements``: what the sensors said, drawn as pale dots behind.
+    ``measurements``: what the sensors said, drawn as pale dots behind. ``datum``: a sentence on what heights refer to.
     """
+    return written(profile_figure(profile, printable(title), measurements, datum=datum, dpi=dpi), "png")
+
+
+def written(figure: Figure, kind: str) -> bytes:
+    """A figure as png, pdf or svg."""
     buffer = BytesIO()
-    figure = profile_figure(profile, printable(title), measurements, dpi=dpi)
-    figure.savefig(buffer, format="png", metadata={"Software": "Versant"})
+    figure.savefig(buffer, format=kind, metadata={"Software" if kind == "png" else "Creator": "Versant"})
     return buffer.getvalue()
 
 
 def profile_figure(
-    profile: Profile, title: str, measurements: DrawnMeasurements | None = None, *, dpi: int = DPI
+    profile: Profile,
+    title: str,
+    measurements: DrawnMeasurements | None = None,
+    *,
+    datum: str | None = None,
+    dpi: int = DPI,
 ) -> Figure:
     """The figure: two axes over the distance driven, of which nothing is drawn across an interruption."""
-    figure = Figure(figsize=SIZE_IN, dpi=dpi, layout=ConstrainedLayoutEngine(rect=(0, 0, 1, TITLE_Y)))
+    figure = Figure(
+        figsize=SIZE_IN, dpi=dpi, layout=ConstrainedLayoutEngine(rect=(0, NOTES_Y, 1, TITLE_Y - NOTES_Y))
+    )
     FigureCanvasAgg(figure)
     height, slope = figure.subplots(2, 1, sharex=True, height_ratios=(1, 1))
     dots = () if measurements is None else tuple(dots_of(profile, measurements))
@@ -85,13 +105,26 @@ def profile_figure(
     slope.set_xlabel("Distance driven (km)")
     figure.text(0.008, TITLE_Y, title, ha="left", fontsize=13, color=SEGMENT)
     figure.text(0.995, TITLE_Y, _summary(profile), ha="right", fontsize=10, color=MUTED)
+    for k, line in enumerate(_notes(profile, datum)):
+        y = NOTES_Y - NOTE_STEP * (k + 0.9)
+        figure.text(0.008, y, printable(line, 180), fontsize=9, color=MUTED)
     return figure
 
 
-def printable(text: str) -> str:
+def printable(text: str, most: int = 90) -> str:
     """A file's name, which is anyone's text, as a title: no mathtext, no control characters, no missing glyph."""
     kept = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in text)
-    return kept.replace("$", r"\$")[:90]
+    return kept[:most].replace("$", r"\$")
+
+
+def _notes(profile: Profile, datum: str | None) -> list[str]:
+    """What heights refer to, and why slopes of segments are not the line's, and where."""
+    steps = steps_of(profile)
+    off, count = int(apart(profile, steps).sum()), len(steps.slope_percent)
+    marked = (
+        f"; circles: {off} of {count} bars do not reach the line's mean over their segment" if off else ""
+    )
+    return [*([datum] if datum else []), *([BARS, f"{DIFFER}{marked}."] if count else [])]
 
 
 def _draw_heights(axes: Axes, profile: Profile, dots: Sequence[Dots]) -> None:
@@ -108,6 +141,11 @@ def _draw_slopes(axes: Axes, profile: Profile, dots: Sequence[Dots]) -> None:
     _curve(axes, profile, profile.grade_percent, profile.grade_sigma_percent, GRADE, "grade", quiet=drawn)
     if drawn:
         _staircase(axes, steps, _length_km(profile))
+        off = apart(profile, steps)
+        km = (steps.from_m + steps.to_m)[off] / 2000
+        axes.scatter(
+            km, steps.slope_percent[off], s=50, facecolors="none", edgecolors=SEGMENT, linewidths=1.0, zorder=6
+        )  # fmt: skip
     # 0 belongs to the picture, or a long climb would look level.
     value = np.r_[0.0, profile.grade_percent, steps.slope_percent].clip(
         -MOST_SLOPE_PERCENT, MOST_SLOPE_PERCENT

@@ -5,12 +5,11 @@ Modules import what they write with where they write: to list the outputs must c
 
 from __future__ import annotations
 
-import errno
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Protocol
 
+from app.core.text import whole_file
 from app.map.attribution import attribution
 from app.map.outputs.csv_table import CsvOutput
 from app.map.outputs.geojson import GeoJsonOutput
@@ -79,29 +78,9 @@ def write(
     suffix and ``OSError`` where the folder cannot be written to.
     """
     output, said = output_for(path), stated(source or attribution(), height_datum)
-    with whole(path) as partial:
+    with whole_file(path) as partial:
         count = output.write(segments, partial, said)
     for place, text in output.companions(path, said).items():
-        with whole(place) as partial:
+        with whole_file(place) as partial:
             partial.write_text(text, encoding="utf-8")
     return count
-
-
-@contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """Where to write what becomes ``path`` at the end of the block; if that fails, ``path`` stays as it was.
-
-    Raises ``OSError`` that names ``path``, or its folder where that is missing.
-    """
-    if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "There is no such folder", str(path.parent))
-    partial = path.with_name(f".{path.stem}.partial{path.suffix.lower()}")
-    try:
-        yield partial
-        partial.replace(path)
-    except OSError as error:
-        if error.filename == str(partial):  # a name that nobody gave
-            error.filename = str(path)
-        raise
-    finally:
-        partial.unlink(missing_ok=True)

@@ -10,7 +10,9 @@ What is read, and what not, by message of the FIT profile:
 - ``barometer_data``: pressure, each sample at its own time. ``absolute_pressure`` of records counts only beside no
   altitude, which is made of it: the same barometer would be two witnesses.
 - ``event``: where the timer was stopped and started, nothing was recorded in between, and there is a gap.
-- Inertial samples are left out: they are in the axes of a device, and how it sits on the vehicle is not known.
+- ``accelerometer_data`` and ``gyroscope_data``: calibrated samples along the device's axes; how these lie in the
+  vehicle is told from the drive, as for phones. Counts of a converter (beside ``three_d_sensor_calibration``) are not
+  used.
 - Fields of developers' apps are left out.
 """
 
@@ -21,7 +23,19 @@ import numpy as np
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.base import Data, Notes, build_log, ground_velocity, usable_positions
 from fusion.formats.fit.messages import HEAD_BYTES, MAGIC, FitFile, read_files
-from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Odometry, Pressure, Progress, SensorTable
+from fusion.frames import GRAVITY_MPS2
+from fusion.types import (
+    DeviceMotion,
+    DriveLog,
+    Floats,
+    GnssFix,
+    GnssVelocity,
+    Odometry,
+    Pressure,
+    Progress,
+    SensorTable,
+    ThreeAxes,
+)
 
 EPOCH_S = 631065600.0
 """1989-12-31 in Unix seconds, from which FIT counts."""
@@ -76,9 +90,21 @@ class FitFormat:
         parts = [_Part(file, notes) for file in files]
         tables, gaps = _tables(parts, notes)
         for file in files:
-            for name, count in file.unused.items():
-                notes.skip(f"{name} samples, in the device's own axes", count)
-        return build_log(self.name, self.description, notes, tables, gaps_s=gaps, geoid=GEOID, advice=EXPORT)
+            for name, count in file.uncalibrated.items():
+                notes.skip(f"{name} samples that are not calibrated", count)
+        return build_log(
+            self.name,
+            self.description,
+            notes,
+            tables,
+            gaps_s=gaps,
+            geoid=GEOID,
+            advice=EXPORT,
+            device=DeviceMotion(
+                force=_axes(parts, "accelerometer_data", "calibrated_accel", GRAVITY_MPS2),
+                rate=_axes(parts, "gyroscope_data", "calibrated_gyro", np.pi / 180),
+            ),
+        )
 
 
 def _refuse_unrecorded(files: list[FitFile], notes: Notes) -> None:
@@ -122,10 +148,13 @@ class _Part:
         camera = file.columns["gps_metadata"]
         self.camera = camera
         self.camera_s = self._unix(camera["timestamp"], np.nan_to_num(camera["timestamp_ms"]) * 1e-3)
-        barometer = file.columns["barometer_data"]
-        offset_ms = np.nan_to_num(barometer["timestamp_ms"]) + barometer["sample_time_offset"]
-        self.barometer_s = self._unix(barometer["timestamp"], offset_ms * 1e-3)
-        self.pressure_pa = barometer["baro_pres"]
+        self.pressure_pa = file.columns["barometer_data"]["baro_pres"]
+
+    def sampled_s(self, message: str) -> Floats:
+        """The times of a message's samples, Unix seconds."""
+        columns = self.file.columns[message]
+        offset_ms = np.nan_to_num(columns["timestamp_ms"]) + columns["sample_time_offset"]
+        return self._unix(columns["timestamp"], offset_ms * 1e-3)
 
     @property
     def is_cameras(self) -> bool:
@@ -226,7 +255,7 @@ def _pressure(parts: list[_Part], notes: Notes) -> Pressure:
     """Pressures, with the temperature that the device states at the time."""
     record_s = np.concatenate([p.record_s for p in parts])
     record = {n: np.concatenate([p.record[n] for p in parts]) for n in parts[0].record}
-    time_s = np.concatenate([p.barometer_s for p in parts])
+    time_s = np.concatenate([p.sampled_s("barometer_data") for p in parts])
     pressure = np.concatenate([p.pressure_pa for p in parts])
     own = np.isfinite(record["absolute_pressure"])
     if np.isfinite(record["enhanced_altitude"]).any():
@@ -244,6 +273,14 @@ def _pressure(parts: list[_Part], notes: Notes) -> Pressure:
     return Pressure.assemble(
         time_s[measured], notes.repaired, pressure_pa=pressure[measured], temperature_k=temperature[measured]
     )
+
+
+def _axes(parts: list[_Part], message: str, name: str, unit: float) -> ThreeAxes:
+    """Calibrated samples along the device's axes, in SI units."""
+    x, y, z = (
+        unit * np.concatenate([p.file.columns[message][f"{name}_{axis}"] for p in parts]) for axis in "xyz"
+    )
+    return ThreeAxes.assemble(np.concatenate([p.sampled_s(message) for p in parts]), x=x, y=y, z=z)
 
 
 def _gaps(parts: list[_Part], time_s: Floats) -> Floats:

@@ -40,29 +40,44 @@ COLUMNS: dict[str, tuple[str, ...]] = {
     ),
     "timestamp_correlation": ("timestamp", "timestamp_ms", "system_timestamp", "system_timestamp_ms"),
     "barometer_data": ("timestamp", "timestamp_ms", "sample_time_offset", "baro_pres"),
+    "accelerometer_data": (
+        "timestamp", "timestamp_ms", "sample_time_offset", "calibrated_accel_x", "calibrated_accel_y",
+        "calibrated_accel_z",
+    ),
+    "gyroscope_data": (
+        "timestamp", "timestamp_ms", "sample_time_offset", "calibrated_gyro_x", "calibrated_gyro_y",
+        "calibrated_gyro_z",
+    ),
 }  # fmt: skip
-"""Messages of numbers and the fields of them that are read; seconds, metres, pascals, semicircles by the profile."""
-ARRAYS = {"gps_metadata": ("velocity", 3), "barometer_data": ("baro_pres", 0)}
-"""Fields with several numbers: how many, 0 for as many samples, each with its own ``sample_time_offset``."""
+"""Messages of numbers and the fields of them that are read, in the units of the profile."""
+VELOCITY = "velocity"
+"""A field of three numbers."""
+SAMPLED = {
+    "barometer_data": ("baro_pres",),
+    "accelerometer_data": ("calibrated_accel_x", "calibrated_accel_y", "calibrated_accel_z"),
+    "gyroscope_data": ("calibrated_gyro_x", "calibrated_gyro_y", "calibrated_gyro_z"),
+}
+"""Messages of several samples, each with its own ``sample_time_offset``, and the fields with one number a sample."""
+UNCALIBRATED = {"accelerometer_data": "accel_x", "gyroscope_data": "gyro_x"}
+"""The field that such messages have without calibrated values: counts of a converter, which are of no use."""
 WORDS: dict[str, tuple[str, ...]] = {
     "file_id": ("type", "manufacturer"),
     "session": ("sub_sport",),
     "event": ("timestamp", "event", "event_type"),
 }
-UNUSED = {"accelerometer_data": "calibrated_accel_x", "gyroscope_data": "calibrated_gyro_x"}
-"""Inertial samples, by a field that has one number for each: only counted."""
 
 
 @dataclass
 class FitFile:
     """What one FIT file says: ``columns`` by message and field, (n,), NaN where unknown; ``words`` in file order.
 
-    The three numbers of ``velocity`` (east, north, up) are columns ``velocity_0`` to ``velocity_2``.
+    ``uncalibrated`` are samples of a message that are of no use. The three numbers of ``velocity`` (east, north, up)
+    are columns ``velocity_0`` to ``velocity_2``.
     """
 
     columns: dict[str, dict[str, Floats]] = field(default_factory=dict)
     words: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
-    unused: dict[str, int] = field(default_factory=dict)
+    uncalibrated: dict[str, int] = field(default_factory=dict)
 
     def first_word(self, message: str, name: str) -> str:
         """The first value of a named kind that the file has, or an empty string."""
@@ -183,11 +198,10 @@ def _refuse_flood(rows: dict[str, array[float]], out: FitFile) -> None:
 
 def _names(message: str) -> list[str]:
     """The columns that a message's fields become."""
-    several, count = ARRAYS.get(message, ("", 0))
     return [
         column
         for name in COLUMNS[message]
-        for column in ([f"{name}_{k}" for k in range(count)] if name == several and count else [name])
+        for column in ([f"{name}_{k}" for k in range(3)] if name == VELOCITY else [name])
     ]
 
 
@@ -195,13 +209,18 @@ def _take(frame: Any, rows: dict[str, array[float]], out: FitFile) -> None:
     name = frame.name
     if name in COLUMNS:
         found = _found(frame, COLUMNS[name])
-        if not math.isnan(_number(found.get("timestamp"))):
+        if math.isnan(_number(found.get("timestamp"))):
+            return
+        if name not in SAMPLED:
             rows[name].extend(_flat(name, found))
+        elif any(field in found for field in SAMPLED[name]):
+            rows[name].extend(_samples(name, found))
+        else:
+            raw = UNCALIBRATED.get(name, "")
+            count = len(_several(_found(frame, (raw,)).get(raw)))
+            out.uncalibrated[name] = out.uncalibrated.get(name, 0) + count
     elif name in WORDS:
         out.words.setdefault(name, []).append(_found(frame, WORDS[name]))
-    elif name in UNUSED:
-        samples = _found(frame, (UNUSED[name],)).get(UNUSED[name], ())
-        out.unused[name] = out.unused.get(name, 0) + (len(samples) if isinstance(samples, tuple) else 1)
 
 
 def _found(frame: Any, wanted: tuple[str, ...]) -> dict[str, Any]:
@@ -221,23 +240,33 @@ def _found(frame: Any, wanted: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _flat(message: str, found: dict[str, Any]) -> list[float]:
-    """The numbers of a message's columns, one row or, of barometers, one for each sample."""
-    several, count = ARRAYS.get(message, ("", 0))
-    if not several:
-        return [_number(found.get(name)) for name in COLUMNS[message]]
-    value = found.get(several)
-    values = [_number(v) for v in value] if isinstance(value, tuple) else [_number(value)]
-    if count:
-        head = [_number(found.get(name)) for name in COLUMNS[message] if name != several]
-        return [*head, *(values if len(values) == count else [NAN] * count)]
-    offset = found.get("sample_time_offset")
-    if offset is None and len(values) == 1:
-        offset = 0
-    offsets = [_number(v) for v in offset] if isinstance(offset, tuple) else [_number(offset)]
-    if len(offsets) != len(values):
-        offsets = [NAN] * len(values)
+    """The numbers of a message's columns."""
+    out = []
+    for name in COLUMNS[message]:
+        if name == VELOCITY:
+            values = _several(found.get(name))
+            out += values if len(values) == 3 else [NAN] * 3
+        else:
+            out.append(_number(found.get(name)))
+    return out
+
+
+def _samples(message: str, found: dict[str, Any]) -> list[float]:
+    """The numbers of a message's columns for each of its samples; what does not fit together is unknown."""
     both = [_number(found.get("timestamp")), _number(found.get("timestamp_ms"))]
-    return [number for pair in zip(offsets, values, strict=True) for number in (*both, *pair)]
+    columns = [_several(found.get(name)) for name in SAMPLED[message]]
+    count = max(map(len, columns))
+    offsets = _several(found.get("sample_time_offset"))
+    if not offsets and count == 1:
+        offsets = [0.0]
+    fitting = [column if len(column) == count else [NAN] * count for column in (offsets, *columns)]
+    return [number for sample in zip(*fitting, strict=True) for number in (*both, *sample)]
+
+
+def _several(value: object) -> list[float]:
+    if value is None:
+        return []
+    return [_number(v) for v in value] if isinstance(value, tuple) else [_number(value)]
 
 
 def _number(value: object) -> float:

@@ -96,6 +96,8 @@ def in_vehicle_axes(log: DriveLog) -> DriveLog:
 
 
 def _warned(log: DriveLog, sentence: str) -> DriveLog:
+    if log.source_format == "fit":  # of a camera or a watch
+        sentence = sentence.replace("phone", "device")
     return replace(log, warnings=(*log.warnings, sentence))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import signal
 import subprocess
@@ -23,7 +24,7 @@ from app.cli.children import (
     stop_signals,
     stop_timeout_s,
 )
-from app.cli.console import Console
+from app.cli.console import Console, LogConsole
 from app.core.settings import Settings
 
 REPOSITORY = Path(__file__).resolve().parents[3]
@@ -70,6 +71,21 @@ def test_lanes_share_the_cores_and_one_does_the_chores(monkeypatch: pytest.Monke
     (alone,) = lanes(Settings(worker_concurrency=1))
     assert alone.name == "worker"
     assert "OMP_NUM_THREADS" not in alone.environment
+
+
+def test_whoever_looks_after_lanes_speaks_json_where_the_lanes_do(caplog: pytest.LogCaptureFixture) -> None:
+    ended = Child("worker 2", [sys.executable, "-c", "raise SystemExit(3)"], {})
+    ended.start()
+    assert ended.process is not None and ended.process.stdin is not None
+    ended.process.wait(PATIENCE_S)
+    ended.process.stdin.close()
+    with caplog.at_level(logging.INFO):
+        ended.look_after(LogConsole())
+        LogConsole().note("Stopped.")
+    assert [(one.levelname, one.getMessage()) for one in caplog.records] == [
+        ("WARNING", "the worker 2 ended with status 3; starting it again in 2 s."),
+        ("INFO", "Stopped."),
+    ]
 
 
 def sleeper(*, deaf: bool) -> Child:

@@ -19,7 +19,7 @@ from app.core.tables import DRIVE_STATUSES
 from app.core.version import code_version
 from app.drives.worker import run_worker
 from fusion.pipeline import parse_options
-from processing_support import carry_out_removals
+from processing_support import HEADER, carry_out_removals
 
 SERVER = "http://service.example"
 LOG = b"time_s,lat_deg,lon_deg\n" + b"".join(b"17000000%02d,49.0,8.4\n" % k for k in range(20))
@@ -85,7 +85,12 @@ def test_the_list_tells_what_a_drive_is_and_cuts_long_reasons(run: Run) -> None:
 
 
 def test_a_drive_is_shown_in_groups(run: Run) -> None:
-    report = {"warnings": ["Odd.", "Very odd."], "segments_estimated": 80, "matched_share": 0.98, "code_version": "1.2"}
+    report = {
+        "warnings": ["Odd.", "Very odd."],
+        "segments_estimated": 80,
+        "matched_share": 0.98,
+        "code_version": "1.2",
+    }
     more = {
         "distance_m": 6240.3,
         "size_bytes": 5_021_417,
@@ -254,7 +259,8 @@ def test_reprocess_of_single_drives(run: Run) -> None:
 
 def test_the_real_service_counts_takes_on_and_calls_off(web: Any) -> None:
     drives = [
-        web.client.post("/v1/drives?method=raw", content=b"no log %d" % k).json()["id"] for k in range(2)
+        web.client.post("/v1/drives?method=raw", content=HEADER + b"no row %d" % k).json()["id"]
+        for k in range(2)
     ]
     server = ["--server", web.base]
 

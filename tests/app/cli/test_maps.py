@@ -105,9 +105,10 @@ def test_what_makes_no_map_is_wrong_usage(
     assert told in " ".join(result.stderr.replace("│", " ").split())
 
 
-def test_fuse_refuses_another_suffix_before_it_works(tmp_path: Path) -> None:
+@pytest.mark.parametrize("option", ["--map", "--profile"])
+def test_fuse_refuses_another_suffix_before_it_works(tmp_path: Path, option: str) -> None:
     result = run(
-        "fuse", tmp_path / "none.csv", "--roads", tmp_path / "none.osm", "--map", tmp_path / "map.bmp"
+        "fuse", tmp_path / "none.csv", "--roads", tmp_path / "none.osm", option, tmp_path / "map.bmp"
     )
     assert result.exit_code == 2
     assert ".png, .pdf, .svg" in " ".join(result.stderr.replace("│", " ").split())
@@ -136,3 +137,13 @@ def test_a_map_of_logs_leaves_out_what_is_too_much(tmp_path: Path, monkeypatch: 
     assert run(*fuse).exit_code == 0
     assert "Undriven roads are left out" in path.read_text()
     assert "slope unknown" not in path.read_text()
+
+
+def test_a_profile_is_what_its_suffix_says(tmp_path: Path) -> None:
+    bundle = write_all(tmp_path, 1, seed=1, duration_s=60.0)
+    for suffix, head in ((".pdf", b"%PDF"), (".svg", b"<?xml"), (".PNG", b"\x89PNG")):
+        path = tmp_path / f"profile{suffix}"
+        fuse = ("fuse", *bundle.drives, "--roads", bundle.osm, "--method", "raw", "-o", tmp_path / "o.csv")
+        assert run(*fuse, "--profile", path).exit_code == 0
+        assert path.read_bytes().startswith(head)
+    assert "Heights: mean sea level as the receivers logged it." in (tmp_path / "profile.svg").read_text()

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from app.core.content import ContentHash
 from app.core.errors import BadRequestError, BodyTooLargeError, ServiceError, UnsupportedBodyError
-from app.drives.bundles import BundleWriter, content_of_files, content_of_zip
+from app.drives.receiving.bundles import BundleWriter, content_of_files, content_of_zip
 
 MAX_BYTES = 80 << 20
 FILES = {"a.obs": b"observations " * 400, "a.nav": b"navigation " * 300, "imu.csv": b"1,2,3\n" * 500}

@@ -18,7 +18,7 @@ from app.core.settings import Settings, libpq_url
 from app.drives import feed, store
 from app.drives.documents import Drive
 from problem_support import check
-from processing_support import carry_out_removals
+from processing_support import HEADER, carry_out_removals
 from server_support import wait_until
 
 MakeDrive = Callable[..., uuid.UUID]
@@ -26,7 +26,7 @@ MakeServer = Callable[[Settings], Any]
 
 
 def upload(web: Any) -> str:
-    return str(web.client.post("/v1/drives", content=b"nonsense").json()["id"])
+    return str(web.client.post("/v1/drives", content=HEADER).json()["id"])
 
 
 @contextmanager

@@ -8,12 +8,20 @@ import sys
 from typing import Any
 
 import pytest
+from sqlalchemy import text
 
 from app.core.errors import BadRequestError
-from app.drives.method_choice import asked_positioning, check_options, with_positioning
+from app.drives.method_choice import (
+    asked_columns,
+    asked_positioning,
+    check_options,
+    with_columns_kept,
+    with_positioning,
+)
 from fusion.errors import BadOptionsError, UnknownNameError
 from fusion.gnss import POSITIONINGS
 from fusion.methods import METHODS
+from processing_support import HEADER
 
 CHECKED = """
 import sys
@@ -82,6 +90,48 @@ def test_another_positioning_leaves_the_options_of_the_one_before() -> None:
     assert had == {"particles": 7, "gnss": "pf", "gnss_options": {"n": 9}}
 
 
+def test_columns_belong_to_the_file_whatever_the_method() -> None:
+    assert asked_columns([]) == {}
+    assert asked_columns(["alt_msl_m = Höhe = NN", "time=t"]) == {
+        "columns": {"alt_msl_m": "Höhe = NN", "time": "t"}
+    }
+    with pytest.raises(BadRequestError, match="name=header"):
+        asked_columns(["alt_msl_m"])
+    with pytest.raises(BadOptionsError, match=r"'alt_msl' .* Did you mean alt_msl_m"):
+        asked_columns(["alt_msl=Altitude"])
+    with pytest.raises(BadOptionsError, match="is no column of Versant"):
+        check_options("raw", {"columns": {"height": "Altitude"}})
+    with pytest.raises(BadOptionsError, match="columns"):
+        check_options("raw", {"columns": 5})
+    had = {"particles": 7, "columns": {"alt_msl_m": "a"}}
+    assert with_columns_kept({}, had) == {"columns": {"alt_msl_m": "a"}}
+    assert with_columns_kept({"columns": {"time": "t"}}, had) == {"columns": {"time": "t"}}
+
+
+def test_columns_are_kept_by_uploads_reruns_and_batches(web: Any) -> None:
+    asked = {"columns": ["alt_msl_m=Hoehe", "lon_deg=L"], "method": "raw"}
+    first = web.client.post("/v1/drives", content=b"time_s;lat_deg;L;Hoehe\n", params=asked)
+    assert first.status_code == 202, first.text
+    named = {"columns": {"alt_msl_m": "Hoehe", "lon_deg": "L"}}
+
+    def options() -> Any:
+        return web.client.get(first.headers["location"]).json()["options"]
+
+    assert options() == named
+    for query in ({}, {"method": "dem"}, {"gnss": "receiver"}):
+        again = web.client.post(f"{first.headers['location']}/reprocess", params=query)
+        assert again.status_code == 202, again.text
+        assert options()["columns"] == named["columns"]
+    with web.sessions.begin() as session:
+        session.execute(text("UPDATE drives SET status = 'failed', failure_kind = 'x', failure_reason = 'x'"))
+    answer = web.client.post("/v1/drives/reprocess?which=all&method=raw")
+    assert answer.json()["queued"] == 1
+    assert options() == named
+    wrong = web.client.post("/v1/drives", content=HEADER, params={"columns": "altitude=x"})
+    assert wrong.status_code == 422
+    assert "Did you mean alt_msl_m" in wrong.json()["detail"]
+
+
 def test_uploads_and_reruns_choose_how_positions_are_computed(web: Any) -> None:
     def stored(answer: Any) -> dict[str, Any]:
         assert answer.status_code == 202, answer.text
@@ -89,7 +139,7 @@ def test_uploads_and_reruns_choose_how_positions_are_computed(web: Any) -> None:
         return options
 
     asked = {"method": "particle", "option": "particles:700", "gnss": "receiver"}
-    first = web.client.post("/v1/drives", content=b"log", params=asked)
+    first = web.client.post("/v1/drives", content=HEADER, params=asked)
     assert stored(first) == {"particles": 700, "gnss": "receiver"}
     again = f"{first.headers['location']}/reprocess"
     assert stored(web.client.post(again)) == {"particles": 700, "gnss": "receiver"}
@@ -97,7 +147,9 @@ def test_uploads_and_reruns_choose_how_positions_are_computed(web: Any) -> None:
     assert stored(web.client.post(again, json={"gnss": "receiver", "method": "raw"})) == {"gnss": "receiver"}
     for address, known in (("/v1/drives", False), (again, True)):
         for wrong in ({"gnss": "compass"}, {"option": "gnss:compass"}, {"gnss_option": "no_such:1"}):
-            answer = web.client.post(address, params=wrong, **({} if known else {"content": b"other"}))
+            answer = web.client.post(
+                address, params=wrong, **({} if known else {"content": HEADER + b"other"})
+            )
             assert answer.status_code == 422, answer.text
             assert ", ".join(POSITIONINGS) in answer.text or "gnss_option" in wrong
     assert len(web.client.get("/v1/drives").json()["drives"]) == 1

@@ -24,13 +24,13 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
 from fusion.types import DrawnMeasurements, Track
-from processing_support import carry_out_removals, process_drive
+from processing_support import HEADER, carry_out_removals, process_drive
 
 MakeDrive = Callable[..., uuid.UUID]
 
 
 def upload(web: Any, data: bytes = b"nonsense") -> str:
-    answer = web.client.post("/v1/drives", content=data)
+    answer = web.client.post("/v1/drives", content=HEADER + data)
     assert answer.status_code == 202
     return str(answer.json()["id"])
 
@@ -260,7 +260,7 @@ def test_removal_works_in_any_state(web: Any, status: str) -> None:
     ],
 )
 def test_processing_again(web: Any, request_: dict[str, Any], method: str, options: dict[str, Any]) -> None:
-    first = web.client.post("/v1/drives?method=particle&option=particles:700", content=b"log")
+    first = web.client.post("/v1/drives?method=particle&option=particles:700", content=HEADER)
     answer = web.client.post(f"{first.headers['location']}/reprocess", **request_)
     assert answer.status_code == 202, answer.text
     assert answer.json()["id"] == first.json()["id"]

@@ -13,7 +13,9 @@ from opentelemetry.sdk.trace import ReadableSpan
 from opentelemetry.sdk.trace.export import SimpleSpanProcessor
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 from prometheus_client.parser import text_string_to_metric_families
+from typer.testing import CliRunner
 
+from app.cli import app
 from app.core.telemetry import tracing
 from app.drives.worker import run_worker
 from app.roads import imports as road_imports
@@ -122,6 +124,29 @@ def test_what_workers_count_is_exposed_by_the_api_and_never_falls(roads: Any, fi
     counters = [key for key in before if key[0].endswith(("_total", "_count", "_bucket", "_sum"))]
     assert all(seen[key] >= before[key] for key in counters)
     assert value("versant_drive_queued_seconds_count") == 3
+
+
+def test_an_import_by_a_command_is_counted_and_told(
+    web: Any, files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VERSANT_DATABASE_URL", web.settings.database_url)
+    monkeypatch.setenv("VERSANT_DATA_DIR", str(tmp_path))
+    monkeypatch.setattr("app.cli.database.stand_back", lambda: None)
+    (tmp_path / "no.osm").write_text("<osm version='0.6'></osm>")
+    with logged() as lines:
+        done = CliRunner().invoke(app, ["import-roads", str(files / "town.osm")])
+        failed = CliRunner().invoke(app, ["import-roads", str(tmp_path / "no.osm")])
+    assert (done.exit_code, failed.exit_code) == (0, 1)
+    assert len(failed.stderr.splitlines()) == 1
+    line = lines.one("roads imported")
+    assert line["added"] > 100 and line["seconds"] > 0
+    assert "no drivable way" in lines.one("import of roads failed")["reason"]
+    seen = figures(web)
+    for outcome in ("done", "failed"):
+        labels = frozenset({("kind", "roads"), ("outcome", outcome)})
+        assert seen["versant_imports_total", labels] == 1
+    assert seen["versant_import_seconds_count", frozenset({("kind", "roads")})] == 1
+    assert seen["versant_lock_wait_seconds_count", frozenset({("lock", "own_network")})] >= 1
 
 
 @pytest.fixture

@@ -12,7 +12,8 @@ import pytest
 
 import garmin_files as g
 from fusion.errors import EmptyLogError, LogError, MalformedLogError
-from fusion.formats import read_log
+from fusion.formats import FORMATS, read_log
+from fusion.types import no_progress
 
 START_S = g.START.timestamp()
 RIDES = ("Edge810-Vector-2013-08-16-15-35-10", "2019-02-17-062644-ELEMNT-297E-195-0", "garmin-edge-820-bike")
@@ -169,8 +170,11 @@ def test_cameras_have_velocity_and_pressure_at_their_own_times() -> None:
         (2, "I", (99000, 99010, 99020)),
     ]
     barometer = (g.BAROMETER, pressures)
-    force = (g.ACCELEROMETER, [(253, "I", powered_s), (0, "H", 0), (1, "H", (0, 10)), (5, "f", (0.1, 0.2))])
-    log = read_log(g.fit([g.file_id(), *metadata, barometer, force]))
+    counts = (
+        g.ACCELEROMETER,
+        [(253, "I", powered_s), (0, "H", 0), (1, "H", (0, 10)), (2, "H", (2000, 2010))],
+    )
+    log = read_log(g.fit([g.file_id(), *metadata, barometer, counts]))
     assert (log.fix.time_s - START_S).tolist() == pytest.approx(np.arange(10.0))
     assert log.fix.alt_msl_m.tolist() == [112] * 10
     assert log.velocity.vel_e_mps.tolist() == [1] * 10
@@ -178,10 +182,27 @@ def test_cameras_have_velocity_and_pressure_at_their_own_times() -> None:
     assert log.velocity.vel_d_mps.tolist() == [0.5] * 10
     assert (log.pressure.time_s - START_S).tolist() == pytest.approx([1.25, 1.35, 1.45])
     assert log.pressure.pressure_pa.tolist() == [99000, 99010, 99020]
-    assert log.skipped["accelerometer_data samples, in the device's own axes"] == 2
+    assert log.skipped["accelerometer_data samples that are not calibrated"] == 2
     unknown = [(number, [field for field in fields if field[0] != 6]) for number, fields in metadata]
     with pytest.raises(EmptyLogError, match="it has no time"):
         read_log(g.fit([g.file_id(), *unknown]))
+
+
+def test_calibrated_inertial_samples_are_along_the_devices_axes() -> None:
+    head = [(253, "I", g.stamp(seconds(1))), (0, "H", 500), (1, "H", (0, 40))]
+    force = (g.ACCELEROMETER, [*head, (5, "f", (0.5, 0.25)), (6, "f", (0.0, 0.0)), (7, "f", (1.0, -1.0))])
+    rate = (g.GYROSCOPE, [*head, (5, "f", (90.0, 180.0)), (6, "f", (0.0, 0.0)), (7, "f", (0.0, 0.0))])
+    ragged = (g.GYROSCOPE, [*head, (5, "f", (90.0, 180.0, 45.0)), (6, "f", (0.0, 0.0)), (7, "f", (0.0, 0.0))])
+    sample = g.fit([g.file_id(), *(g.record(seconds(k)) for k in range(5)), force, rate, ragged])
+    device = FORMATS["fit"].read(sample, no_progress).device
+    assert (device.force.time_s - START_S).tolist() == pytest.approx([1.5, 1.54])
+    assert device.force.x == pytest.approx([0.5 * 9.80665, 0.25 * 9.80665])
+    assert device.force.z == pytest.approx([9.80665, -9.80665])
+    assert device.rate.x == pytest.approx([np.pi / 2, np.pi])
+    # two samples tell nothing of how the device lies in the vehicle
+    log = read_log(sample)
+    assert len(log.force) == 0
+    assert any("The device's accelerometer and gyroscope are left out" in w for w in log.warnings)
 
 
 def test_pressure_of_records_counts_where_no_altitude_is_made_of_it() -> None:

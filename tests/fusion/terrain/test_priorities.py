@@ -161,6 +161,20 @@ def test_one_raster_gives_along_lines_what_it_gives_at_places(tmp_path: Path, wr
         assert along.tobytes() == alone.tobytes()
 
 
+def test_many_places_are_read_part_by_part_and_whole_lines_at_a_time(
+    steps: tuple[Dem, Dem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both, _ = steps
+    rng = np.random.default_rng(3)
+    lon, lat = rng.uniform(8.491, 8.519, 90), rng.uniform(48.985, 49.0, 90)
+    for line in (np.repeat(np.arange(15), 6), np.tile(np.arange(45), 2), rng.integers(0, 9, 90)):
+        at_once = both.heights_along(lon, lat, line)
+        for places in (1, 7, 8, 90):
+            with monkeypatch.context() as patch:
+                patch.setattr("fusion.terrain.dem._PLACES_AT_ONCE", places)
+                assert both.heights_along(lon, lat, line).tobytes() == at_once.tobytes()
+
+
 def test_a_filtered_model_names_who_fills(tmp_path: Path, write_raster: Write) -> None:
     scenes = np.full((101, 101), 8, np.int16)
     scenes[40:60, 40:60] = -1

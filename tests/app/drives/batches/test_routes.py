@@ -11,7 +11,7 @@ from app.drives.batches import enqueuing
 from app.drives.batches.documents import Selection, Which
 from app.drives.worker import run_worker
 from fusion.registry import DEFAULT_METHOD
-from processing_support import carry_out_removals
+from processing_support import HEADER, carry_out_removals
 
 LOG = b"time_s,lat_deg,lon_deg\n" + b"".join(b"17000000%02d,49.0,8.4\n" % k for k in range(20))
 """It can be read; without roads the drive fails all the same."""
@@ -28,7 +28,7 @@ def made(web: Any) -> list[str]:
         found.append(str(answer.json()["id"]))
     run_worker(web.settings, wait=False)
     assert {web.client.get(f"/v1/drives/{drive}").json()["status"] for drive in found} == {"failed"}
-    answer = web.client.post("/v1/drives?method=dem", content=b"later")
+    answer = web.client.post("/v1/drives?method=dem", content=HEADER + b"later")
     return [*found, str(answer.json()["id"])]
 
 

@@ -89,7 +89,8 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The titles of the pictures that are drawn; each is its number and not a PNG."""
     titles: list[str] = []
 
-    def draw(_self: Drawing, _profile: Profile, title: str, _said: object) -> bytes:
+    def draw(_self: Drawing, _profile: Profile, title: str, _said: object, datum: str) -> bytes:
+        assert datum.startswith(("Heights: ", "What the heights"))
         titles.append(title)
         return str(len(titles)).encode()
 

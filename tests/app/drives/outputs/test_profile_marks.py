@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from app.drives.outputs.profile import Profile, RoadFacts
-from app.drives.outputs.profile_marks import dots_of, limits, placed_m
+from app.drives.outputs.profile_marks import apart, datum_words, dots_of, limits, placed_m, steps_of
 from fusion.types import DrawnMeasurements
 
 UNKNOWN = float("nan")
@@ -94,3 +96,50 @@ def test_the_axis_holds_every_estimate_and_stays_near(
 
 def test_no_estimate_has_no_axis() -> None:
     assert limits(np.full(3, UNKNOWN), np.ones(3), 1.0, np.ones(2)) is None
+
+
+def test_steps_that_the_line_does_not_reach_are_found() -> None:
+    """Four segments of ten epochs; the line climbs with 2 % on the first two, then with 0."""
+    p = profile()
+    k = np.arange(40) // 10
+    p = replace(
+        p,
+        segment_id=k.astype(np.int64),
+        grade_percent=np.where(k < 2, 2.0, 0.0),
+        slope_percent=np.array([2.1, 3.0, 0.5, -5.0])[k],
+        slope_sigma_percent=np.array([0.1, 0.3, 0.3, UNKNOWN])[k],
+    )
+    steps = steps_of(p)
+    assert apart(p, steps).tolist() == [False, True, False, False]
+    assert not apart(replace(p, grade_percent=np.full(40, UNKNOWN)), steps).any(), (
+        "no line, nothing to differ from"
+    )
+    nothing = replace(p, slope_percent=np.full(40, UNKNOWN))
+    assert apart(nothing, steps_of(nothing)).shape == (0,)
+
+
+@given(st.integers(0, 39), st.floats(-20, 20), st.floats(0.01, 3))
+def test_a_level_line_is_left_as_far_as_the_bar_reaches(epoch: int, slope: float, sigma: float) -> None:
+    flat = np.full(40, 1.5)
+    segment = np.where(np.arange(40) // 5 == epoch // 5, 7, -1)
+    p = replace(
+        profile(),
+        grade_percent=flat,
+        segment_id=segment,
+        slope_percent=np.where(segment == 7, slope, UNKNOWN),
+    )
+    p = replace(p, slope_sigma_percent=np.full(40, sigma))
+    off = apart(p, steps_of(p))
+    assert abs(abs(slope - 1.5) - 1.96 * sigma) < 1e-6 or off.tolist() == [abs(slope - 1.5) > 1.96 * sigma]
+
+
+@pytest.mark.parametrize(
+    ("report", "words"),
+    [
+        ({"height_datum": "the WGS 84 ellipsoid", "dem_datum": "EGM96"}, "Heights: the WGS 84 ellipsoid."),
+        ({"height_datum": None, "dem_datum": "EGM96"}, "Heights: those of the elevation model (EGM96)."),
+        ({}, "What the heights refer to is not known."),
+    ],
+)
+def test_what_heights_refer_to_in_words(report: dict[str, str | None], words: str) -> None:
+    assert datum_words(report) == words

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 
 from app.core.blobs import BlobStore, BlobWriter, StoredBlob
 from app.core.errors import BadRequestError
-from app.drives.body import FILENAME_LENGTH, Piece, joined
-from app.drives.bundles import MAGIC_BYTES, BundleWriter, content_of_zip, is_zip
-from app.drives.first_look import FirstLook
+from app.drives.receiving.body import FILENAME_LENGTH, Piece, joined
+from app.drives.receiving.bundles import MAGIC_BYTES, BundleWriter, content_of_zip, is_zip
+from app.drives.receiving.first_look import FirstLook
 
 COPY_BYTES = 1 << 20
 

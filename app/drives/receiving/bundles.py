@@ -18,7 +18,7 @@ from typing import IO, BinaryIO
 
 from app.core.content import ContentHash
 from app.core.errors import BadRequestError, BodyTooLargeError, UnsupportedBodyError
-from app.drives.first_look import FirstLook
+from app.drives.receiving.first_look import FirstLook
 from fusion.formats.container import BOMB_FREE_BYTES, BOMB_RATIO, CHUNK_BYTES
 
 MAX_FILES = 32

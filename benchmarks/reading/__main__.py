@@ -1,0 +1,107 @@
+"""How many records a second each reader of the registry reads, and the memory that it takes.
+
+    PYTHONPATH=.:benchmarks python -m reading [NAME ...] [--records 400000] [--repeats 2] [--json FILE]
+
+Made-up logs of so many records of every format (``logs``). Seconds are of processor time, the least of the repeats,
+each in a process of its own, whose memory at most less that of an empty log is what reading took. Beside it stands what
+a library takes for the same bytes, where there is one: pyarrow for CSV, the XML parser for GPX, others' readers for UBX
+and NMEA. A reader that is slower than ``GOAL`` and slower than the library is marked; ``--check`` makes that the exit
+status.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any
+
+from accuracy.scoring import show_progress, text_table, write_json
+from fusion.formats import FORMATS, read_log
+from reading.logs import LIBRARIES, MAKERS
+
+GOAL = 200_000
+"""Records a second."""
+COLUMNS = {
+    "name": ("format", ""), "megabytes": ("MB", ".1f"), "records": ("records", "d"), "seconds": ("s", ".2f"),
+    "rate": ("records/s", ".0f"), "memory_mb": ("memory, MB", ".0f"), "library": ("library", ""),
+    "library_rate": ("its records/s", ".0f"), "said": ("", ""),
+}  # fmt: skip
+
+
+def main() -> None:
+    """Measure the readers named, or all."""
+    options = _options()
+    rows: list[dict[str, Any]] = []
+    for number, name in enumerate(options.names):
+        show_progress(f"{name}, {number + 1} of {len(options.names)}")
+        rows.append(_measured(name, options.records, options.repeats))
+    print(text_table(rows, COLUMNS))
+    if options.json:
+        write_json(options.json, {"records": options.records, "readers": rows})
+    if options.check and any(row["said"] for row in rows):
+        sys.exit(1)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", choices=[*MAKERS, []], help="formats; all if none"
+    )
+    parser.add_argument("--records", type=int, default=400_000)
+    parser.add_argument("--repeats", type=int, default=2)
+    parser.add_argument("--json", metavar="FILE")
+    parser.add_argument("--check", action="store_true", help="exit status 1 where a reader is too slow")
+    options = parser.parse_args()
+    options.names = options.names or [name for name in FORMATS if name in MAKERS]
+    return options
+
+
+def _measured(name: str, records: int, repeats: int) -> dict[str, Any]:
+    """One reader's row."""
+    own = [_apart(_read, name, records) for _ in range(repeats)]
+    idle = _apart(_read, name, 10)
+    seconds = min(one["seconds"] for one in own)
+    row: dict[str, Any] = {
+        "name": name, "megabytes": own[0]["megabytes"], "records": records, "seconds": seconds,
+        "rate": records / seconds, "memory_mb": min(one["peak_mb"] for one in own) - idle["peak_mb"],
+        "library": "", "library_rate": float("nan"), "said": "",
+    }  # fmt: skip
+    if name in LIBRARIES:
+        row["library"] = LIBRARIES[name][0]
+        row["library_rate"] = records / min(_apart(_parse, name, records)["seconds"] for _ in range(repeats))
+    if row["rate"] < GOAL and not row["rate"] > row["library_rate"]:
+        row["said"] = "too slow"
+    return row
+
+
+def _apart(work: Callable[[str, int], dict[str, float]], name: str, records: int) -> dict[str, float]:
+    """What some work takes in a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(work, name, records).result()
+
+
+def _read(name: str, records: int) -> dict[str, float]:
+    read_log(MAKERS[name](100))  # what is loaded or compiled at the first log counts for no other
+    return _timed(MAKERS[name](records), read_log)
+
+
+def _parse(name: str, records: int) -> dict[str, float]:
+    LIBRARIES[name][1](MAKERS[name](100))
+    return _timed(MAKERS[name](records), LIBRARIES[name][1])
+
+
+def _timed(data: bytes, work: Callable[[bytes], Any]) -> dict[str, float]:
+    began = time.process_time()
+    work(data)
+    seconds = time.process_time() - began
+    peak_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {"seconds": seconds, "megabytes": len(data) / 1e6, "peak_mb": peak_kb / 1e3 - len(data) / 1e6}
+
+
+if __name__ == "__main__":
+    main()
