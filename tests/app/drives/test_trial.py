@@ -104,6 +104,7 @@ def served(bench: Workbench, logs: Mapping[str, bytes]) -> dict[str, dict[str, A
 
 
 SENTENCES = {
+    "misnamed.csv": ("my_height", "The log has no altitudes, so it measures no heights"),
     "noalt.csv": ("The log has no altitudes, so it measures no heights", VersantCsvFormat.altitude_advice),
     "nodoppler.csv": ("no vertical Doppler velocity", VersantCsvFormat.doppler_advice),
     "positions.csv": (
@@ -123,6 +124,7 @@ def test_what_is_odd_about_a_log_is_told_by_both(bench: Workbench, files: Path, 
     logs = {
         "good.csv": changed(good, 0),
         "noalt.csv": changed(good, 10, without("alt_msl_m")),
+        "misnamed.csv": changed(good, 15).replace(b"alt_msl_m", b"my_height"),
         "nodoppler.csv": changed(good, 20, without("vel_d_mps")),
         "positions.csv": changed(good, 30, only(*POSITION)),
         "ellipsoid.csv": changed(good, 40, heights(1.0, 47.5)),
