@@ -266,6 +266,11 @@ class Settings(BaseSettings):
         return self.blob_url or (self.data_dir / "blobs").as_uri()
 
     @property
+    def keeps_files_together(self) -> bool:
+        """Whether logs and rasters are both in the data folder: who uses the ones uses the others."""
+        return self.blob_url is None and self.dem_url is None
+
+    @property
     def dem_dir(self) -> FilePlace:
         """Where imported elevation rasters are kept: ``dem_url``, or the folder ``data_dir/dem``."""
         if self.dem_url is None:

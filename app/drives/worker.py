@@ -128,7 +128,10 @@ def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple
     """What is done beside the drives, and how often, s."""
     orphan_age = timedelta(days=settings.orphan_days)
     heights = HeightFiller(bench.sessions, bench.dem_dir)
-    renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench, orphan_age)
+    renewed, swept = (
+        functools.partial(renew, bench.sessions),
+        functools.partial(_sweep, bench, settings, orphan_age),
+    )
     tended = functools.partial(enqueuing.tend, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
@@ -143,10 +146,14 @@ def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple
     )
 
 
-def _sweep(bench: Workbench, older_than: timedelta) -> None:
-    """Clear the blob store, and what no other database uses either that of rasters."""
+def _sweep(bench: Workbench, settings: Settings, older_than: timedelta) -> None:
+    """Clear the blob store and, where no other database uses them, rasters."""
     found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)
     if found.removed:
         logger.info("removed %d blobs that no drive refers to", found.removed)
-    if not found.strangers and (rasters := sweep_rasters(bench.sessions, bench.dem_dir, older_than)):
+    if (
+        settings.keeps_files_together
+        and not found.strangers
+        and (rasters := sweep_rasters(bench.sessions, bench.dem_dir, older_than))
+    ):
         logger.info("removed %d elevation rasters that are in no use any more", len(rasters))

@@ -100,8 +100,8 @@ def remove(
     """Take rasters out of use; what is left gives the heights of the segments that they covered.
 
     Where measured segments are left without any raster it asks first. The files stay for VERSANT_ORPHAN_DAYS, for
-    drives that run and backups that may be restored; then a worker, or `versant sweep`, removes them. To undo it,
-    import the file again.
+    drives that run and backups that may be restored; then a worker or `versant sweep` removes them, unless another
+    database may use them (`versant sweep --only-database`). To undo it, import the file again.
     """
     from app.cli.database import sessions
     from app.terrain.coverage import effect_of_removal

@@ -32,7 +32,7 @@ def sweep(
 
     Workers do so every hour, for logs older than VERSANT_ORPHAN_DAYS, and for elevation rasters that have been in no
     use for so long. Where other databases have used the store as well nothing is removed and the logs are listed,
-    unless --only-database is given.
+    unless --only-database is given; so are rasters that are kept elsewhere than logs, for nobody knows who uses them.
     """
     from app.cli.console import write_json
     from app.cli.database import sessions
@@ -44,7 +44,8 @@ def sweep(
         blobs = BlobStore(settings.blob_store_url)
         age = timedelta(days=settings.orphan_days)
         found = sweep_blobs(factory, blobs, age, confirmed=only_database)
-        rasters = [] if found.strangers else sweep_rasters(factory, settings.dem_dir, age)
+        sure = only_database or (settings.keeps_files_together and not found.strangers)
+        rasters = sweep_rasters(factory, settings.dem_dir, age) if sure else []
     if found.strangers:
         for key in found.orphans:
             typer.echo(key)

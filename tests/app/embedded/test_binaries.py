@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.embedded.binaries import find_binaries
+from app.embedded.binaries import find_binaries, find_client
 from app.embedded.errors import PostgresMissingError
 
 
@@ -60,3 +60,23 @@ def test_programs_that_do_not_run_are_passed_over(tmp_path: Path) -> None:
     (broken / "postgres").write_text("#!/bin/sh\nexit 3\n")
     with pytest.raises(PostgresMissingError, match="No PostgreSQL server"):
         find_binaries(places=[broken])
+
+
+def test_a_client_is_of_the_server_s_version_or_the_next_newer_one(tmp_path: Path) -> None:
+    places = []
+    for major in (17, 13, 15):
+        folder = tmp_path / str(major)
+        folder.mkdir()
+        program = folder / "pg_dump"
+        program.write_text(f"#!/bin/sh\necho 'pg_dump (PostgreSQL) {major}.2'\n")
+        program.chmod(0o755)
+        places.append(folder)
+    for wanted, taken in ((13, 13), (14, 15), (15, 15), (16, 17)):
+        assert find_client("pg_dump", wanted, places=places) == (
+            str(tmp_path / str(taken) / "pg_dump"),
+            taken,
+        )
+    with pytest.raises(PostgresMissingError, match=r"PostgreSQL 18 or newer is needed.*postgresql-client-18"):
+        find_client("pg_dump", 18, places=places)
+    with pytest.raises(PostgresMissingError, match="none is"):
+        find_client("pg_restore", 13, places=places)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -51,8 +52,9 @@ def run(*arguments: str | Path, status: int = 0) -> str:
     return done.output
 
 
-@pytest.mark.usefixtures("service")
-def test_rasters_are_listed_ranked_and_removed(tmp_path: Path) -> None:
+def test_rasters_are_listed_ranked_and_removed(
+    service: Sessions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     figures = tmp_path / "figures.json"
     near, far = raster(tmp_path / "near.tif", 8.495), raster(tmp_path / "far.tif", 20.0)
     assert "Warning" not in run("import-dem", near)
@@ -93,6 +95,18 @@ def test_rasters_are_listed_ranked_and_removed(tmp_path: Path) -> None:
     assert "Removed: far.tif." in run("elevation", "remove", "far.tif")
     assert "Removed: near.tif." in run("elevation", "remove", "NEAR.tif", "--yes")
     assert len(run("elevation", "list").splitlines()) == 1
+
+    kept = tmp_path / "data" / "dem"
+    for path in kept.rglob("*.tif"):
+        os.utime(path, (0, 0))
+    with service.begin() as session:
+        session.execute(text("UPDATE dem_versions SET imported_at = imported_at - interval '8 days'"))
+    monkeypatch.setenv("VERSANT_DEM_URL", str(kept))
+    assert "near.tif" not in run("sweep"), "another service may use rasters that are kept for themselves"
+    assert len(list(kept.rglob("*.tif"))) == 2
+    monkeypatch.delenv("VERSANT_DEM_URL")
+    assert "near.tif: this elevation raster is in no use any more and removed." in run("sweep")
+    assert list(kept.rglob("*.tif")) == []
 
 
 @pytest.mark.usefixtures("service")
