@@ -44,7 +44,7 @@ from app.map.map_key import (
     rows_of,
 )
 from app.map.outputs import whole
-from app.map.slope_map import MapError, MapSegments, arrow_choice, frame_around, picture_format
+from app.map.slope_map import MapError, MapSegments, certain_signs, frame_around, picture_format
 from app.map.street_names import place_names
 from fusion.frames import LocalProjection
 from fusion.types import Floats
@@ -193,10 +193,9 @@ def _style(view: _View) -> Style:
 
 def _signs(segments: MapSegments) -> Signs:
     known, slope = segments.known, segments.slope_percent
-    steep = arrow_choice(np.zeros((len(slope), 2)), slope, segments.slope_sigma_percent, 1.0)
     return Signs(
         unknown=bool((~known).any()),
-        arrows=bool(len(steep)),
+        arrows=bool(certain_signs(slope, segments.slope_sigma_percent).any()),
         bridges=bool((segments.bridge & known).any()),
         tunnels=bool((segments.tunnel & known).any()),
     )

@@ -15,7 +15,7 @@ from fusion.types import Floats
 
 MOST_NAMES = 14
 """Streets that are named, at most."""
-PLACES_TRIED = 48
+PLACES_TRIED = 32
 """Along each street."""
 STRAIGHT_SHARE = 0.85
 """Of the text's length, how much of its street lies along it, else it would stand beside a bend."""
@@ -147,4 +147,6 @@ def _inside(box: _Box, frame_m: tuple[float, float, float, float]) -> bool:
 
 
 def _overlap(one: _Box, other: _Box) -> bool:
+    if np.hypot(*(one.middle - other.middle)) > np.hypot(*one.half_m) + np.hypot(*other.half_m):
+        return False
     return bool(one.holds(other.grid()).any() or other.holds(one.grid()).any())
