@@ -70,12 +70,12 @@ def place_names(
     ``lines_m`` (n, 2, 2) are the ends of all segments, ``names`` those of their streets or None, ``frame_m`` the map's
     (left, bottom, right, top); ``height_m`` and ``length_m`` are those of text on the ground.
     """
-    roads = _points(lines_m, height_m)[0]
+    roads = points_along(lines_m, height_m)[0]
     taken: list[_Box] = []
     out: list[StreetName] = []
     for text, rows in _longest(lines_m, names, measured, frame_m):
         half = 0.5 * np.array([length_m(text), height_m])
-        points, directions = _points(lines_m[rows], height_m)
+        points, directions = points_along(lines_m[rows], height_m)
         best: tuple[float, _Box] | None = None
         for box in _candidates(points, directions, half):
             if not _inside(box, frame_m) or any(_overlap(box, other) for other in taken):
@@ -111,7 +111,7 @@ def _longest(
     return [(name, measured & shown & (names == name)) for name in ranked]
 
 
-def _points(lines_m: Floats, step_m: float) -> tuple[Floats, Floats]:
+def points_along(lines_m: Floats, step_m: float) -> tuple[Floats, Floats]:
     """Points along segments, about ``step_m`` apart, (k, 2), and the unit vector of the segment of each."""
     along = lines_m[:, 1] - lines_m[:, 0]
     length = np.hypot(*along.T)
