@@ -64,7 +64,7 @@ MAP_IN, EDGE_IN, BETWEEN_IN = 9.0, 0.3, 0.3
 """Inches: longer side of the map, what stays empty at the figure's edge and between map and key."""
 TITLE_PT, NAME_PT = 13.0, 7.5
 TITLE_ROW_IN, FOOT_ROW_IN, SCALE_ROW_IN = 0.26, 0.165, 0.3
-DENSE_SHARE, CELL_IN, LEAST_THICKNESS = 0.25, 0.5, 0.3
+DENSE_SHARE, CELL_IN, LEAST_THICKNESS = 0.25, 0.3, 0.3
 """Where the surest lines would cover more than that share of the cells of paper that they run through, all lines are
 thinner, else streets merge; never thinner than the last share of their width."""
 
@@ -202,7 +202,7 @@ def _style(view: _View) -> Style:
 def _thinner(view: _View) -> float:
     """By how much lines must be thinner than on a map with room, 1 or less."""
     lines = view.lines[view.segments.known] / view.metres_per_inch
-    points, _ = points_along(lines, CELL_IN / 2)
+    points, _ = points_along(lines, CELL_IN / 4)
     cells = len(np.unique(np.floor(points / CELL_IN), axis=0))
     covered = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()) * SURE_WIDTH_PT / 72
     share = covered / max(cells * CELL_IN**2, 1e-9)
