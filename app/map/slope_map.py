@@ -185,6 +185,12 @@ def line_widths(sigma_percent: Floats) -> Floats:
     return np.asarray(SURE_WIDTH_PT + doubt * (UNSURE_WIDTH_PT - SURE_WIDTH_PT), float)
 
 
+def certain_signs(slope_percent: Floats, sigma_percent: Floats) -> NDArray[np.bool_]:
+    """Which slopes (n,) are steep and lead up or down beyond doubt."""
+    doubt = DOUBT * np.where(np.isfinite(sigma_percent), sigma_percent, np.inf)
+    return np.asarray(np.abs(slope_percent) > np.maximum(doubt, ARROW_PERCENT), np.bool_)
+
+
 def arrow_choice(
     middle_m: Floats, slope_percent: Floats, sigma_percent: Floats, spacing_m: float
 ) -> NDArray[np.int64]:
@@ -193,8 +199,7 @@ def arrow_choice(
 
     ``middle_m`` has shape (n, 2).
     """
-    doubt = DOUBT * np.where(np.isfinite(sigma_percent), sigma_percent, np.inf)
-    sure = np.abs(slope_percent) > np.maximum(doubt, ARROW_PERCENT)
+    sure = certain_signs(slope_percent, sigma_percent)
     chosen: list[int] = []
     for i in np.argsort(-np.abs(np.where(sure, slope_percent, 0.0)), kind="stable"):
         if not sure[i]:

@@ -44,8 +44,15 @@ from app.map.map_key import (
     height_in,
     rows_of,
 )
-from app.map.slope_map import MapError, MapSegments, arrow_choice, frame_around, picture_format
-from app.map.street_names import place_names
+from app.map.slope_map import (
+    SURE_WIDTH_PT,
+    MapError,
+    MapSegments,
+    certain_signs,
+    frame_around,
+    picture_format,
+)
+from app.map.street_names import place_names, points_along
 from fusion.frames import LocalProjection
 from fusion.types import Floats
 
@@ -57,8 +64,9 @@ MAP_IN, EDGE_IN, BETWEEN_IN = 9.0, 0.3, 0.3
 """Inches: longer side of the map, what stays empty at the figure's edge and between map and key."""
 TITLE_PT, NAME_PT = 13.0, 7.5
 TITLE_ROW_IN, FOOT_ROW_IN, SCALE_ROW_IN = 0.26, 0.165, 0.3
-DENSE_M_PER_IN, LEAST_THICKNESS = 250.0, 0.3
-"""Maps of wider land than the first have thinner lines, else streets merge; never thinner than that share."""
+DENSE_SHARE, CELL_IN, LEAST_THICKNESS = 0.25, 0.3, 0.3
+"""Where the surest lines would cover more than that share of the cells of paper that they run through, all lines are
+thinner, else streets merge; never thinner than the last share of their width."""
 
 
 def write_map(
@@ -187,16 +195,25 @@ def _page(view: _View, title: str, credit: str, notes: Sequence[str]) -> _Page:
 
 
 def _style(view: _View) -> Style:
-    thinner = float(np.clip(np.sqrt(DENSE_M_PER_IN / max(view.metres_per_inch, 1e-9)), LEAST_THICKNESS, 1.0))
+    thinner = _thinner(view)
     return Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
+
+
+def _thinner(view: _View) -> float:
+    """By how much lines must be thinner than on a map with room, 1 or less."""
+    lines = view.lines[view.segments.known] / view.metres_per_inch
+    points, _ = points_along(lines, CELL_IN / 4)
+    cells = len(np.unique(np.floor(points / CELL_IN), axis=0))
+    covered = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()) * SURE_WIDTH_PT / 72
+    share = covered / max(cells * CELL_IN**2, 1e-9)
+    return float(np.clip(DENSE_SHARE / max(share, 1e-9), LEAST_THICKNESS, 1.0))
 
 
 def _signs(segments: MapSegments) -> Signs:
     known, slope = segments.known, segments.slope_percent
-    steep = arrow_choice(np.zeros((len(slope), 2)), slope, segments.slope_sigma_percent, 1.0)
     return Signs(
         unknown=bool((~known).any()),
-        arrows=bool(len(steep)),
+        arrows=bool(certain_signs(slope, segments.slope_sigma_percent).any()),
         bridges=bool((segments.bridge & known).any()),
         tunnels=bool((segments.tunnel & known).any()),
     )

@@ -15,7 +15,7 @@ from fusion.types import Floats
 
 MOST_NAMES = 14
 """Streets that are named, at most."""
-PLACES_TRIED = 48
+PLACES_TRIED = 32
 """Along each street."""
 STRAIGHT_SHARE = 0.85
 """Of the text's length, how much of its street lies along it, else it would stand beside a bend."""
@@ -70,12 +70,12 @@ def place_names(
     ``lines_m`` (n, 2, 2) are the ends of all segments, ``names`` those of their streets or None, ``frame_m`` the map's
     (left, bottom, right, top); ``height_m`` and ``length_m`` are those of text on the ground.
     """
-    roads = _points(lines_m, height_m)[0]
+    roads = points_along(lines_m, height_m)[0]
     taken: list[_Box] = []
     out: list[StreetName] = []
     for text, rows in _longest(lines_m, names, measured, frame_m):
         half = 0.5 * np.array([length_m(text), height_m])
-        points, directions = _points(lines_m[rows], height_m)
+        points, directions = points_along(lines_m[rows], height_m)
         best: tuple[float, _Box] | None = None
         for box in _candidates(points, directions, half):
             if not _inside(box, frame_m) or any(_overlap(box, other) for other in taken):
@@ -111,7 +111,7 @@ def _longest(
     return [(name, measured & shown & (names == name)) for name in ranked]
 
 
-def _points(lines_m: Floats, step_m: float) -> tuple[Floats, Floats]:
+def points_along(lines_m: Floats, step_m: float) -> tuple[Floats, Floats]:
     """Points along segments, about ``step_m`` apart, (k, 2), and the unit vector of the segment of each."""
     along = lines_m[:, 1] - lines_m[:, 0]
     length = np.hypot(*along.T)
@@ -147,4 +147,6 @@ def _inside(box: _Box, frame_m: tuple[float, float, float, float]) -> bool:
 
 
 def _overlap(one: _Box, other: _Box) -> bool:
+    if np.hypot(*(one.middle - other.middle)) > np.hypot(*one.half_m) + np.hypot(*other.half_m):
+        return False
     return bool(one.holds(other.grid()).any() or other.holds(one.grid()).any())

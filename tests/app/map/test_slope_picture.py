@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path
 
-import defusedxml.ElementTree
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
@@ -19,30 +17,12 @@ from matplotlib.quiver import Quiver
 from app.map.attribution import OSM_ATTRIBUTION, attribution
 from app.map.drawn_roads import STEEPNESS, UNKNOWN_COLOUR
 from app.map.slope_map import MapError, MapSegments, line_widths
-from app.map.slope_picture import MAP_IN, slope_figure, write_map
-from fusion.errors import UnknownNameError
+from app.map.slope_picture import MAP_IN, slope_figure
 from fusion.types import Floats
+from map_support import LAT, LON, street
 
-LAT, LON = 48.0, 8.0
 UNKNOWN = float("nan")
 AROUND = (LON - 1e-3, LAT - 1e-3, LON + 3e-3, LAT + 3e-3)
-
-
-def street(slope: Floats, sigma: Floats) -> MapSegments:
-    """Parallel streets of about 100 m, one per slope, going east."""
-    n = len(slope)
-    lat: Floats = np.linspace(LAT, LAT + 2e-4 * n, n)
-    return MapSegments(
-        lon0_deg=np.full(n, LON),
-        lat0_deg=lat,
-        lon1_deg=np.full(n, LON + 1.3e-3),
-        lat1_deg=lat,
-        slope_percent=slope,
-        slope_sigma_percent=sigma,
-        bridge=np.arange(n) % 5 == 1,
-        tunnel=np.arange(n) % 5 == 2,
-        name=np.array([None] * n, object),
-    )
 
 
 def picture(segments: MapSegments) -> Floats:
@@ -257,6 +237,24 @@ def test_what_is_uncertain_is_explained() -> None:
     )
 
 
+def test_lines_are_thinner_where_streets_are_crowded_and_only_there() -> None:
+    def sample_widths(count: int, rows: float) -> list[float]:
+        lat = LAT + rows * np.arange(count)
+        sure = replace(street(np.full(count, 2.0), np.full(count, 0.2)), lat0_deg=lat, lat1_deg=lat)
+        figure = slope_figure(sure)
+        keyed = [
+            a.get_linewidth() for a in figure.artists if isinstance(a, Line2D) and a.get_color() == "#777777"
+        ]
+        assert keyed[0] == pytest.approx(np.asarray(drawn(figure, "known").get_linewidth())[0]), (
+            "as the key says"
+        )
+        return keyed
+
+    alone, crowd, far_apart = sample_widths(1, 1e-5), sample_widths(80, 1e-5), sample_widths(40, 1e-2)
+    assert alone[0] == far_apart[0] == pytest.approx(5.0)
+    assert crowd[0] < 3.0
+
+
 def test_the_range_of_colours_can_be_fixed_and_is_said() -> None:
     steep = street(np.array([4.0, 16.0]), np.full(2, 0.5))
     fixed, chosen = slope_figure(steep, scale_percent=8), slope_figure(steep)
@@ -306,34 +304,3 @@ def test_continents_are_no_map() -> None:
 @pytest.mark.parametrize("unknown", [False, True])
 def test_single_segment(unknown: bool) -> None:
     assert picture(street(np.array([UNKNOWN if unknown else 4.0]), np.array([0.5]))).size
-
-
-HEADS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
-
-
-@pytest.mark.parametrize("suffix", HEADS)
-def test_a_file_is_what_its_suffix_says_and_any_name_may_stand_in_it(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"map{suffix.upper()}"
-    credit = r"a $\nonsense$ <b> & \x07 日本.tif"
-    segments = street(np.array([4.0, 1.0]), np.array([0.3, 0.3]))
-    write_map(path, segments, title="x & <y>", credit=credit)
-    data = path.read_bytes()
-    assert data.startswith(HEADS[suffix])
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
-    if suffix == ".svg":
-        root = defusedxml.ElementTree.fromstring(data)
-        kinds = [element.tag.split("}")[1] for element in root.iter()]
-        assert kinds.count("path") > 20
-        assert "image" not in [k for k in kinds if k == "image"] or kinds.count("image") <= 1, (
-            "lines, not pixels"
-        )
-        assert "x & <y>" in "".join(root.itertext())
-    if suffix == ".pdf":
-        assert b"/Subtype /Type0" in data or b"/Type /Font" in data, "letters, not pixels"
-        assert b"/Image /Width" not in data
-
-
-def test_an_unknown_suffix_lists_those_there_are(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match=r"'\.jpg'.*\.png, \.pdf, \.svg"):
-        write_map(tmp_path / "map.jpg", street(np.array([4.0]), np.array([0.3])), title="x", credit="y")
-    assert not list(tmp_path.iterdir())
