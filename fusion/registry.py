@@ -40,7 +40,8 @@ def check_columns(columns: Mapping[str, str]) -> None:
     """Refuse names on the left that are none of ``LOG_COLUMNS``: ``BadOptionsError`` names what is near."""
     for ours, theirs in columns.items():
         if ours not in LOG_COLUMNS:
-            near = get_close_matches(ours.lower(), LOG_COLUMNS, 3, 0.5)
+            alike = [name for name in LOG_COLUMNS if ours and name.startswith(ours.lower()[:3])][:3]
+            near = alike or get_close_matches(ours.lower(), LOG_COLUMNS, 3, 0.6)
             meant = f"Did you mean {' or '.join(near)}?" if near else f"There are {', '.join(LOG_COLUMNS)}."
             raise BadOptionsError(
                 f"columns: {ours[:60]!r} (of {ours[:60]}={theirs[:60]}) is no column of Versant. {meant}",

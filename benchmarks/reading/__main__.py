@@ -3,26 +3,24 @@
     PYTHONPATH=.:benchmarks python -m reading [NAME ...] [--records 400000] [--repeats 2] [--json FILE]
 
 Made-up logs of so many records of every format (``logs``). Seconds are of processor time, the least of the repeats,
-each in a process of its own, whose memory at most less that of an empty log is what reading took. Beside it stands what
-a library takes for the same bytes, where there is one: pyarrow for CSV, the XML parser for GPX, others' readers for UBX
-and NMEA. A reader that is slower than ``GOAL`` and slower than the library is marked; ``--check`` makes that the exit
-status.
+each in a process of its own; memory is what it had at most, beyond what it had before with the log's bytes. Beside it
+stands what a library takes for the same bytes, where there is one: pyarrow for CSV, the XML parser for GPX, others'
+readers for UBX and NMEA. A reader that is slower than ``GOAL`` and slower than the library is marked; ``--check`` makes
+that the exit status.
 """
 
 from __future__ import annotations
 
 import argparse
-import resource
 import sys
-import time
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+import tempfile
+from pathlib import Path
 from typing import Any
 
 from accuracy.scoring import show_progress, text_table, write_json
-from fusion.formats import FORMATS, read_log
+from fusion.formats import FORMATS
 from reading.logs import LIBRARIES, MAKERS
+from reading.measuring import apart, parse, read, write
 
 GOAL = 200_000
 """Records a second."""
@@ -63,44 +61,22 @@ def _options() -> argparse.Namespace:
 
 def _measured(name: str, records: int, repeats: int) -> dict[str, Any]:
     """One reader's row."""
-    own = [_apart(_read, name, records) for _ in range(repeats)]
-    idle = _apart(_read, name, 10)
-    seconds = min(one["seconds"] for one in own)
-    row: dict[str, Any] = {
-        "name": name, "megabytes": own[0]["megabytes"], "records": records, "seconds": seconds,
-        "rate": records / seconds, "memory_mb": min(one["peak_mb"] for one in own) - idle["peak_mb"],
-        "library": "", "library_rate": float("nan"), "said": "",
-    }  # fmt: skip
-    if name in LIBRARIES:
-        row["library"] = LIBRARIES[name][0]
-        row["library_rate"] = records / min(_apart(_parse, name, records)["seconds"] for _ in range(repeats))
+    with tempfile.TemporaryDirectory(prefix="versant-reading-") as folder:
+        path = Path(folder) / name
+        apart(write, name, records, path)
+        own = [apart(read, name, path) for _ in range(repeats)]
+        seconds = min(one["seconds"] for one in own)
+        row: dict[str, Any] = {
+            "name": name, "megabytes": own[0]["megabytes"], "records": records, "seconds": seconds,
+            "rate": records / seconds, "memory_mb": min(one["memory_mb"] for one in own),
+            "library": "", "library_rate": float("nan"), "said": "",
+        }  # fmt: skip
+        if name in LIBRARIES:
+            row["library"] = LIBRARIES[name][0]
+            row["library_rate"] = records / min(apart(parse, name, path)["seconds"] for _ in range(repeats))
     if row["rate"] < GOAL and not row["rate"] > row["library_rate"]:
         row["said"] = "too slow"
     return row
-
-
-def _apart(work: Callable[[str, int], dict[str, float]], name: str, records: int) -> dict[str, float]:
-    """What some work takes in a process of its own."""
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        return pool.submit(work, name, records).result()
-
-
-def _read(name: str, records: int) -> dict[str, float]:
-    read_log(MAKERS[name](100))  # what is loaded or compiled at the first log counts for no other
-    return _timed(MAKERS[name](records), read_log)
-
-
-def _parse(name: str, records: int) -> dict[str, float]:
-    LIBRARIES[name][1](MAKERS[name](100))
-    return _timed(MAKERS[name](records), LIBRARIES[name][1])
-
-
-def _timed(data: bytes, work: Callable[[bytes], Any]) -> dict[str, float]:
-    began = time.process_time()
-    work(data)
-    seconds = time.process_time() - began
-    peak_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return {"seconds": seconds, "megabytes": len(data) / 1e6, "peak_mb": peak_kb / 1e3 - len(data) / 1e6}
 
 
 if __name__ == "__main__":

@@ -58,9 +58,9 @@ def times_of(texts: Sequence[str | None], seconds: float | None = None) -> tuple
         return of_epoch(value, seconds), np.zeros(len(texts), bool)
     out = unix_seconds(texts)
     bare = np.zeros(len(texts), bool)
-    for k in np.flatnonzero(np.isfinite(out)):
-        end = (texts[k] or "")[-8:]
-        bare[k] = end[-1:] not in "zZ" and not _ISO_ZONE.search(end)
+    for row in np.flatnonzero(np.isfinite(out)):
+        end = (texts[row] or "")[-8:]
+        bare[row] = end[-1:] not in "zZ" and not _ISO_ZONE.search(end)
     left = [int(k) for k in np.flatnonzero(np.isnan(out)) if texts[k]]
     by_length: dict[int, list[int]] = {}
     for k in left:

@@ -62,6 +62,10 @@ def test_version() -> None:
         ["fuse", "a.csv", "--roads", "r.osm", "--profile", "none/out.png"],
         ["fuse", "a.csv", "--roads", "r.osm", "--track", "none/out.geojson"],
         ["track", "a.csv", "-o", "none/out.csv"],
+        ["track", "a.csv", "-o", "out.csv", "--columns", "alt_msl_m"],
+        ["track", "a.csv", "-o", "out.csv", "--columns", "altitude=Hoehe"],
+        ["fuse", "a.csv", "--roads", "b.osm", "--columns", "altitude=Hoehe"],
+        ["upload", "a.csv", "--columns", "altitude=Hoehe"],
         ["export", "-o", "none/out.csv"],
     ],
     ids=" ".join,
@@ -216,3 +220,23 @@ def test_boxes() -> None:
     for wrong in ("1,2,3", "a,b,c,d", "3,0,2,1", "0,-91,1,1", "nan,0,1,1"):
         with pytest.raises(typer.BadParameter):
             parse_box(wrong)
+
+
+def test_columns_of_a_csv_may_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.csv").write_text("t;breite;laenge;hoehe\n2018-05-04T15:34:20Z;49;8;112,5\n", encoding="utf-8")
+    arguments = ["track", "a.csv", "-o", "out.csv", "--json", "out.json"]
+    refused = runner.invoke(app, arguments)
+    assert refused.exit_code == 1
+    assert (
+        "lacks required columns: time_s (Unix seconds) or time (RFC 3339), lat_deg, lon_deg" in refused.stderr
+    )
+    names = {"time": "t", "lat_deg": "breite", "lon_deg": "laenge", "alt_msl_m": "hoehe"}
+    named = [part for ours, theirs in names.items() for part in ("--columns", f"{ours}={theirs}")]
+    done = runner.invoke(app, [*arguments, *named])
+    assert done.exit_code == 0, done.output
+    assert "112.5" in Path("out.csv").read_text(encoding="utf-8")
+    missed = runner.invoke(app, [*arguments, *named, "--columns", "height_ell_m=Hoehen"])
+    assert missed.exit_code == 1
+    assert "no 'Hoehen'" in missed.stderr
+    assert "Did you mean 'hoehe'" in missed.stderr

@@ -82,7 +82,7 @@ def test_a_failure_is_told_with_its_place(web: Any) -> None:
     assert process_drive(web.bench, uuid.UUID(drive), 1) is Outcome.FAILED
     document = web.client.get(f"/v1/drives/{drive}").json()
     assert document["status"] == "failed"
-    assert document["failure"]["kind"] == "unknown-format"
+    assert document["failure"]["kind"] == "empty-log"
     assert document["failure"]["stage"]
     assert document["failure"]["reason"].endswith(".")
     for part in ("track", "profile"):
@@ -91,7 +91,7 @@ def test_a_failure_is_told_with_its_place(web: Any) -> None:
         assert document["failure"]["reason"] in answer.json()["detail"]
     assert web.client.get(f"/v1/drives/{drive}/segments").json()["features"] == []
     stats = web.client.get("/v1/admin/stats").json()
-    assert stats["failures_by_kind"] == {"unknown-format": 1}
+    assert stats["failures_by_kind"] == {"empty-log": 1}
     assert stats["drives_by_status"] == {"failed": 1}
 
 
