@@ -1,4 +1,4 @@
-"""Small FIT and TCX files, written here by the published formats, so that readers meet a foreign writer."""
+"""Small FIT, TCX and GPX files, written here by the published formats, so that readers meet a foreign writer."""
 
 from __future__ import annotations
 
@@ -124,3 +124,19 @@ def track(first: int, count: int) -> str:
     """Track points, one a second."""
     seconds = range(first, first + count)
     return "\n".join(trackpoint(START + timedelta(seconds=k), 50.95 + 6e-5 * k) for k in seconds)
+
+
+def gpx(points: int = 20, segments: int = 2, version: str = "1.1", inner: str = "") -> bytes:
+    """A GPX track."""
+    namespace = f"http://www.topografix.com/GPX/{version.replace('.', '/')}"
+    out = [f'<?xml version="1.0"?>\n<gpx version="{version}" xmlns="{namespace}"><trk>']
+    for s in range(segments):
+        out.append("<trkseg>")
+        for k in range(points):
+            when = START + timedelta(seconds=100 * s + k)
+            out.append(
+                f'<trkpt lat="{50.95 + 6e-5 * (100 * s + k):.7f}" lon="1.88"><ele>{112 + k / 10}</ele>'
+                f"<time>{when:%Y-%m-%dT%H:%M:%SZ}</time>{inner}</trkpt>"
+            )
+        out.append("</trkseg>")
+    return "\n".join([*out, "</trk></gpx>\n"]).encode()

@@ -13,7 +13,7 @@ from pyubx2 import GET, UBXMessage
 
 from fusion.signals import Signals, satellite_name
 from fusion.simulate.write import rinex_file
-from garmin_files import drive_fit, tcx, track
+from garmin_files import drive_fit, gpx, tcx, track
 from gnss_tables import some_signals
 
 START = datetime(2018, 5, 4, 15, 34, 20, tzinfo=UTC)
@@ -174,22 +174,6 @@ def drive_ubx(epochs: int = 20) -> bytes:
 def drive_nmea(epochs: int = 20, start: datetime = START, **how: Any) -> bytes:
     """An NMEA drive at 1 Hz."""
     return b"".join(burst(start + timedelta(seconds=k), 50.95 + 6e-5 * k, 1.88, **how) for k in range(epochs))
-
-
-def gpx(points: int = 20, segments: int = 2, version: str = "1.1", inner: str = "") -> bytes:
-    """A GPX track."""
-    namespace = f"http://www.topografix.com/GPX/{version.replace('.', '/')}"
-    out = [f'<?xml version="1.0"?>\n<gpx version="{version}" xmlns="{namespace}"><trk>']
-    for s in range(segments):
-        out.append("<trkseg>")
-        for k in range(points):
-            when = START + timedelta(seconds=100 * s + k)
-            out.append(
-                f'<trkpt lat="{50.95 + 6e-5 * (100 * s + k):.7f}" lon="1.88"><ele>{112 + k / 10}</ele>'
-                f"<time>{when:%Y-%m-%dT%H:%M:%SZ}</time>{inner}</trkpt>"
-            )
-        out.append("</trkseg>")
-    return "\n".join([*out, "</trk></gpx>\n"]).encode()
 
 
 def csv(rows: int = 20) -> bytes:
