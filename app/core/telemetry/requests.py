@@ -10,7 +10,6 @@ import logging
 import re
 import time
 import uuid
-from collections.abc import Iterable
 from urllib.parse import parse_qsl
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -25,6 +24,7 @@ QUIET = frozenset({"/healthz", "/readyz", "/metrics"})
 NO_ROUTE = "(no route)"
 LONGEST_PATH = 200
 
+_NAME = re.compile(r"[A-Za-z_][A-Za-z_-]{0,40}")
 _ACCEPTED_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _PLACES = frozenset({"x", "y", "z", "bbox"})
 """Parts of a path that say where."""
@@ -100,7 +100,8 @@ def request_id(asked: str | None) -> str:
 
 def names_of(query: bytes) -> str | None:
     """The names of a query's parameters, without their values; None: there are none."""
-    names: Iterable[str] = {name for name, _ in parse_qsl(query.decode("latin-1"), keep_blank_values=True)}
+    asked = parse_qsl(query.decode("latin-1"), keep_blank_values=True)
+    names = {name if _NAME.fullmatch(name) else "?" for name, _ in asked}  # a place may be written as a name
     return ",".join(sorted(names))[:LONGEST_PATH] or None
 
 

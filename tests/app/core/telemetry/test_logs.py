@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+import uvicorn
 
 from app.core.settings import Settings
 from app.core.telemetry.logs import CHATTY, about, begin_logging, blanked, tell
@@ -24,7 +25,11 @@ def begin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Begin]:
     """``begin(**settings)``: log as a process does; what it writes."""
     root = logging.getLogger()
     level, handlers = root.level, list(root.handlers)
-    chatty = {name: logging.getLogger(name).level for name in CHATTY}
+    chatty = {name: logging.getLogger(name).level for name in (*CHATTY, "uvicorn.error")}
+    for name in ("uvicorn", "uvicorn.error"):  # servers of other tests have a log of their own
+        monkeypatch.setattr(logging.getLogger(name), "handlers", [])
+        monkeypatch.setattr(logging.getLogger(name), "propagate", True)
+        logging.getLogger(name).setLevel(logging.NOTSET)
 
     def start(**settings: Any) -> io.StringIO:
         written = io.StringIO()
@@ -92,6 +97,7 @@ def test_ids_end_with_their_block_and_stay_in_their_thread(begin: Begin) -> None
 
 def test_messages_of_libraries_are_lines_of_the_same_kind(begin: Begin) -> None:
     written = begin(log_format="json")
+    uvicorn.Config("app.main:create_app", log_config=None, access_log=False)  # as the command makes it
     logging.getLogger("uvicorn.error").error("Exception in %s", "ASGI")
     logging.getLogger("uvicorn.error").info("Started server")
     logging.getLogger("procrastinate.worker").warning("odd")

@@ -85,3 +85,4 @@ def test_the_line_of_a_drive_names_it(reading: Any) -> None:
 def test_names_of_a_query() -> None:
     assert names_of(b"") is None
     assert names_of(b"bbox=1,2&limit=&bbox=3&locations=49.1%2C8.4") == "bbox,limit,locations"
+    assert names_of(b"49.1,8.4&limit=3&x%0Ay=1") == "?,limit"
