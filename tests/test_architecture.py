@@ -40,8 +40,10 @@ SQL_PLACES = {
         "map/store.py",
         "ops/store.py",
         "roads/copy.py",
-        "roads/imports.py",
-        "roads/losses.py",
+        "roads/attic.py",
+        "roads/changing.py",
+        "roads/comparing.py",
+        "roads/regions.py",
         "roads/store.py",
         "terrain/store.py",
     )

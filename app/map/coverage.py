@@ -6,13 +6,13 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
 from app.core.http import Service
-from app.roads.store import road_extent, road_version_id
+from app.roads.store import road_extent, road_tag
 from app.terrain.store import current_dem
 
 
 def cached_extent(service: Service, session: Session) -> Bounds | None:
     """West, south, east, north of all segments, degrees; None without any. Read once per road import."""
-    version = road_version_id(session)
+    version = road_tag(session)
     if version not in service.extents:
         service.extents.clear()
         service.extents[version] = road_extent(session)
