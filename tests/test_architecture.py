@@ -34,6 +34,7 @@ SQL_PLACES = {
         "drives/endings.py",
         "drives/queue.py",
         "drives/batches/selection.py",
+        "drives/batches/touched.py",
         "drives/store.py",
         "drives/tracks.py",
         "jobs/computations.py",

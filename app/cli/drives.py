@@ -107,7 +107,9 @@ def reprocess(
         typer.Option("--stale", help="Drives that another version of the code, or other defaults, computed."),
     ] = False,
     failed: Annotated[bool, typer.Option("--failed", help="Drives that failed.")] = False,
-    region: Annotated[str | None, typer.Option(metavar="NAME", help="For later: see --bbox.")] = None,
+    region: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only drives on roads of this region.")
+    ] = None,
     drive: Annotated[
         list[str] | None, typer.Option(metavar="ID", help="This drive; may be given several times.")
     ] = None,
@@ -147,16 +149,11 @@ def reprocess(
     Without --all, --stale, --failed or --drive: those that are not of the method already, which is the service's
     default unless --method names one. What a drive published stays until its new run replaces it.
     """
-    if region is not None:
-        raise typer.BadParameter(
-            "The service knows no regions yet. Name the place by --bbox WEST,SOUTH,EAST,NORTH.",
-            param_hint="'--region'",
-        )
     which = {"all": every, "stale": stale, "failed": failed or (failure is not None and not (every or stale))}
     filters = {
         "bbox": bbox, "from_method": from_method, "code_version": code_version, "failure": failure,
         "created_after": created_after, "created_before": created_before, "driven_after": driven_after,
-        "driven_before": driven_before,
+        "driven_before": driven_before, "region": region,
     }  # fmt: skip
     asked = [("which", name) for name, chosen in which.items() if chosen]
     narrowed = {name: value for name, value in filters.items() if value is not None}

@@ -189,8 +189,8 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
         version = road_store.current_road_version(session)
         if version is None:
             raise NoRoadsError(
-                "No roads have been imported yet. Import them (`versant import-roads FILE`), then the drive is computed "
-                "by itself."
+                "No roads have been imported yet. Import them (`versant import-roads FILE`): then the drive is "
+                "computed by itself."
             )
         roads = roads_in(session, road_boxes(log))
         return _Surroundings(roads, version.id, dem.current_dem(session, bench.dem_dir))

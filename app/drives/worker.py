@@ -21,6 +21,7 @@ from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue
 from app.drives.renewal import HeightFiller, renew
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
+from app.roads import attic
 
 logger = logging.getLogger(__name__)
 
@@ -120,8 +121,12 @@ def _solver_task(bench: Workbench) -> Task:
 def _chores(bench: Workbench, settings: Settings) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
     orphan_age = timedelta(days=settings.orphan_days)
+    kept = settings.keep_dropped_days
     heights = HeightFiller(bench.sessions, bench.dem_dir)
-    renewed, swept = functools.partial(renew, bench.sessions), functools.partial(_sweep, bench, orphan_age)
+    renewed, swept = (
+        functools.partial(renew, bench.sessions),
+        functools.partial(_sweep, bench, orphan_age, kept),
+    )
     tended = functools.partial(enqueuing.tend, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
@@ -131,11 +136,13 @@ def _chores(bench: Workbench, settings: Settings) -> tuple[tuple[Chore, float], 
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
-        (in_thread(swept, "the blob store could not be swept"), SWEEP_EVERY_S),
+        (in_thread(swept, "what nobody needs any more could not be swept"), SWEEP_EVERY_S),
     )
 
 
-def _sweep(bench: Workbench, older_than: timedelta) -> None:
-    """Clear the blob store."""
+def _sweep(bench: Workbench, older_than: timedelta, kept_days: float) -> None:
+    """Clear the blob store, and the attic of roads that are gone."""
+    if gone := attic.prune(bench.sessions, kept_days):
+        logger.info("let go what was measured on %d roads that are gone", gone)
     if removed := intake.sweep_blobs(bench.sessions, bench.blobs, older_than).removed:
         logger.info("removed %d blobs that no drive refers to", removed)

@@ -10,13 +10,20 @@ from app.core.version import code_version
 from app.drives.batches.documents import Selection, Which
 from fusion.registry import METHOD_NAMES
 
+# In the squares of the roads that it measured, roads have come, gone or moved since its run (p) took them.
+_OTHER_ROADS = """
+    EXISTS (
+        SELECT FROM drive_segments AS e JOIN segments AS s ON s.id = e.segment_id JOIN cells AS c ON c.id = s.cell
+        WHERE e.drive_id = d.id AND c.course_state > coalesce(p.road_state, (p.road_version_id + 1) << 20))
+"""
 # Options that the drive names itself are its own affair: however they were written, they are the same now.
-_STALE = """
+_STALE = f"""
     EXISTS (
         SELECT FROM provenances AS p, CAST(:defaults AS jsonb) AS now_default,
             LATERAL (SELECT ARRAY(SELECT jsonb_object_keys(d.options))) AS own (names)
         WHERE p.drive_id = d.id AND (
             p.code_version <> :present_version
+            OR {_OTHER_ROADS}
             OR p.options - own.names IS DISTINCT FROM (now_default -> d.method) - own.names))
 """
 
@@ -27,6 +34,17 @@ _WHICH = {
     Which.ALL: "true",
 }
 
+# Drives that measured roads of the region, and failed ones that were there.
+_REGION = """
+    EXISTS (
+        SELECT FROM regions AS r JOIN segments AS s ON r.id = ANY(s.regions) JOIN drive_segments AS e
+            ON e.segment_id = s.id
+        WHERE r.name = :region AND e.drive_id = d.id)
+    OR d.status = 'failed' AND EXISTS (
+        SELECT FROM regions AS r JOIN segments AS s ON r.id = ANY(s.regions)
+        WHERE r.name = :region AND s.geom && d.bounds)
+"""
+
 # Each for what is asked; what is not asked for is left out.
 _FILTERS = {
     "from_method": "d.method = :from_method",
@@ -36,6 +54,7 @@ _FILTERS = {
     "created_before": "d.created_at < :created_before",
     "driven_after": "d.drive_time >= :driven_after",
     "driven_before": "d.drive_time < :driven_before",
+    "region": _REGION,
 }
 _BOX = "d.bounds && ST_MakeEnvelope({west}, :south, {east}, :north, 4326)"
 

@@ -96,7 +96,7 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
         assert [dict(list(row.items())[: len(old)]) for row, old in zip(now, then, strict=True)] == then
     added = [set(now[0]) - set(then[0]) for then, now in zip(before, after, strict=True)]
     assert added[:4] == [
-        {"dem_heights_m", "cell"},
+        {"dem_heights_m", "cell", "regions"},
         {"same_as", "batch_id", "before_batch", "content_sha256"},
         set(),
         {"in_network"},
