@@ -158,7 +158,7 @@ def plan_import(session: Session, table: RoadTable, region_id: int, tolerance_m:
     changes, near = _changes(rows, stored, table, new, tolerance_m)
     real = np.flatnonzero(changes.stored < len(stored))
     at, change, row = changes.stored[real], changes.change[real], changes.row[real]
-    n = np.where(row >= 0, near[row], -1)
+    n = np.append(near, -1)[row]
     added = new[~np.isin(new, n)]
     elsewhere = np.count_nonzero(np.isin(change, (Change.MOVED, Change.FAR)))
     targets = np.concatenate([added, n[change == Change.FAR]])

@@ -22,7 +22,7 @@ from app.core.settings import FilePlace
 from app.network.locks import free_all, import_alone
 from app.network.road_states import LAST_STEP, state_of
 from app.network.swap import solve_all_marked
-from app.roads import regions
+from app.roads import regions, steps
 from app.roads.changing import touch
 from app.roads.comparing import (
     NOBODY,
@@ -36,7 +36,6 @@ from app.roads.comparing import (
     waiting_for,
 )
 from app.roads.copy import copy_roads, forget_roads
-from app.roads.steps import Run, TerrainChangedError, Transactions, carry_out
 from app.roads.store import begin_version, end_version
 from app.terrain.imports import terrain_under
 from app.terrain.store import current_dem, dem_version_id
@@ -176,7 +175,7 @@ def bring_in(
             try:
                 counts = work.carry_out(counts)
                 break
-            except TerrainChangedError:
+            except steps.TerrainChangedError:
                 work.plan()  # the rest of it, with the heights of now
     try:
         solve_all_marked(sessions, progress)
@@ -218,7 +217,7 @@ class _Work:
     ) -> None:
         self._session, self._table, self._source, self._wishes = session, table, source, wishes
         self._dem_dir, self._progress = dem_dir, progress
-        self._run: Run | None = None
+        self._run: steps.Run | None = None
 
     def plan(self) -> ImportCounts:
         """Copy the roads with the heights of now, compare, and say what would be done."""
@@ -249,7 +248,7 @@ class _Work:
                 )
         run = self._run
         run.dem_version = self._dem_version
-        carry_out(run, self._plan, self._passes)
+        steps.carry_out(run, self._plan, self._passes)
         with self._transaction() as session:
             _end(session, run, self._source, counts, self._plan, self._table)
         return replace(counts, longest_hold_s=round(run.longest_hold_s, 4))
@@ -288,7 +287,7 @@ def replace_roads(
 
     run = _begin(session, within, source, plan, table, progress)
     run.pauses, run.dem_version = False, dem_version_id(session)
-    carry_out(run, plan, passes_on(session, plan))
+    steps.carry_out(run, plan, passes_on(session, plan))
     _end(session, run, source, counts, plan, table)
     forget_roads(session)
     return counts
@@ -325,12 +324,12 @@ def _planned(session: Session, table: RoadTable, region: str, wishes: Wishes) ->
 
 def _begin(
     session: Session,
-    transaction: Transactions,
+    transaction: steps.Transactions,
     source: Source,
     plan: Plan,
     table: RoadTable,
     progress: Progress,
-) -> Run:
+) -> steps.Run:
     """Note that the import begins, and which drives wait for what it brings."""
     version = begin_version(session, source.name, source.sha256, source.region)
     known = regions.find_region(session, source.region)
@@ -340,11 +339,11 @@ def _begin(
         else known.id
     )
     touch(session, state_of(version, LAST_STEP), (), waiting_for(session, plan, table))
-    return Run(transaction, version, region, 0, progress)
+    return steps.Run(transaction, version, region, 0, progress)
 
 
 def _end(
-    session: Session, run: Run, source: Source, counts: ImportCounts, plan: Plan, table: RoadTable
+    session: Session, run: steps.Run, source: Source, counts: ImportCounts, plan: Plan, table: RoadTable
 ) -> None:
     """Note what the import has done. Drives that failed beside it for want of roads wait for them, too."""
     done = {

@@ -25,7 +25,7 @@ _STALE = f"""
             p.code_version <> :present_version
             OR {_OTHER_ROADS}
             OR p.options - own.names IS DISTINCT FROM (now_default -> d.method) - own.names))
-"""
+"""  # noqa: S608 - constants
 
 _WHICH = {
     Which.OTHER: "d.method <> :method",

@@ -85,7 +85,13 @@ def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
     (tmp_path / "less.osm").write_text(whole[:begin] + whole[end:])
     intake.reprocess(bench.sessions, drive.id)
     reimport = Disturbed(
-        lambda: road_imports.import_roads(bench.sessions, tmp_path / "less.osm", bench.dem_dir)
+        lambda: road_imports.import_roads(
+            bench.sessions,
+            tmp_path / "less.osm",
+            bench.dem_dir,
+            region="town",
+            wishes=road_imports.Wishes(accept_losses=True),
+        )
     )
     monkeypatch.setattr(process, "run_drive", reimport)
     assert process_drive(bench, drive.id, 2) is Outcome.DONE
