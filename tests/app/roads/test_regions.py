@@ -18,41 +18,14 @@ from sqlalchemy import text
 from app.core.db import Sessions
 from app.network import extracts, locks
 from app.roads import imports, regions
-from app.roads.imports import ImportCounts, Source, Wishes, bring_in, remove_region
+from app.roads.imports import ImportCounts, Wishes, remove_region
 from fusion.errors import RoadsError
 from fusion.roads.table import RoadTable
-from fusion.types import Ints
 from network_support import drive_over, rows_of
+from region_support import METRE, bring, ids_of, stored
 
 Chain = Callable[..., RoadTable]
 AddDrive = Callable[..., uuid.UUID]
-METRE = 1 / 111_132.0
-
-
-def bring(
-    sessions: Sessions, table: RoadTable, region: str = "here", *, dry_run: bool = False, yes: bool = True
-) -> ImportCounts:
-    """Import a table as the roads of a region."""
-    wishes = Wishes(dry_run=dry_run, accept_losses=yes)
-    return bring_in(sessions, table, Source(f"{region}.osm", "0" * 64, region), Path("nowhere"), wishes)
-
-
-def stored(sessions: Sessions) -> dict[tuple[int, int, int], tuple[int, list[str]]]:
-    """Number and regions of each segment by way and nodes."""
-    query = text(
-        """
-        SELECT osm_way_id, from_node, to_node, id, ARRAY(SELECT name FROM regions WHERE id = ANY(s.regions) ORDER BY 1)
-        FROM segments AS s
-        """
-    )
-    with sessions() as session:
-        return {tuple(row[:3]): (row[3], row[4]) for row in session.execute(query)}
-
-
-def ids_of(sessions: Sessions, table: RoadTable) -> Ints:
-    found = stored(sessions)
-    keys = zip(table.osm_way_id.tolist(), table.from_node.tolist(), table.to_node.tolist(), strict=True)
-    return np.array([found[key][0] for key in keys])
 
 
 def everything(sessions: Sessions) -> list[tuple[object, ...]]:
