@@ -18,7 +18,7 @@ from app.cli.options import DataDir, JsonFile
 if TYPE_CHECKING:
     from app.core.db import Sessions
     from app.core.settings import Settings
-    from app.roads.imports import ImportCounts, Wishes
+    from app.roads.documents import ImportCounts, Wishes
     from fusion.types import Progress
 
 app = typer.Typer(add_completion=False)
@@ -48,7 +48,12 @@ Yes = Annotated[
 @app.command("import-roads")
 def import_roads(
     ctx: typer.Context,
-    file: Annotated[Path, typer.Argument(help="OpenStreetMap extract: .osm.pbf, .osm or .osm.gz.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="OpenStreetMap extract: .osm.pbf, .osm or .osm.gz; or changes of a region: .osc or .osc.gz."
+        ),
+    ],
     region: RegionName = None,
     dry_run: DryRun = False,
     yes: Yes = False,
@@ -118,7 +123,7 @@ def _change_roads(
     """Do it, queue the drives that lost something, and say what was done."""
     from app.cli.database import sessions
     from app.drives.batches.touched import queue_touched
-    from app.roads.imports import Wishes
+    from app.roads.documents import Wishes
 
     started = time.perf_counter()
     with sessions(data_dir) as (settings, factory), console.progress() as bars:

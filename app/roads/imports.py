@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -22,11 +23,10 @@ from app.core.settings import FilePlace
 from app.network.locks import free_all, import_alone
 from app.network.road_states import LAST_STEP, state_of
 from app.network.swap import solve_all_marked
-from app.roads import regions, steps
+from app.roads import region_files, regions, steps
 from app.roads.changing import touch
 from app.roads.comparing import (
     NOBODY,
-    Loss,
     Plan,
     count_again,
     count_lost,
@@ -36,6 +36,7 @@ from app.roads.comparing import (
     waiting_for,
 )
 from app.roads.copy import copy_roads, forget_roads
+from app.roads.documents import USUAL, ImportCounts, Source, Wishes, refuse
 from app.roads.store import begin_version, end_version
 from app.terrain.imports import terrain_under
 from app.terrain.store import current_dem, dem_version_id
@@ -43,74 +44,11 @@ from fusion.errors import RoadsError
 from fusion.network.unknowns import knot_positions
 from fusion.roads.changes import Change
 from fusion.roads.osm import read_roads
+from fusion.roads.osm_changes import is_change_file
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Progress, no_progress
 
 logger = logging.getLogger(__name__)
-
-TOLERANCE_M = 2.0
-"""By default (setting ``road_tolerance_m``) a segment whose ends moved by no more keeps what was measured on it."""
-MOST_LOST = 0.1
-"""An import that would take away what was measured on a larger share of a region's measured segments has to be
-confirmed."""
-
-
-@dataclass(frozen=True)
-class ImportCounts:
-    """What a road import does, in segments. ``kept + moved + renumbered + reversed + far + added`` are in the file.
-
-    Of those that were there ``kept`` are as they were, ``moved`` by no more than the tolerance, ``renumbered`` parts of
-    other ways, ``reversed`` in their direction: these keep what was measured. ``far`` ones moved farther, ``split`` and
-    ``merged`` ones have other nodes, and ``dropped`` ones are gone; ``released`` ones other regions have.
-    ``measured_lost`` of them lose what was measured, ``restored`` of the others have back what was measured before they
-    went, and ``drives_again`` drives are computed again. ``skipped`` counts, by reason, the node pairs of the file that
-    are no segment (``RoadTable.skipped``). ``longest_hold_s``: so long at most the import kept drives and solvers out.
-    """
-
-    region: str
-    kept: int = 0
-    moved: int = 0
-    renumbered: int = 0
-    reversed: int = 0
-    far: int = 0
-    split: int = 0
-    merged: int = 0
-    dropped: int = 0
-    released: int = 0
-    added: int = 0
-    measured_lost: int = 0
-    restored: int = 0
-    drives_again: int = 0
-    skipped: Mapping[str, int] = field(default_factory=dict)
-    dry_run: bool = False
-    longest_hold_s: float = field(default=0.0, compare=False)
-
-    @property
-    def segments(self) -> int:
-        """How many the region has."""
-        return self.kept + self.moved + self.renumbered + self.reversed + self.far + self.added
-
-
-@dataclass(frozen=True)
-class Source:
-    """A file of roads, and the region that they are to be."""
-
-    name: str
-    sha256: str
-    region: str
-    file_uri: str | None = None
-    file_sha256: str | None = None
-
-
-@dataclass(frozen=True)
-class Wishes:
-    """How an import is to be done."""
-
-    dry_run: bool = False
-    """Say what it would do, and change nothing"""
-    accept_losses: bool = False
-    """Though it takes away more than ``MOST_LOST``"""
-    tolerance_m: float = TOLERANCE_M
 
 
 def import_roads(
@@ -120,7 +58,7 @@ def import_roads(
     progress: Progress = no_progress,
     *,
     region: str | None = None,
-    wishes: Wishes = Wishes(),
+    wishes: Wishes = USUAL,
 ) -> ImportCounts:
     """Make the drivable roads of an OpenStreetMap file those of a region, and solve what that changes.
 
@@ -128,13 +66,48 @@ def import_roads(
     roads stay where a solution fails: what is marked waits for the workers then. Drives that are to be computed again
     are named (``touched_drives``), not queued.
     Raises ``RoadsError`` for a file that cannot be used, also for one without a single drivable road: it is taken for a
-    mistake, since it would empty the region; and for losses that nobody has accepted.
+    mistake, since it would empty the region; and for losses that nobody has accepted. A file of changes is applied to
+    what is kept of its region's file.
     """
-    name = regions.region_name(path.name) if region is None else regions.check_name(region)
-    table = read_roads(path, progress)
-    with path.open("rb") as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    return bring_in(sessions, table, Source(path.name, sha256, name), dem_dir, wishes, progress)
+    if not is_change_file(path):
+        name = regions.region_name(path.name) if region is None else regions.check_name(region)
+        return _bring_file(sessions, path, path, Source(path.name, "", name), dem_dir, wishes, progress)
+    with sessions() as session:
+        known = regions.changed_region(session, region, path.name)
+        bounds = regions.region_extent(session, known.id)
+    with TemporaryDirectory(prefix="versant-") as folder:
+        progress("applying changes", 0.0)
+        whole = region_files.changed_file(dem_dir, known, path, bounds, Path(folder))
+        source = Source(path.name, "", known.name, based_on=known.file_uri)
+        return _bring_file(sessions, whole, path, source, dem_dir, wishes, progress)
+
+
+def _bring_file(
+    sessions: Sessions,
+    roads: Path,
+    given: Path,
+    source: Source,
+    dem_dir: FilePlace,
+    wishes: Wishes,
+    progress: Progress,
+) -> ImportCounts:
+    """``bring_in`` of a file of roads, made perhaps of the file that was given, and kept for changes to come."""
+    table = read_roads(roads, progress)
+    with given.open("rb") as file:
+        source = replace(source, sha256=hashlib.file_digest(file, "sha256").hexdigest())
+    if wishes.dry_run:
+        return bring_in(sessions, table, source, dem_dir, wishes, progress)
+    progress("keeping the file", 0.0)
+    uri, sha256 = region_files.keep_file(dem_dir, roads, source.region)
+    try:
+        source = replace(source, file_uri=uri, file_sha256=sha256)
+        return bring_in(sessions, table, source, dem_dir, wishes, progress)
+    except BaseException:
+        with sessions() as session:
+            known = regions.find_region(session, source.region)
+        if known is None or known.file_uri != uri:  # else the roads are in, and the file is theirs
+            region_files.forget_file(dem_dir, uri)
+        raise
 
 
 def remove_region(
@@ -142,7 +115,7 @@ def remove_region(
     name: str,
     dem_dir: FilePlace,
     progress: Progress = no_progress,
-    wishes: Wishes = Wishes(),
+    wishes: Wishes = USUAL,
 ) -> ImportCounts:
     """Take a region off the map: roads that no other region has go, and what was measured on them into the attic.
 
@@ -177,6 +150,8 @@ def bring_in(
                 break
             except steps.TerrainChangedError:
                 work.plan()  # the rest of it, with the heights of now
+        if work.former_uri is not None:
+            region_files.forget_file(dem_dir, work.former_uri)
     try:
         solve_all_marked(sessions, progress)
     except Exception:
@@ -218,11 +193,14 @@ class _Work:
         self._session, self._table, self._source, self._wishes = session, table, source, wishes
         self._dem_dir, self._progress = dem_dir, progress
         self._run: steps.Run | None = None
+        self.former_uri: str | None = None
+        """The file that was kept of the region before"""
 
     def plan(self) -> ImportCounts:
         """Copy the roads with the heights of now, compare, and say what would be done."""
         with self._transaction() as session:
             dem = current_dem(session, self._dem_dir)
+            self._note_former(session)
         slope, heights = terrain_under(dem, self._table)
         self._dem_version = 0 if dem is None else dem.version_id
         with self._transaction() as session:
@@ -233,6 +211,14 @@ class _Work:
             self._passes = passes_on(session, self._plan)
         self._progress("comparing", 1.0)
         return counts
+
+    def _note_former(self, session: Session) -> None:
+        known = regions.find_region(session, self._source.region)
+        self.former_uri = None if known is None else known.file_uri
+        if self._source.based_on not in (None, self.former_uri):
+            raise RoadsError(
+                f"Region {self._source.region!r} was imported while the changes were applied. Give them again."
+            )
 
     def require_acceptance(self) -> None:
         """``RoadsError`` for losses that nobody has accepted."""
@@ -291,18 +277,6 @@ def replace_roads(
     _end(session, run, source, counts, plan, table)
     forget_roads(session)
     return counts
-
-
-def refuse(found: Sequence[Loss]) -> None:
-    """``RoadsError`` where any region loses too much."""
-    if large := [one for one in found if one.lost > MOST_LOST * one.measured]:
-        said = "; ".join(
-            f"{one.lost} of the {one.measured} measured segments of {one.region}" for one in large
-        )
-        raise RoadsError(
-            f"This would take away what was measured on more than a tenth: {said}. Nothing was changed. See with "
-            "--dry-run what it would do; if that is meant, give --yes."
-        )
 
 
 def _planned(session: Session, table: RoadTable, region: str, wishes: Wishes) -> tuple[Plan, ImportCounts]:

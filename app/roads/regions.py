@@ -11,6 +11,7 @@ from typing import Any
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.db import Bounds
 from fusion.errors import RoadsError
 
 LONGEST_NAME = 100
@@ -60,6 +61,12 @@ _NOTE = text(
     WHERE id = :id
     """
 )
+_EXTENT = text(
+    """
+    SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e)
+    FROM (SELECT ST_Extent(geom) AS e FROM segments WHERE :id = ANY(regions)) AS x
+    """
+)
 _REMOVE = text("DELETE FROM regions WHERE id = :id")
 _FIGURES = text(
     """
@@ -103,6 +110,24 @@ def known_region(session: Session, name: str) -> Region:
         there = f"There are: {', '.join(names)}." if names else "There is none yet."
         raise RoadsError(f"There is no region {name!r}. {there}")
     return found
+
+
+def changed_region(session: Session, name: str | None, file_name: str) -> Region:
+    """The region that a file of changes is for: the one that is named, that of the file's name, or the only one."""
+    names = region_names(session)
+    guess = region_name(file_name) if len(names) != 1 or region_name(file_name) in names else names[0]
+    if name is None and guess not in names:
+        there = ", ".join(names) or "there is none yet"
+        raise RoadsError(
+            f"{file_name} holds changes, and it is not clear of which region ({there}). Name it with --region."
+        )
+    return known_region(session, guess if name is None else name)
+
+
+def region_extent(session: Session, region_id: int) -> Bounds:
+    """West, south, east, north of a region's segments, degrees. Reads all segments."""
+    west, south, east, north = session.execute(_EXTENT, {"id": region_id}).one()
+    return float(west), float(south), float(east), float(north)
 
 
 def region_names(session: Session) -> list[str]:

@@ -10,7 +10,8 @@ import numpy as np
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.roads.imports import ImportCounts, Source, Wishes, bring_in
+from app.roads.documents import ImportCounts, Source, Wishes
+from app.roads.imports import bring_in
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 

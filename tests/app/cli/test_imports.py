@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app.cli.imports import remarks, summary
-from app.roads.imports import ImportCounts
+from app.roads.documents import ImportCounts
 
 
 def test_an_import_without_losses_needs_no_remark() -> None:

@@ -22,7 +22,7 @@ from app.drives.process import Outcome, Workbench
 from app.network.extracts import all_roads
 from app.network.settle import settle_network
 from app.roads import attic
-from app.roads.imports import ImportCounts
+from app.roads.documents import ImportCounts
 from fusion.roads.table import RoadTable
 from network_support import assert_same, rows_of
 from processing_support import process_drive, remove_drive

@@ -22,6 +22,7 @@ from app.drives.process import Outcome, Workbench
 from app.drives.progress import Interrupted
 from app.network import results as slopes
 from app.roads import imports as road_imports
+from app.roads.documents import Wishes
 from fusion.pipeline import run_drive
 from fusion.simulate.scene.town import Town
 from fusion.types import Progress
@@ -90,7 +91,7 @@ def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
             tmp_path / "less.osm",
             bench.dem_dir,
             region="town",
-            wishes=road_imports.Wishes(accept_losses=True),
+            wishes=Wishes(accept_losses=True),
         )
     )
     monkeypatch.setattr(process, "run_drive", reimport)

@@ -20,7 +20,7 @@ from app.map import store as map_store
 from app.network import cells, extracts, locks
 from app.roads import imports as roads
 from app.roads import store as road_store
-from app.roads.imports import ImportCounts
+from app.roads.documents import ImportCounts
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints

@@ -17,7 +17,7 @@ from app.network import swap
 from app.network.settle import settle_network
 from app.network.swap import solve_all_marked
 from app.roads import imports as roads
-from app.roads.imports import ImportCounts, Wishes
+from app.roads.documents import ImportCounts, Wishes
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import assert_same, drive_over, new_drive, passes_of, publish, rows_of

@@ -18,7 +18,8 @@ from sqlalchemy import text
 from app.core.db import Sessions
 from app.network import extracts, locks
 from app.roads import imports, regions
-from app.roads.imports import ImportCounts, Wishes, remove_region
+from app.roads.documents import ImportCounts, Wishes
+from app.roads.imports import remove_region
 from fusion.errors import RoadsError
 from fusion.roads.table import RoadTable
 from network_support import drive_over, rows_of
