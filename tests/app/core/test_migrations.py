@@ -98,7 +98,7 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     assert added[:4] == [
         {"dem_heights_m", "cell", "regions"},
         {"same_as", "batch_id", "before_batch", "content_sha256"},
-        set(),
+        {"road_state"},
         {"in_network"},
     ]
     assert added[4] == set(NETWORK_ONLY)
@@ -107,9 +107,11 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
         row[name]
         for found, names in zip(after, added, strict=True)
         for row in found
-        for name in names - {"cell"}
+        for name in names - {"cell", "regions"}
     ]
     assert {value for value in new if value is not False} == {None}
+    assert after[0][0]["regions"] == [1]
+    assert rows_of(engine, "SELECT id, name, source_name, segments FROM regions") == [(1, "x", "x", 1)]
     with Session(engine) as session:
         refresh_aggregates(session, [1])
         session.commit()
