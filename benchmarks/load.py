@@ -60,6 +60,7 @@ from service.processes import Service
 HERE = Path(__file__).resolve().parents[1]
 HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 FILLED = "filled"
+REGION = "load"
 
 IDLE_S, WARM_UP_S = 10.0, 5.0
 """The workers start beside the API, and load for some seconds."""
@@ -137,7 +138,7 @@ def fill(cluster: EmbeddedPostgres, folder: Path, roads: Path, drives: int) -> N
     service = Service(HERE, libpq_url(cluster.url_of(FILLED)), folder / FILLED)
     show_progress("roads")
     service.command("migrate")
-    service.command("import-roads", str(roads))
+    service.command("import-roads", str(roads), "--region", REGION)
     with service.started("api", "--port", str(service.port)), service.started("worker"):
         service.await_ready()
         for log in logs:
@@ -208,7 +209,7 @@ def make_load(service: Service, changed: Path, drives: int, streams: int, z8: st
         removed, drawn = ids[:drives], ids[drives : 2 * drives]
         with telling(service.url) as told:
             begin = time.monotonic()
-            importing = service.begin("import-roads", str(changed))
+            importing = service.begin("import-roads", str(changed), "--region", REGION, "--yes")
             time.sleep(IMPORT_AHEAD_S)
             with following(service.port, f"/v1/drives/{told}/events", streams) as followers:
                 asked = Asked(

@@ -45,6 +45,7 @@ COMMANDS = {
     "import-roads": Command(
         "app.cli.imports", "Make the drivable roads of an OpenStreetMap file the road network."
     ),
+    "regions": Command("app.cli.imports", "List the regions of the road network, or remove one."),
     "import-dem": Command(
         "app.cli.imports", "Add elevation rasters to the terrain that drives and roads are compared with."
     ),

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,40 +16,127 @@ from app.cli.console import Console, write_json
 from app.cli.options import DataDir, JsonFile
 
 if TYPE_CHECKING:
-    from app.roads.imports import ImportCounts
+    from app.core.db import Sessions
+    from app.core.settings import Settings
+    from app.roads.documents import ImportCounts, Wishes
+    from fusion.types import Progress
 
 app = typer.Typer(add_completion=False)
+
+
+regions_app = typer.Typer(
+    add_completion=False, no_args_is_help=True, help="List the regions of the road network, or remove one."
+)
+app.add_typer(regions_app, name="regions")
+
+RegionName = Annotated[
+    str | None,
+    typer.Option(
+        "--region",
+        metavar="NAME",
+        help="The region that the file brings up to date; default: the file's name without .osm.pbf and the like.",
+        show_default=False,
+    ),
+]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what it would do, and change nothing.")]
+Yes = Annotated[
+    bool,
+    typer.Option("--yes", help="Though it takes away what was measured on more than a tenth of a region."),
+]
 
 
 @app.command("import-roads")
 def import_roads(
     ctx: typer.Context,
-    file: Annotated[Path, typer.Argument(help="OpenStreetMap extract: .osm.pbf, .osm or .osm.gz.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="OpenStreetMap extract: .osm.pbf, .osm or .osm.gz; or changes of a region: .osc or .osc.gz."
+        ),
+    ],
+    region: RegionName = None,
+    dry_run: DryRun = False,
+    yes: Yes = False,
     data_dir: DataDir = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Make the drivable roads of an OpenStreetMap file the road network.
+    """Make the drivable roads of an OpenStreetMap file those of a region; other regions stay as they are.
 
-    Slopes stay with every segment whose way, nodes and geometry are unchanged; segments that the file
-    does not have are dropped.
+    What was measured stays with every segment whose ends moved by no more than VERSANT_ROAD_TOLERANCE_M, also where its
+    way was renumbered or turned round. What other segments lose is kept for VERSANT_KEEP_DROPPED_DAYS, and comes
+    back with its road. Drives on them are computed again by themselves. The service goes on meanwhile.
     """
-    from app.cli.database import sessions
-    from app.roads import imports as road_imports
+    from app.roads.imports import import_roads as bring_in
 
-    console: Console = ctx.obj
+    def work(settings: Settings, factory: Sessions, wishes: Wishes, progress: Progress) -> ImportCounts:
+        return bring_in(factory, file, settings.dem_dir, progress, region=region, wishes=wishes)
+
+    _change_roads(ctx.obj, file.name, work, dry_run, yes, data_dir, json_file)
+
+
+@regions_app.command("list")
+def list_regions(data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+    """Name each region, the file that it came from, and how many of its segments anything was measured on."""
+    from app.cli.database import sessions
+    from app.roads.regions import region_figures
+
+    with sessions(data_dir) as (_, factory), factory() as session:
+        found = region_figures(session)
+    for one in found:
+        typer.echo(
+            f"{one.name}: {one.segments} segments, {one.measured} of them measured; from {one.source_name}, "
+            f"{one.imported_at:%Y-%m-%d %H:%M} UTC."
+        )
+    if not found:
+        typer.echo("There are no regions yet. Import one with `versant import-roads FILE`.")
+    figures = [asdict(one) | {"imported_at": one.imported_at.isoformat()} for one in found]
+    write_json(json_file, {"regions": figures})
+
+
+@regions_app.command("remove")
+def remove_region(
+    ctx: typer.Context,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As `versant regions list` names it.")],
+    dry_run: DryRun = False,
+    yes: Yes = False,
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Take a region off the map, but for roads that other regions have; importing it again brings all back in time."""
+    from app.roads.imports import remove_region as remove
+
+    def work(settings: Settings, factory: Sessions, wishes: Wishes, progress: Progress) -> ImportCounts:
+        return remove(factory, name, settings.dem_dir, progress, wishes)
+
+    _change_roads(ctx.obj, name, work, dry_run, yes, data_dir, json_file)
+
+
+def _change_roads(
+    console: Console,
+    what: str,
+    work: Callable[[Settings, Sessions, Wishes, Progress], ImportCounts],
+    dry_run: bool,
+    yes: bool,
+    data_dir: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Do it, queue the drives that lost something, and say what was done."""
+    from app.cli.database import sessions
+    from app.drives.batches.touched import queue_touched
+    from app.roads.documents import Wishes
+
     started = time.perf_counter()
     with sessions(data_dir, make=console) as (settings, factory), console.progress() as bars:
-        counts = road_imports.import_roads(factory, file, settings.dem_dir, bars.work(file.name))
+        wishes = Wishes(dry_run=dry_run, accept_losses=yes, tolerance_m=settings.road_tolerance_m)
+        counts = work(settings, factory, wishes, bars.work(what))
+        if not dry_run:
+            queue_touched(factory)
     seconds = time.perf_counter() - started
-    segments = counts.kept + counts.moved + counts.added
-    typer.echo(
-        f"{file.name}: {segments} segments ({counts.kept} kept, {counts.moved} moved, {counts.added} added; "
-        f"{counts.dropped} dropped) in {seconds:.1f} s."
-    )
+    typer.echo(f"{what}: {summary(counts)} in {seconds:.1f} s.")
     for line in remarks(counts):
         typer.echo(line)
-    figures = {"file": str(file), "segments": segments, **asdict(counts), "seconds": round(seconds, 3)}
-    write_json(json_file, figures)
+    figures = {**asdict(counts), "segments": counts.segments, "seconds": round(seconds, 3)}
+    write_json(json_file, {"file": what, **figures})
 
 
 @app.command("import-dem")
@@ -180,13 +268,42 @@ def settle(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = N
     write_json(json_file, {"segments": segments, "seconds": round(seconds, 3)})
 
 
+def summary(counts: ImportCounts) -> str:
+    """What an import does to the segments of its region."""
+    parts = {
+        "kept": counts.kept,
+        "moved within the tolerance": counts.moved,
+        "renumbered": counts.renumbered,
+        "reversed": counts.reversed,
+        "moved farther": counts.far,
+        "added": counts.added,
+    }
+    gone = {
+        "split": counts.split,
+        "merged": counts.merged,
+        "dropped": counts.dropped,
+        "left to other regions": counts.released,
+    }
+    said = [", ".join(f"{n} {name}" for name, n in some.items() if n or name in ("kept", "added", "dropped"))
+            for some in (parts, gone)]  # fmt: skip
+    would = "would have" if counts.dry_run else "has"
+    return f"region {counts.region} {would} {counts.segments} segments ({said[0]}; {said[1]})"
+
+
 def remarks(counts: ImportCounts) -> list[str]:
-    """What a road import cost and what it could not use, a sentence each."""
+    """What a road import cost, brought back and could not use, a sentence each."""
+    will = "would " if counts.dry_run else ""
     lines = []
     if counts.measured_lost:
         lines.append(
-            f"{counts.measured_lost} segments lost measured slopes, because they or the roads that lead to them were "
-            f"moved or dropped, from {counts.drives_affected} drive(s); reprocess those drives to measure again."
+            f"{counts.measured_lost} segments {will}lose what was measured on them, because they were moved, split, "
+            "merged or dropped. It is kept for some time, and comes back if they do."
+        )
+    if counts.restored:
+        lines.append(f"{counts.restored} segments {will}have back what was measured before they went.")
+    if counts.drives_again:
+        lines.append(
+            f"{counts.drives_again} drive(s) {will or 'are '}{'be ' if will else ''}computed again by themselves."
         )
     if counts.skipped:
         reasons = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.skipped.items()))

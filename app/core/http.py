@@ -44,7 +44,7 @@ class Service:
     probes: Sessions
     """On a connection of their own: a service that has much to do is ready."""
     probe_threads: CapacityLimiter
-    extents: dict[int, Bounds | None] = field(default_factory=dict)
+    extents: dict[tuple[object, ...], Bounds | None] = field(default_factory=dict)
     """The network's extent by road version: reading it takes a look at every segment."""
 
     @contextmanager

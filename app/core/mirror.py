@@ -88,6 +88,16 @@ def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
     return True
 
 
+def forget(place: FilePlace, name: str) -> None:
+    """Let a file and its folder go, here and where it is kept; what is not there, or cannot go, is left."""
+    group = PurePosixPath(name).parent
+    shutil.rmtree(local_folder(place) / group, ignore_errors=True)
+    if isinstance(place, RemoteFolder):
+        with contextlib.suppress(Exception):  # any storage fsspec knows, each with errors of its own
+            fs, root = file_system(place.url)
+            fs.rm(f"{root}/{group}", recursive=True)
+
+
 def _fetch(place: RemoteFolder, group: str, wanted: str, sha256: str) -> None:
     fs, root = file_system(place.url)
     incoming = place.copies / _INCOMING / uuid.uuid4().hex

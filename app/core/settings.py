@@ -121,6 +121,19 @@ class Settings(BaseSettings):
         "Longer than the oldest backup of the database that may be restored, so that it finds its files.",
     )
 
+    road_tolerance_m: float = Field(
+        2.0,
+        ge=0,
+        le=20,
+        description="A road segment whose ends an import moves by no more, metres, keeps what was measured on it.",
+    )
+    keep_dropped_days: float = Field(
+        30.0,
+        ge=0,
+        description="Days for which what was measured on roads that an import took away is kept; it comes back with "
+        "its road.",
+    )
+
     # The API
     host: str = Field(
         "127.0.0.1",

@@ -39,9 +39,9 @@ from app.drives.progress import (
 )
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
-from app.network.extracts import StoredRoads
 from app.network.marks import MarkedBy
-from app.network.road_squares import roads_in
+from app.network.road_squares import Roads, roads_in
+from app.network.road_states import road_states
 from app.roads import store as road_store
 from app.terrain import store as dem
 from app.terrain.heights import fill_heights_along, open_dem
@@ -58,7 +58,7 @@ from fusion.types import DriveLog, Ints
 logger = logging.getLogger(__name__)
 
 MAX_ROAD_CHANGES = 5
-"""A drive is estimated so many times, each time because roads were imported meanwhile; then it fails."""
+"""A drive is estimated so many times, each time because an import changed roads around it; then it fails."""
 
 Computing = Callable[[], AbstractContextManager[None]]
 """To be held around the computation proper (``app.jobs.task.Work``)."""
@@ -77,6 +77,12 @@ class ProcessingError(FusionError):
     """The service, not the log, is the reason that a drive fails."""
 
     kind = "processing-failed"
+
+
+class NoRoadsError(ProcessingError):
+    """There are no roads at all yet."""
+
+    kind = "no-roads"
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,8 @@ class Workbench:
 class _Surroundings:
     """Roads and elevation around a log, as they were at one moment."""
 
-    roads: StoredRoads
+    roads: Roads
+    version_id: int
     dem: DemSet | None
 
 
@@ -180,6 +187,8 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
         log = _read(bench, drive, run, options.columns)
         run.begin("positioning")
         found = positions_of(log, options, run.part("positioning"))
+    with bench.sessions.begin() as session:
+        drives.note_bounds(session, drive.id, drive.generation, found.log.bounds_deg())
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
@@ -193,7 +202,7 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
             return
         tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
     raise ProcessingError(
-        f"The roads were imported anew {MAX_ROAD_CHANGES} times while this drive was processed. "
+        f"The roads around this drive changed {MAX_ROAD_CHANGES} times while it was processed. "
         "Ask for it again when the import is over."
     )
 
@@ -215,14 +224,12 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
         version = road_store.current_road_version(session)
         if version is None:
-            raise ProcessingError(
-                "No roads have been imported yet. Import them (`versant import-roads FILE`), then ask for "
-                "this drive again."
+            raise NoRoadsError(
+                "No roads have been imported yet. Import them (`versant import-roads FILE`): then the drive is "
+                "computed by itself."
             )
         roads = roads_in(session, road_boxes(log))
-        return _Surroundings(
-            StoredRoads(version.id, roads.table, roads.ids), dem.current_dem(session, bench.dem_dir)
-        )
+        return _Surroundings(roads, version.id, dem.current_dem(session, bench.dem_dir))
 
 
 def _estimate(
@@ -258,20 +265,20 @@ def _append(
     *,
     behind: bool,
 ) -> bool:
-    """Write all that the drive says in one transaction; False when the roads changed since they were read."""
+    """Write all that the drive says in one transaction; False when the roads around it changed since they were read."""
     provenance = slopes.RunProvenance(
         method=drive.method,
         options=parse_options(drive.method, drive.options).model_dump(mode="json"),
         code_version=code_version(),
-        road_version_id=around.roads.version_id,
+        road_version_id=around.version_id,
+        road_state=max(around.roads.states.values(), default=0),
         dem_version_id=None if around.dem is None else around.dem.version_id,
     )
     with bench.sessions.begin() as session:
         slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
         if not drives.lock_running(session, drive.id, drive.generation):
             raise Discarded
-        current = road_store.current_road_version(session)
-        if current is None or current.id != around.roads.version_id:
+        if road_states(session, around.roads.states) != around.roads.states:
             return False
         tracks.save_track(session, drive.id, result.track, ids, result.measurements)
         slopes.append_result(

@@ -104,6 +104,15 @@ _FAIL = text(
     """
 )
 
+# Also of a drive that then finds no roads: by it new ones find the drive.
+_SET_BOUNDS = text(
+    """
+    UPDATE drives SET bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326)
+    WHERE id = :id AND generation = :generation AND status = 'running'
+        AND stage IS DISTINCT FROM 'publishing' RETURNING id
+    """
+)
+
 # The end of a run: the row is locked first, so that it is still the worker's when its result is written. Tables that
 # refer to it may be written meanwhile.
 _LOCK_RUNNING = text(
@@ -252,6 +261,13 @@ def set_progress(session: Session, drive_id: uuid.UUID, generation: int, stage: 
     """Show the stage and the share of the work done, 0..1; False: the drive is no longer this worker's."""
     values = {"id": drive_id, "generation": generation, "stage": plain_text(stage), "progress": progress}
     return _changed(session, _SET_PROGRESS, values)
+
+
+def note_bounds(session: Session, drive_id: uuid.UUID, generation: int, bounds: Bounds) -> bool:
+    """Note where the drive is, degrees, whatever becomes of it; False: no longer this worker's."""
+    west, south, east, north = bounds
+    box = {"west": west, "south": south, "east": east, "north": north}
+    return _changed(session, _SET_BOUNDS, {"id": drive_id, "generation": generation, **box})
 
 
 def mark_queued(session: Session, drive_id: uuid.UUID, generation: int) -> bool:

@@ -22,6 +22,7 @@ from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue
 from app.drives.renewal import HeightFiller, renew
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
+from app.roads import attic
 from app.terrain.files import sweep_rasters
 
 logger = logging.getLogger(__name__)
@@ -142,12 +143,14 @@ def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),
-        (in_thread(swept, "the blob store could not be swept"), SWEEP_EVERY_S),
+        (in_thread(swept, "what nobody needs any more could not be swept"), SWEEP_EVERY_S),
     )
 
 
 def _sweep(bench: Workbench, settings: Settings, older_than: timedelta) -> None:
-    """Clear the blob store and, where no other database uses them, rasters."""
+    """Clear the blob store, the attic of roads that are gone and, where no other database uses them, rasters."""
+    if gone := attic.prune(bench.sessions, settings.keep_dropped_days):
+        logger.info("let go what was measured on %d roads that are gone", gone)
     found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)
     if found.removed:
         logger.info("removed %d blobs that no drive refers to", found.removed)

@@ -9,14 +9,14 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds
 from app.core.http import Service
 from app.map.segment import Segment
-from app.roads.store import road_extent, road_version_id
+from app.roads.store import road_extent, road_tag
 from app.terrain.coverage import names_over, rasters_over
 from app.terrain.store import current_dem
 
 
 def cached_extent(service: Service, session: Session) -> Bounds | None:
     """West, south, east, north of all segments, degrees; None without any. Read once per road import."""
-    version = road_version_id(session)
+    version = road_tag(session)
     if version not in service.extents:
         service.extents.clear()
         service.extents[version] = road_extent(session)

@@ -120,9 +120,13 @@ def lock_cells(session: Session, cells: Collection[int]) -> dict[int, int]:
 def raise_versions(session: Session, cells: Collection[int]) -> None:
     """Say that what is shown of these squares has changed, and count anew what is driven there."""
     if cells:
-        ids = sorted(cells)
-        session.execute(_RAISE, {"ids": ids})
-        session.execute(_SUM_DRIVEN, {"ids": ids})
+        session.execute(_RAISE, {"ids": sorted(cells)})
+        count_driven(session, cells)
+
+
+def count_driven(session: Session, cells: Collection[int]) -> None:
+    """Count anew what is driven in these squares."""
+    session.execute(_SUM_DRIVEN, {"ids": sorted(cells)})
 
 
 def unsettle(session: Session, cells: Collection[int]) -> None:

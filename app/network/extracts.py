@@ -6,7 +6,6 @@ How roads come into the database is in ``app.roads``; what was measured on them 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,16 +17,6 @@ from app.core.tables import WITHOUT_HEIGHTS
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
 
-
-@dataclass(frozen=True)
-class StoredRoads:
-    """An extract of one road version; ``ids`` holds the database's id of each row, shape (n,)."""
-
-    version_id: int
-    table: RoadTable
-    ids: Ints
-
-
 _LINE_HEADER_BYTES = 9  # WKB: byte order, type, number of points
 
 # What ``road_table`` reads, of the table that is called s (segments), and the order of its rows.
@@ -35,7 +24,6 @@ ROAD_COLUMNS = """s.id, s.osm_way_id, s.from_node, s.to_node, ST_AsBinary(s.geom
            s.oneway, s.bridge, s.tunnel, s.layer, s.highway, s.name"""
 ROAD_ORDER = "s.osm_way_id, s.from_node, s.to_node"
 
-_VERSION = text("SELECT coalesce(max(id), 0) FROM road_versions")
 _ALL = text(f"SELECT {ROAD_COLUMNS} FROM segments AS s ORDER BY {ROAD_ORDER}")  # noqa: S608 - constants
 _IN_BOX = text(
     f"""
@@ -78,11 +66,6 @@ _WITHOUT_HEIGHTS_IN = text(
     ORDER BY {ROAD_ORDER}
     """  # noqa: S608 - constants
 )
-
-
-def road_version(session: Session) -> int:
-    """The number of the last import of roads: what is stored of them changes with it alone."""
-    return int(session.execute(_VERSION).scalar_one())
 
 
 def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]:

@@ -1,12 +1,13 @@
 """The locks of those who change the map. Nobody holds one while anything is computed.
 
 Drives and solvers share the network: any number at once, for as long as a short transaction takes. Whoever changes the
-roads or what lies under them owns it meanwhile. Whoever reads needs no lock.
+roads or what lies under them owns it meanwhile: imports of roads step by step, a tenth of a second each, and one import
+at a time. Whoever reads needs no lock.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from sqlalchemy import text
@@ -20,10 +21,13 @@ _NETWORK = 0x5653_4E54  # "VSNT"
 _HOURS = 0x5653_4852  # "VSHR"
 _CELLS = 0x5653_434C  # "VSCL"
 _HEIGHTS = 0x5653_4854  # "VSHT"
+_IMPORT = 0x5653_494D  # "VSIM"
 
 _OWN = text("SELECT pg_advisory_xact_lock(:key)")
 _SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
 _TRY_SHARE = text("SELECT pg_try_advisory_xact_lock_shared(:key)")
+_IMPORT_ALONE = text("SELECT pg_advisory_lock(:key)")
+_TRY_IMPORT_ALONE = text("SELECT pg_try_advisory_lock(:key)")
 _HOUR = text(
     "SELECT pg_advisory_xact_lock(:key, h) FROM (SELECT unnest(CAST(:hours AS integer[])) AS h ORDER BY 1) AS o"
 )
@@ -61,6 +65,26 @@ def own_hours(session: Session, moments_s: Iterable[float], apart_s: float) -> N
     hours = {int((m + d) // HOUR_S) for m in moments_s for d in (-apart_s, apart_s)}
     with LOCK_WAIT_S.timed("own_hours"):
         session.execute(_HOUR, {"key": _HOURS, "hours": sorted(hours)})
+
+
+def import_alone(session: Session, waits: Callable[[], None]) -> None:
+    """Let nobody else change roads for as long as the session's connection lasts, or until ``free_all``.
+
+    ``waits`` is called before another import is waited for.
+    """
+    if not session.execute(_TRY_IMPORT_ALONE, {"key": _IMPORT}).scalar_one():
+        waits()
+        session.execute(_IMPORT_ALONE, {"key": _IMPORT})
+
+
+def roads_change(session: Session) -> bool:
+    """Whether an import of roads is running."""
+    return not session.execute(_TRY_SHARE, {"key": _IMPORT}).scalar_one()
+
+
+def free_all(session: Session) -> None:
+    """Give back all that the session's connection holds beyond its transactions."""
+    session.execute(_FREE_ALL)
 
 
 class CellClaims:

@@ -40,6 +40,8 @@ class RunProvenance:
     code_version: str
     road_version_id: int
     dem_version_id: int | None
+    road_state: int | None = None
+    """Of the squares that the roads were taken from, the highest (``app.network.road_states``)"""
 
 
 # The published slopes of these segments may rest on the drive: on its own estimates or, until it is computed again, on
@@ -50,8 +52,8 @@ _IS_HEARD = text("SELECT same_as IS NULL FROM drives WHERE id = :drive_id")
 
 _INSERT_PROVENANCE = text(
     """
-    INSERT INTO provenances (drive_id, method, options, code_version, road_version_id, dem_version_id)
-    VALUES (:drive_id, :method, CAST(:options AS jsonb), :code_version, :road_version_id, :dem_version_id)
+    INSERT INTO provenances (drive_id, method, options, code_version, road_version_id, road_state, dem_version_id)
+    VALUES (:drive_id, :method, CAST(:options AS jsonb), :code_version, :road_version_id, :road_state, :dem_version_id)
     RETURNING id
     """
 )
@@ -147,6 +149,7 @@ def _insert_provenance(session: Session, drive_id: uuid.UUID, provenance: RunPro
         "options": json.dumps(plain_json(provenance.options)),
         "code_version": provenance.code_version,
         "road_version_id": provenance.road_version_id,
+        "road_state": provenance.road_state,
         "dem_version_id": provenance.dem_version_id,
     }
     return int(session.execute(_INSERT_PROVENANCE, values).scalar_one())

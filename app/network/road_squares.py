@@ -1,5 +1,5 @@
-"""The stored roads, square by square, kept in memory from one solution to the next: between two imports they are the
-same, and reading them takes longer than solving.
+"""The stored roads, square by square, kept in memory from one solution to the next: until an import changes those of a
+square they are the same (``road_states``), and reading them takes longer than solving.
 
 A square's roads are all that meet it, so one that reaches into another is in both. What stands beside roads, drives
 and slopes, is not kept.
@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -19,7 +19,8 @@ from sqlalchemy import Engine, text
 from sqlalchemy.orm import Session
 
 from app.network.cells import ZOOM
-from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table, road_version
+from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
+from app.network.road_states import road_states
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
 
@@ -48,42 +49,43 @@ class Roads:
     table: RoadTable
     ids: Ints
     cell: Ints
+    states: Mapping[int, int] = field(default_factory=dict)
+    """What stood in the squares that they were taken from (``app.network.road_states``)"""
 
     def along(self, boxes_deg: Floats) -> Roads:
         """Those whose bounding box meets one of the boxes (m, 4: west, south, east, north)."""
         kept = np.flatnonzero(self.table.meets(boxes_deg))
-        return Roads(self.table.subset(kept), self.ids[kept], self.cell[kept])
+        return Roads(self.table.subset(kept), self.ids[kept], self.cell[kept], self.states)
 
 
 @dataclass(eq=False)
 class _Kept:
-    """What a process has read of one database: squares of one version of the roads, the last used at the end."""
+    """What a process has read of one database: squares, each in one state, the last used at the end."""
 
-    version: int = -1
-    squares: OrderedDict[int, Roads] = field(default_factory=OrderedDict)
+    squares: OrderedDict[int, tuple[int, Roads]] = field(default_factory=OrderedDict)
     lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def of(self, version: int, squares: Iterable[int]) -> dict[int, Roads]:
-        """Those of these squares that are there; of another version none is."""
+    def of(self, states: Mapping[int, int]) -> dict[int, Roads]:
+        """Those of these squares that are there as they are now."""
         with self.lock:
-            if version != self.version:
-                return {}
-            found = {square: self.squares[square] for square in squares if square in self.squares}
+            found = {
+                square: self.squares[square][1]
+                for square, state in states.items()
+                if self.squares.get(square, (-1, None))[0] == state
+            }
             for square in found:
                 self.squares.move_to_end(square)
             return found
 
-    def keep(self, version: int, read: dict[int, Roads]) -> None:
+    def keep(self, states: Mapping[int, int], read: Mapping[int, Roads]) -> None:
         """Add what was read, and let go what was not used for the longest."""
         with self.lock:
-            if version > self.version:
-                self.version = version
-                self.squares.clear()
-            if version == self.version:
-                self.squares.update(read)
-                count = sum(len(roads.ids) for roads in self.squares.values())
-                while count > MOST_KEPT:
-                    count -= len(self.squares.popitem(last=False)[1].ids)
+            for square, roads in read.items():
+                if states[square] >= self.squares.get(square, (-1, None))[0]:
+                    self.squares[square] = (states[square], roads)
+            count = sum(len(roads.ids) for _, roads in self.squares.values())
+            while count > MOST_KEPT:
+                count -= len(self.squares.popitem(last=False)[1][1].ids)
 
 
 _KEPT: WeakKeyDictionary[Engine, _Kept] = WeakKeyDictionary()
@@ -97,17 +99,20 @@ def roads_in(session: Session, boxes_deg: Floats) -> Roads:
     in every ``RoadTable``, so that the same log on the same roads gives the same numbers with and without a database.
     """
     boxes = _boxes_by_square(boxes_deg)
-    version = road_version(session)
     kept = _kept(session.get_bind().engine)
     every, parts = sorted(boxes), list[Roads]()
+    states = road_states(session, every)
     for squares in (every[k : k + READ_TOGETHER] for k in range(0, len(every), READ_TOGETHER)):
-        found = kept.of(version, squares)
+        found = kept.of({square: states[square] for square in squares})
         found |= (read := _read(session, [square for square in squares if square not in found]))
         parts += [found[square].along(boxes[square]) for square in squares]
-        # Outside of a snapshot an import may have come between.
-        if read and road_version(session) == version:
-            kept.keep(version, read)
-    return _joined(parts)
+        if read:
+            # Outside of a snapshot an import may have come between.
+            now = road_states(session, list(read))
+            kept.keep(
+                states, {square: roads for square, roads in read.items() if now[square] == states[square]}
+            )
+    return replace(_joined(parts), states=states)
 
 
 def _kept(engine: Engine) -> _Kept:

@@ -16,7 +16,6 @@ from sqlalchemy import text
 from app.core.db import Sessions
 from app.core.telemetry.measures import SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, take_unsettled, unsettle, unsettled, versions_of
-from app.network.extracts import road_version
 from app.network.locks import cell_claims
 from app.network.solve import settle_square
 from app.network.swap import (
@@ -123,15 +122,14 @@ def _settle(sessions: Sessions, cell: int) -> None:
 def _find(sessions: Sessions, cell: int) -> Found:
     """One square, from what is stored alone. What lies in another square of the network is left to that."""
     with snapshot(sessions) as session:
-        roads = road_version(session)
         published = set(session.execute(_PUBLISHED_OF_CELL, {"cell": cell}).scalars())
         ids = session.execute(_IN_NETWORK_OF_CELL, {"cell": cell}).scalars().all()
         if not ids:
             versions = versions_of(session, cells_over(session, published))
-            return Found([], published, None, np.zeros(0, bool), roads, versions)
+            return Found([], published, None, np.zeros(0, bool), versions)
         solution = settle_square(session, ids)
         around = solution.around
         others = np.unique(around.cell[around.driven | (around.drives >= 0)])
         shown = solution.window.published & ((around.cell == cell) | ~np.isin(around.cell, others))
         versions = shown_cells(session, solution, shown, published)
-    return Found([], published, solution, shown, roads, versions)
+    return Found([], published, solution, shown, versions)

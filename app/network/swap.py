@@ -22,7 +22,6 @@ from app.core.db import Sessions
 from app.core.telemetry.logs import tell
 from app.core.telemetry.measures import SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
-from app.network.extracts import road_version
 from app.network.locks import CellClaims, cell_claims, try_share_network
 from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
 from app.network.passes import regions_of, set_verdicts
@@ -46,7 +45,7 @@ _TRIES = 20
 _PAUSE_S = 0.02
 """Before another try, a few times as long each: swaps take some tens of milliseconds."""
 _IMPORT_PAUSE_S = 0.2
-"""Imports own the network for some seconds."""
+"""Imports own the network again and again, for a tenth of a second."""
 _LOCK_WAIT = text("SET LOCAL lock_timeout = '50ms'")
 """Squares are had at once or not at all; rows of their segments are theirs. What is left is whoever writes beside the
 service, and two that make the row of the same square."""
@@ -70,9 +69,8 @@ class Found:
     combined: set[int]
     solution: Solution | None
     shown: Bools
-    roads: int
     versions: dict[int, int] = field(default_factory=dict)
-    """Of all squares in which anything of it is shown."""
+    """Of all squares in which anything of it is shown; imports raise those in which they change a road, too."""
 
 
 def solve_marked(
@@ -192,7 +190,7 @@ def swap(
     try:
         with sessions.begin() as session:
             session.execute(_LOCK_WAIT)
-            if not try_share_network(session) or road_version(session) != found.roads:
+            if not try_share_network(session):
                 return False
             if lock_cells(session, found.versions) != found.versions:
                 return False
@@ -258,13 +256,12 @@ def _take(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int
 
 
 def _find(session: Session, marked: Marked) -> Found:
-    roads = road_version(session)
     if not marked.touched:
         versions = versions_of(session, cells_over(session, marked.combined))
-        return Found(marked.marks, marked.combined, None, np.zeros(0, bool), roads, versions)
+        return Found(marked.marks, marked.combined, None, np.zeros(0, bool), versions)
     solution, shown = solve_around(session, marked.touched)
     versions = shown_cells(session, solution, shown, marked.combined)
-    return Found(marked.marks, marked.combined, solution, shown, roads, versions)
+    return Found(marked.marks, marked.combined, solution, shown, versions)
 
 
 def _write(session: Session, solution: Solution, shown: Bools, tolerance_sigmas: float) -> list[int]:

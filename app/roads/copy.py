@@ -55,15 +55,16 @@ _DROP = text("DROP TABLE IF EXISTS pg_temp.road_import, pg_temp.road_import_tags
 _CREATE = text(
     """
     CREATE TEMPORARY TABLE road_import (
+        n integer GENERATED ALWAYS AS IDENTITY (MINVALUE 0),
         osm_way_id bigint, from_node bigint, to_node bigint, geom geometry, geom_3857 geometry,
         length_m float8, tag integer, oneway smallint, bridge boolean, tunnel boolean, layer smallint,
         dem_slope_percent float8, dem_heights_m float8[]
-    ) ON COMMIT DROP
+    )
     """
 )
 _CREATE_TAGS = text(
     """
-    CREATE TEMPORARY TABLE road_import_tags (tag integer PRIMARY KEY, highway text, name text) ON COMMIT DROP
+    CREATE TEMPORARY TABLE road_import_tags (tag integer PRIMARY KEY, highway text, name text)
     """
 )
 _FILL_TAGS = text(
@@ -72,7 +73,8 @@ _FILL_TAGS = text(
     SELECT * FROM unnest(CAST(:tag AS integer[]), CAST(:highway AS text[]), CAST(:name AS text[]))
     """
 )
-_COPY = "COPY road_import FROM STDIN (FORMAT BINARY)"
+_COPY = f"COPY road_import ({', '.join(_FIELDS)}, dem_heights_m) FROM STDIN (FORMAT BINARY)"
+_INDEX = text("CREATE UNIQUE INDEX ON road_import (n)")
 
 # The planner knows nothing of a table that was just filled.
 _ANALYZE = text("ANALYZE road_import")
@@ -81,8 +83,10 @@ _ANALYZE = text("ANALYZE road_import")
 def copy_roads(
     session: Session, table: RoadTable, dem_slope_percent: Floats, dem_heights_m: Floats, progress: Progress
 ) -> None:
-    """Fill the temporary tables ``road_import`` and ``road_import_tags`` (gone when the transaction ends).
+    """Fill the connection's temporary tables ``road_import``, whose ``n`` is the row of ``table``, and
+    ``road_import_tags``.
 
+    They last until ``forget_roads``, for an import takes several transactions.
     ``dem_slope_percent`` has shape (n,); ``dem_heights_m`` is one segment's knots after another's; NaN unknown.
     """
     session.execute(_DROP)
@@ -96,7 +100,13 @@ def copy_roads(
             copy.write(rows)
             progress("copying", done / max(len(table), 1))
         copy.write(_TRAILER)
+    session.execute(_INDEX)
     session.execute(_ANALYZE)
+
+
+def forget_roads(session: Session) -> None:
+    """Let the temporary tables go."""
+    session.execute(_DROP)
 
 
 def _copy_tags(session: Session, table: RoadTable) -> NDArray[np.int32]:

@@ -1,79 +1,159 @@
-"""Roads come in: the roads of an OpenStreetMap file take the place of the stored network, in one transaction.
+"""Roads come in: the roads of an OpenStreetMap file become those of a region, step by step, beside the service.
 
-The file's roads are copied beside the stored ones (``app.roads.copy``), what that costs is noted and marked for repair
-(``app.roads.losses``), and the statements here merge the two. How a file is read is the library's business.
+The file's roads are copied beside the stored ones (``copy``) and compared with them (``comparing``), which writes
+nothing; a trial run ends there. Then each change is a short transaction (``changing``). How a file is read is the
+library's business.
 """
 
 from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
 import numpy as np
-from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.settings import FilePlace
 from app.core.telemetry.events import imported
-from app.network.cells import raise_versions
-from app.network.locks import own_network
+from app.network.locks import free_all, import_alone
+from app.network.road_states import LAST_STEP, state_of
 from app.network.swap import solve_all_marked
-from app.roads.copy import copy_roads
-from app.roads.losses import cells_lost, cells_new, mark_repairs, note_losses
+from app.roads import region_files, regions, steps
+from app.roads.changing import touch
+from app.roads.comparing import (
+    NOBODY,
+    Plan,
+    count_again,
+    count_lost,
+    losses,
+    passes_on,
+    plan_import,
+    waiting_for,
+)
+from app.roads.copy import copy_roads, forget_roads
+from app.roads.documents import USUAL, ImportCounts, Source, Wishes, refuse
+from app.roads.store import begin_version, end_version
 from app.terrain.heights import terrain_under
-from app.terrain.store import current_dem
+from app.terrain.store import current_dem, dem_version_id
 from fusion.errors import RoadsError
 from fusion.network.unknowns import knot_positions
+from fusion.roads.changes import Change
 from fusion.roads.osm import read_roads
+from fusion.roads.osm_changes import is_change_file
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Progress, no_progress
 
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class ImportCounts:
-    """What a road import did: ``kept + moved + added`` is the size of the new network.
-
-    ``measured_lost`` segments, moved and dropped ones, lose what ``drives_affected`` drives had measured on them.
-    ``skipped`` counts, by reason, the node pairs of the file that are no segment (``RoadTable.skipped``).
-    """
-
-    kept: int
-    moved: int
-    dropped: int
-    added: int
-    measured_lost: int = 0
-    drives_affected: int = 0
-    skipped: Mapping[str, int] = field(default_factory=dict)
-
-
 @imported("roads")
 def import_roads(
-    sessions: Sessions, path: Path, dem_dir: FilePlace, progress: Progress = no_progress
+    sessions: Sessions,
+    path: Path,
+    dem_dir: FilePlace,
+    progress: Progress = no_progress,
+    *,
+    region: str | None = None,
+    wishes: Wishes = USUAL,
 ) -> ImportCounts:
-    """Make the drivable roads of an OpenStreetMap file the whole network (``merge_roads``), and solve what it changes.
+    """Make the drivable roads of an OpenStreetMap file those of a region, and solve what that changes.
 
-    The roads stay where a solution fails: what is marked waits for the workers then.
-    Raises ``RoadsError`` for a file that cannot be used, also for one without a single drivable road: it is
-    taken for a mistake, since it would drop every segment.
+    The region is named after the file where none is named. What is cut off goes on when the file is imported again. The
+    roads stay where a solution fails: what is marked waits for the workers then. Drives that are to be computed again
+    are named (``touched_drives``), not queued.
+    Raises ``RoadsError`` for a file that cannot be used, also for one without a single drivable road: it is taken for a
+    mistake, since it would empty the region; and for losses that nobody has accepted. A file of changes is applied to
+    what is kept of its region's file.
     """
-    table = read_roads(path, progress)
-    if not len(table):
-        raise RoadsError(
-            f"{path.name} holds no drivable road, so importing it would empty the map. "
-            "Give an extract that covers roads.",
-            where=path.name,
-        )
-    with path.open("rb") as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    while (counts := _import(sessions, table, path.name, sha256, dem_dir, progress)) is None:
-        pass  # elevation rasters came in meanwhile
+    if not is_change_file(path):
+        name = regions.region_name(path.name) if region is None else regions.check_name(region)
+        return _bring_file(sessions, path, path, Source(path.name, "", name), dem_dir, wishes, progress)
+    with sessions() as session:
+        known = regions.changed_region(session, region, path.name)
+        bounds = regions.region_extent(session, known.id)
+    with TemporaryDirectory(prefix="versant-") as folder:
+        progress("applying changes", 0.0)
+        whole = region_files.changed_file(dem_dir, known, path, bounds, Path(folder))
+        source = Source(path.name, "", known.name, based_on=known.file_uri)
+        return _bring_file(sessions, whole, path, source, dem_dir, wishes, progress)
+
+
+def _bring_file(
+    sessions: Sessions,
+    roads: Path,
+    given: Path,
+    source: Source,
+    dem_dir: FilePlace,
+    wishes: Wishes,
+    progress: Progress,
+) -> ImportCounts:
+    """``bring_in`` of a file of roads, made perhaps of the file that was given, and kept for changes to come."""
+    table = read_roads(roads, progress)
+    with given.open("rb") as file:
+        source = replace(source, sha256=hashlib.file_digest(file, "sha256").hexdigest())
+    if wishes.dry_run:
+        return bring_in(sessions, table, source, dem_dir, wishes, progress)
+    progress("keeping the file", 0.0)
+    uri, sha256 = region_files.keep_file(dem_dir, roads, source.region)
+    try:
+        source = replace(source, file_uri=uri, file_sha256=sha256)
+        return bring_in(sessions, table, source, dem_dir, wishes, progress)
+    except BaseException:
+        with sessions() as session:
+            known = regions.find_region(session, source.region)
+        if known is None or known.file_uri != uri:  # else the roads are in, and the file is theirs
+            region_files.forget_file(dem_dir, uri)
+        raise
+
+
+def remove_region(
+    sessions: Sessions,
+    name: str,
+    dem_dir: FilePlace,
+    progress: Progress = no_progress,
+    wishes: Wishes = USUAL,
+) -> ImportCounts:
+    """Take a region off the map: roads that no other region has go, and what was measured on them into the attic.
+
+    Raises ``RoadsError`` where there is no such region, and for losses that nobody has accepted.
+    """
+    with sessions() as session:
+        found = regions.known_region(session, name)
+    source = Source(found.source_name, found.sha256, name)
+    return bring_in(sessions, RoadTable.empty(), source, dem_dir, wishes, progress)
+
+
+def bring_in(
+    sessions: Sessions,
+    table: RoadTable,
+    source: Source,
+    dem_dir: FilePlace,
+    wishes: Wishes,
+    progress: Progress = no_progress,
+) -> ImportCounts:
+    """Make ``table`` the roads of a region (an empty one removes it), beside drives and solvers; one at a time."""
+    with _connection(sessions) as session:
+        import_alone(session, lambda: progress("waiting for another import", 0.0))
+        session.commit()
+        work = _Work(session, table, source, wishes, dem_dir, progress)
+        counts = work.plan()
+        if wishes.dry_run:
+            return counts
+        work.require_acceptance()
+        while True:
+            try:
+                counts = work.carry_out(counts)
+                break
+            except steps.TerrainChangedError:
+                work.plan()  # the rest of it, with the heights of now
+        if work.former_uri is not None:
+            region_files.forget_file(dem_dir, work.former_uri)
     try:
         solve_all_marked(sessions, progress)
     except Exception:
@@ -85,108 +165,86 @@ def import_roads(
     return counts
 
 
-def _import(
-    sessions: Sessions,
-    table: RoadTable,
-    source_name: str,
-    sha256: str,
-    dem_dir: FilePlace,
-    progress: Progress,
-) -> ImportCounts | None:
-    """One try: what takes long first, outside of any lock; None where the elevation set is another by then."""
-    with sessions() as session:
-        before = current_dem(session, dem_dir)
-    slope, heights = terrain_under(before, table)
-    with sessions.begin() as session:
-        copy_roads(session, table, slope, heights, progress)
-        own_network(session)
-        if current_dem(session, dem_dir) != before:
-            return None
-        return merge_roads(session, table, source_name, sha256, progress)
+@contextmanager
+def _connection(sessions: Sessions) -> Iterator[Session]:
+    """A session that keeps its connection: several transactions, with locks and temporary tables that outlast each."""
+    with sessions() as one:
+        engine = one.get_bind().engine
+    with engine.connect() as connection, Session(connection, expire_on_commit=False) as session:
+        try:
+            yield session
+        finally:
+            session.rollback()
+            forget_roads(session)
+            free_all(session)
+            session.commit()
 
 
-_NEW_VERSION = text(
-    """
-    INSERT INTO road_versions (source_name, sha256, segments, kept, moved, dropped, added)
-    VALUES (:source_name, :sha256, :segments, 0, 0, 0, 0) RETURNING id
-    """
-)
-_SET_COUNTS = text(
-    """
-    UPDATE road_versions
-    SET kept = :kept, moved = :moved, dropped = :dropped, added = :added, length_m = :length_m WHERE id = :id
-    """
-)
+class _Work:
+    """One import on its connection."""
 
-# The merge, in this order: drop what is gone, update what is there, add what is new. Each statement handles
-# all segments at once. What was measured on dropped segments goes by its foreign keys.
-_DROP = text(
-    """
-    DELETE FROM segments AS s WHERE NOT EXISTS (
-        SELECT FROM road_import AS i
-        WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node)
-    """
-)
+    def __init__(
+        self,
+        session: Session,
+        table: RoadTable,
+        source: Source,
+        wishes: Wishes,
+        dem_dir: FilePlace,
+        progress: Progress,
+    ) -> None:
+        self._session, self._table, self._source, self._wishes = session, table, source, wishes
+        self._dem_dir, self._progress = dem_dir, progress
+        self._run: steps.Run | None = None
+        self.former_uri: str | None = None
+        """The file that was kept of the region before"""
 
-# A segment between the same nodes whose course changed is another road as far as its slope goes: what was
-# measured on the old course is dropped. (=) on geometries compares every coordinate bit for bit.
-_MOVE = text(
-    """
-    WITH moved AS (
-        UPDATE segments AS s
-        SET geom = i.geom, geom_3857 = i.geom_3857, length_m = i.length_m, road_version_id = :version
-        FROM road_import AS i
-        WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node
-            AND NOT s.geom = i.geom
-        RETURNING s.id
-    ), estimates AS (
-        DELETE FROM drive_segments USING moved WHERE segment_id = moved.id
-    ), passes AS (
-        DELETE FROM drive_passes USING moved WHERE segment_id = moved.id
-    ), verdicts AS (
-        DELETE FROM rejected_passes USING moved WHERE segment_id = moved.id
-    ), sums AS (
-        DELETE FROM pass_sums USING moved WHERE segment_id = moved.id
-    ), network AS (
-        DELETE FROM network_slopes USING moved WHERE segment_id = moved.id
-    ), aggregates AS (
-        DELETE FROM segment_slopes USING moved WHERE segment_id = moved.id
-    )
-    SELECT count(*) FROM moved
-    """
-)
+    def plan(self) -> ImportCounts:
+        """Copy the roads with the heights of now, compare, and say what would be done."""
+        with self._transaction() as session:
+            dem = current_dem(session, self._dem_dir)
+            self._note_former(session)
+        slope, heights = terrain_under(dem, self._table)
+        self._dem_version = 0 if dem is None else dem.version_id
+        with self._transaction() as session:
+            copy_roads(session, self._table, slope, heights, self._progress)
+            self._progress("comparing", 0.0)
+            self._plan, counts = _planned(session, self._table, self._source.region, self._wishes)
+            self._losses = losses(session, self._plan)
+            self._passes = passes_on(session, self._plan)
+        self._progress("comparing", 1.0)
+        return counts
 
-# Only rows that differ are written: an unchanged row costs a comparison, a written one both of its indexes.
-_UPDATE_TAGS = text(
-    """
-    UPDATE segments AS s
-    SET highway = t.highway, name = t.name, oneway = i.oneway, bridge = i.bridge, tunnel = i.tunnel,
-        layer = i.layer, dem_slope_percent = nullif(i.dem_slope_percent, 'NaN'),
-        dem_heights_m = nullif(i.dem_heights_m, '{}')
-    FROM road_import AS i JOIN road_import_tags AS t USING (tag)
-    WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node
-        AND (s.highway, s.name, s.oneway, s.bridge, s.tunnel, s.layer, s.dem_slope_percent, s.dem_heights_m)
-            IS DISTINCT FROM (t.highway, t.name, i.oneway, i.bridge, i.tunnel, i.layer,
-                              nullif(i.dem_slope_percent, 'NaN'), nullif(i.dem_heights_m, '{}'))
-    RETURNING s.id
-    """
-)
+    def _note_former(self, session: Session) -> None:
+        known = regions.find_region(session, self._source.region)
+        self.former_uri = None if known is None else known.file_uri
+        if self._source.based_on not in (None, self.former_uri):
+            raise RoadsError(
+                f"Region {self._source.region!r} was imported while the changes were applied. Give them again."
+            )
 
-_ADD = text(
-    """
-    INSERT INTO segments (osm_way_id, from_node, to_node, geom, geom_3857, length_m, highway, name, oneway,
-                          bridge, tunnel, layer, dem_slope_percent, dem_heights_m, road_version_id)
-    SELECT i.osm_way_id, i.from_node, i.to_node, i.geom, i.geom_3857, i.length_m, t.highway, t.name, i.oneway,
-           i.bridge, i.tunnel, i.layer, nullif(i.dem_slope_percent, 'NaN'), nullif(i.dem_heights_m, '{}'), :version
-    FROM road_import AS i JOIN road_import_tags AS t USING (tag)
-    WHERE NOT EXISTS (
-        SELECT FROM segments AS s
-        WHERE i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node)
-    """
-)
+    def require_acceptance(self) -> None:
+        """``RoadsError`` for losses that nobody has accepted."""
+        if not self._wishes.accept_losses:
+            refuse(self._losses)
 
-# The planner must not go by the figures of an empty table until autovacuum comes round.
-_ANALYZE = text("ANALYZE segments")
+    def carry_out(self, counts: ImportCounts) -> ImportCounts:
+        """Do what was planned last; ``counts`` are those of the first plan."""
+        if self._run is None:
+            with self._transaction() as session:
+                self._run = _begin(
+                    session, self._transaction, self._source, self._plan, self._table, self._progress
+                )
+        run = self._run
+        run.dem_version = self._dem_version
+        steps.carry_out(run, self._plan, self._passes)
+        with self._transaction() as session:
+            _end(session, run, self._source, counts, self._plan, self._table)
+        return replace(counts, longest_hold_s=round(run.longest_hold_s, 4))
+
+    @contextmanager
+    def _transaction(self) -> Iterator[Session]:
+        with self._session.begin():
+            yield self._session
 
 
 def replace_roads(
@@ -198,52 +256,90 @@ def replace_roads(
     *,
     dem_slope_percent: Floats | None = None,
     dem_heights_m: Floats | None = None,
+    region: str = "roads",
 ) -> ImportCounts:
-    """Make ``table`` the whole network in the caller's transaction, and keep drives and solvers out until it ends.
+    """Make ``table`` a region in the caller's transaction, which keeps drives and solvers out until it ends.
 
     ``dem_slope_percent`` has shape (n,), ``dem_heights_m`` one height a knot (``knot_positions``), NaN unknown; None:
-    unknown everywhere.
+    unknown everywhere. Losses need no acceptance.
     """
     slope = np.full(len(table), np.nan) if dem_slope_percent is None else dem_slope_percent
     heights = np.full(len(knot_positions(table)[0]), np.nan) if dem_heights_m is None else dem_heights_m
     copy_roads(session, table, slope, heights, progress)
-    own_network(session)
-    return merge_roads(session, table, source_name, sha256, progress)
+    source = Source(source_name, sha256, region)
+    plan, counts = _planned(session, table, region, Wishes())
+
+    @contextmanager
+    def within() -> Iterator[Session]:
+        yield session
+
+    run = _begin(session, within, source, plan, table, progress)
+    run.pauses, run.dem_version = False, dem_version_id(session)
+    steps.carry_out(run, plan, passes_on(session, plan))
+    _end(session, run, source, counts, plan, table)
+    forget_roads(session)
+    return counts
 
 
-def merge_roads(
-    session: Session, table: RoadTable, source_name: str, sha256: str, progress: Progress = no_progress
-) -> ImportCounts:
-    """Make what was copied (``copy_roads``) the whole network: a segment that is not in it is dropped.
-
-    A segment whose (way, from, to) and geometry are unchanged is kept with its id and its estimates, and its
-    tags are brought up to date; one whose geometry changed ("moved") keeps its id and loses its estimates. What has to
-    be solved anew around that is marked. The caller owns the network.
-    """
-    values: dict[str, Any] = {"source_name": source_name, "sha256": sha256, "segments": len(table)}
-    version = int(session.execute(_NEW_VERSION, values).scalar_one())
-    progress("merging", 0.0)
-    measured_lost, drives_affected = note_losses(session)
-    cells = cells_lost(session)
-    dropped = _count(session.execute(_DROP))
-    moved = int(session.execute(_MOVE, {"version": version}).scalar_one())
-    progress("merging", 0.3)
-    changed = list(session.execute(_UPDATE_TAGS).scalars())
-    progress("merging", 0.5)
-    added = _count(session.execute(_ADD, {"version": version}))
-    merged = {"kept": len(table) - moved - added, "moved": moved, "dropped": dropped, "added": added}
-    session.execute(_SET_COUNTS, {"id": version, "length_m": float(table.length_m.sum()), **merged})
-    session.execute(_ANALYZE)
-    mark_repairs(session, version)
-    raise_versions(session, cells | cells_new(session, version, changed))
-    progress("merging", 1.0)
-    return ImportCounts(
-        **merged,
-        measured_lost=measured_lost,
-        drives_affected=drives_affected,
+def _planned(session: Session, table: RoadTable, region: str, wishes: Wishes) -> tuple[Plan, ImportCounts]:
+    known = regions.find_region(session, region)
+    plan = plan_import(session, table, NOBODY if known is None else known.id, wishes.tolerance_m)
+    counts = ImportCounts(
+        region=region,
+        kept=plan.kept,
+        added=len(plan.added),
+        **{change.name.lower(): plan.count(change) for change in Change if change is not Change.KEPT},
+        measured_lost=count_lost(session, plan),
+        restored=len({one.n for one in plan.returns if one.fresh}),
+        drives_again=count_again(session, plan, waiting_for(session, plan, table)),
         skipped=dict(table.skipped),
+        dry_run=wishes.dry_run,
     )
+    return plan, counts
 
 
-def _count(result: Any) -> int:
-    return int(result.rowcount)
+def _begin(
+    session: Session,
+    transaction: steps.Transactions,
+    source: Source,
+    plan: Plan,
+    table: RoadTable,
+    progress: Progress,
+) -> steps.Run:
+    """Note that the import begins, and which drives wait for what it brings."""
+    version = begin_version(session, source.name, source.sha256, source.region)
+    known = regions.find_region(session, source.region)
+    region = (
+        regions.make_region(session, source.region, source.name, source.sha256, version)
+        if known is None
+        else known.id
+    )
+    touch(session, state_of(version, LAST_STEP), (), waiting_for(session, plan, table))
+    return steps.Run(transaction, version, region, 0, progress)
+
+
+def _end(
+    session: Session, run: steps.Run, source: Source, counts: ImportCounts, plan: Plan, table: RoadTable
+) -> None:
+    """Note what the import has done. Drives that failed beside it for want of roads wait for them, too."""
+    done = {
+        "kept": counts.kept + counts.renumbered + counts.reversed,
+        "moved": counts.moved + counts.far,
+        "dropped": counts.split + counts.merged + counts.dropped,
+        "added": counts.added,
+    }
+    touch(session, state_of(run.version, LAST_STEP), (), waiting_for(session, plan, table, run.begun_at))
+    end_version(session, run.version, **done)
+    if not len(table):
+        regions.forget_region(session, run.region)
+        return
+    regions.note_import(
+        session,
+        run.region,
+        source_name=source.name,
+        sha256=source.sha256,
+        version=run.version,
+        segments=counts.segments,
+        file_uri=source.file_uri,
+        file_sha256=source.file_sha256,
+    )

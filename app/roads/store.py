@@ -41,7 +41,29 @@ class RoadVersionRow:
     added: int
 
 
+# The whole network is as it was until the import has ended.
+_BEGIN = text(
+    """
+    INSERT INTO road_versions (source_name, sha256, segments, kept, moved, dropped, added, length_m, region)
+    SELECT :source_name, :sha256, coalesce(last.segments, 0), 0, 0, 0, 0,
+           CASE WHEN last.id IS NULL THEN 0 ELSE last.length_m END, :region
+    FROM (SELECT 1) AS one LEFT JOIN (SELECT * FROM road_versions ORDER BY id DESC LIMIT 1) AS last ON true
+    RETURNING id
+    """
+)
+_END = text(
+    """
+    UPDATE road_versions
+    SET kept = :kept, moved = :moved, dropped = :dropped, added = :added, imported_at = clock_timestamp(),
+        segments = whole.segments, length_m = whole.length_m
+    FROM (SELECT count(*) AS segments, coalesce(sum(length_m), 0) AS length_m FROM segments) AS whole
+    WHERE id = :id
+    """
+)
+# The planner must not go by the figures of an empty table until autovacuum comes round.
+_ANALYZE = text("ANALYZE segments")
 _ROAD_VERSION = text("SELECT coalesce(max(id), 0) FROM road_versions")
+_ROAD_TAG = text("SELECT max(id), max(imported_at) FROM road_versions")
 _CURRENT = text(
     """
     SELECT id, source_name, sha256, imported_at, segments, kept, moved, dropped, added
@@ -59,3 +81,23 @@ def current_road_version(session: Session) -> RoadVersionRow | None:
     """The last import, or None before the first."""
     row = session.execute(_CURRENT).one_or_none()
     return None if row is None else RoadVersionRow(**row._mapping)
+
+
+def road_tag(session: Session) -> tuple[object, ...]:
+    """Is another when an import has begun, and another again when it has ended."""
+    return tuple(session.execute(_ROAD_TAG).one())
+
+
+def begin_version(session: Session, source_name: str, sha256: str, region: str) -> int:
+    """Note that an import begins; its number."""
+    values = {"source_name": source_name, "sha256": sha256, "region": region}
+    return int(session.execute(_BEGIN, values).scalar_one())
+
+
+def end_version(
+    session: Session, version_id: int, *, kept: int, moved: int, dropped: int, added: int
+) -> None:
+    """Note what the import did, and how large the network is now. Reads the whole table."""
+    values = {"id": version_id, "kept": kept, "moved": moved, "dropped": dropped, "added": added}
+    session.execute(_END, values)
+    session.execute(_ANALYZE)

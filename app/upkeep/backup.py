@@ -6,16 +6,17 @@ meanwhile goes at once. So the files need no moment of their own, and those of t
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
 
 from sqlalchemy.orm import Session
 
-from app.core import migrate
+from app.core import migrate, mirror
 from app.core.blobs import BlobStore
 from app.core.databases import database_identity
 from app.core.db import Sessions
@@ -28,7 +29,6 @@ from app.upkeep.dumps import BackupError, dump
 from app.upkeep.manifest import (
     LOGS,
     RASTERS,
-    REGIONS,
     Entry,
     Manifest,
     alone_in,
@@ -41,6 +41,8 @@ from app.upkeep.manifest import (
 from fusion.types import Progress, no_progress
 
 _MIB = 2**20
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def back_up(
         blobs = BlobStore(settings.blob_store_url)
         kept.add_all("logs", [_log(blobs, key, *facts) for key, facts in contents.blobs.items()])
         kept.add_all("rasters", [one for source in contents.rasters for one in _raster(settings, source)])
-        kept.add_all("regions", _regions(settings))
+        kept.add_all("roads", list(_road_files(settings, contents.road_files)))
         with sessions() as session:
             missing = store.wanted_still(session, [path.removeprefix(f"{LOGS}/") for path in kept.missing])
         manifest = Manifest(
@@ -187,17 +189,16 @@ def _raster(settings: Settings, source: Mapping[str, object]) -> Iterator[_Wante
         yield _Wanted(where, _opener(file), file.stat().st_size, sha256)
 
 
-def _regions(settings: Settings) -> list[_Wanted]:
-    """Files of imported regions. They may be written anew under the same name: their bytes tell."""
-    folder = settings.data_dir / REGIONS
-    files = sorted(path for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else []
-    return [
-        replace(
-            _Wanted(f"{REGIONS}/{path.relative_to(folder).as_posix()}", _opener(path), path.stat().st_size),
-            sha256=entry_of(folder, path.relative_to(folder).as_posix()).sha256,
-        )
-        for path in files
-    ]
+def _road_files(settings: Settings, files: Mapping[str, str]) -> Iterator[_Wanted]:
+    """What regions' files said of roads, kept beside the rasters. One that is lost costs files of changes only."""
+    for uri, sha256 in files.items():
+        try:
+            path = mirror.fetch(settings.dem_dir, uri, sha256)
+            size_bytes = path.stat().st_size
+        except (mirror.MirrorError, FileNotFoundError):
+            logger.warning("the roads of a region are not at %s: import its whole file again", uri)
+            continue
+        yield _Wanted(f"{RASTERS}/{uri}", _opener(path), size_bytes, sha256)
 
 
 def _opener(path: Path) -> Callable[[], BinaryIO]:

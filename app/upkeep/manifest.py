@@ -21,7 +21,7 @@ from fusion.types import Progress
 
 FORMAT = 1
 NAME = "manifest.json"
-LOGS, RASTERS, REGIONS = "blobs", "dem", "regions"
+LOGS, RASTERS = "blobs", "dem"
 
 DUMPS = "database-*.dump"
 
@@ -106,9 +106,7 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
         os.fsync(file.fileno())
     part.replace(folder / NAME)
     named = {entry.path for entry in (manifest.dump, *manifest.files)}
-    kept = [
-        path for kind in (LOGS, RASTERS, REGIONS) for path in (folder / kind).rglob("*") if path.is_file()
-    ]
+    kept = [path for kind in (LOGS, RASTERS) for path in (folder / kind).rglob("*") if path.is_file()]
     for path in [*kept, *folder.glob(f"{DUMPS}*")]:
         if path.relative_to(folder).as_posix() not in named:
             path.unlink()

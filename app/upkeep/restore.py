@@ -15,7 +15,7 @@ from app.core.filesystems import file_system, free_bytes
 from app.core.settings import Settings
 from app.upkeep import dumps, store
 from app.upkeep.dumps import BackupError
-from app.upkeep.manifest import LOGS, RASTERS, REGIONS, Entry, Manifest, read_manifest, some, verify
+from app.upkeep.manifest import LOGS, RASTERS, Entry, Manifest, read_manifest, verify
 from fusion.types import Progress, no_progress
 
 _MIB = 2**20
@@ -89,7 +89,6 @@ def restore(
         progress("logs", done / len(logs))
         new += blobs.take(key, folder / entry.path)
     _rasters(settings, folder, manifest.below(RASTERS), progress)
-    _regions(settings, folder, manifest.below(REGIONS))
     progress("database", 0.0)
     newest = max(here.postgres_major, manifest.versions["postgres_major"])
     dumps.restore(settings.database_url, folder / manifest.dump.path, newest)
@@ -119,7 +118,7 @@ def _require_room(settings: Settings, manifest: Manifest, stored: Set[str]) -> N
 def _rasters(
     settings: Settings, folder: Path, files: Sequence[tuple[Entry, str]], progress: Progress
 ) -> None:
-    """Rasters lie in folders that are named after their content: what is there is right."""
+    """Rasters lie in folders named after their content, roads in such as no other has: what is there is right."""
     place = mirror.local_folder(settings.dem_dir)
     for done, (entry, name) in enumerate(files):
         progress("rasters", done / len(files))
@@ -133,21 +132,6 @@ def _rasters(
         raise BackupError(
             f"A raster cannot be kept: {error} See to the storage of VERSANT_DEM_URL."
         ) from error
-
-
-def _regions(settings: Settings, folder: Path, files: Sequence[tuple[Entry, str]]) -> None:
-    place = settings.data_dir / REGIONS
-    others = [
-        name
-        for entry, name in files
-        if (place / name).exists() and (place / name).read_bytes() != (folder / entry.path).read_bytes()
-    ]
-    if others:
-        raise BackupError(
-            f"{place} holds other files of the same names ({some(others)}). Move them away first."
-        )
-    for entry, name in files:
-        _take(folder / entry.path, place / name)
 
 
 def _take(source: Path, target: Path) -> None:

@@ -20,6 +20,8 @@ _VERSIONS = text(
 )
 _BLOBS = text("SELECT DISTINCT ON (blob_key) blob_key, sha256, size_bytes FROM drives ORDER BY blob_key")
 _RASTERS = text("SELECT sources FROM dem_versions WHERE active")
+_HAS_REGIONS = text("SELECT to_regclass('regions') IS NOT NULL")
+_ROAD_FILES = text("SELECT file_uri, file_sha256 FROM regions WHERE file_uri IS NOT NULL ORDER BY file_uri")
 _COUNTS = text("SELECT (SELECT count(*) FROM drives) AS drives, (SELECT count(*) FROM segments) AS segments")
 _WANTED_STILL = text(
     "SELECT blob_key FROM drives WHERE blob_key = ANY(CAST(:keys AS text[])) AND status <> 'cancelled' ORDER BY 1"
@@ -93,12 +95,13 @@ class Versions(NamedTuple):
 
 @dataclass(frozen=True)
 class Contents:
-    """What a snapshot refers to: blobs by key with SHA-256 (hex) and size, bytes, and active rasters as they are
-    listed; and what it counts.
+    """What a snapshot refers to: blobs by key with SHA-256 (hex) and size, bytes, active rasters as they are listed,
+    and files of regions' roads with their SHA-256; and what it counts.
     """
 
     blobs: dict[str, tuple[str, int]]
     rasters: list[dict[str, Any]]
+    road_files: dict[str, str]
     drives: int
     segments: int
 
@@ -126,7 +129,9 @@ def contents(session: Session) -> Contents:
     """What the database refers to."""
     blobs = {row.blob_key: (row.sha256, row.size_bytes) for row in session.execute(_BLOBS)}
     rasters = [source for sources in session.execute(_RASTERS).scalars() for source in sources]
-    return Contents(blobs, rasters, *session.execute(_COUNTS).one())
+    regions = session.execute(_ROAD_FILES) if session.execute(_HAS_REGIONS).scalar_one() else ()
+    road_files = {row.file_uri: row.file_sha256 for row in regions}
+    return Contents(blobs, rasters, road_files, *session.execute(_COUNTS).one())
 
 
 def wanted_still(session: Session, keys: list[str]) -> list[str]:

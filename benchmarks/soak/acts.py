@@ -237,7 +237,7 @@ class Operator(Actor):
     def import_roads(self, which: str, *, cut_off: bool = False) -> bool:
         """Whether it came to its end."""
         act = "import, same roads" if which == self.last else "import, other roads"
-        process = self.service.begin("import-roads", str(self._maps[which]))
+        process = self.service.begin("import-roads", str(self._maps[which]), "--region", "soak", "--yes")
         try:
             status = process.wait(self.rng.uniform(1.0, 6.0) if cut_off else IMPORT_S)
         except subprocess.TimeoutExpired:

@@ -89,7 +89,7 @@ def read_roads(path: Path, progress: Progress = no_progress) -> RoadTable:
     no OSM file, is damaged, or holds no drivable way with the positions of its nodes.
     """
     path = Path(path)
-    source = osmium.io.File(str(path), _format(path))
+    source = osmium.io.File(str(path), file_format(path))
     progress("reading nodes", 0.0)
     try:
         locations = osmium.NodeLocationsForWays(osmium.index.create_map("flex_mem"))
@@ -128,7 +128,7 @@ def layer_of(tag: str | None) -> int:
     return layer if abs(layer) <= 100 else 0
 
 
-def _format(path: Path) -> str:
+def file_format(path: Path) -> str:
     """The name that osmium gives the file's format, from its first bytes."""
     try:
         with path.open("rb") as file:

@@ -38,7 +38,9 @@ def reprocess(
         ),
     ] = False,
     failed: Annotated[bool, typer.Option("--failed", help="Drives that failed.")] = False,
-    region: Annotated[str | None, typer.Option(metavar="NAME", help="For later: see --bbox.")] = None,
+    region: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only drives on roads of this region.")
+    ] = None,
     drive: Annotated[
         list[str] | None, typer.Option(metavar="ID", help="This drive; may be given several times.")
     ] = None,
@@ -85,16 +87,11 @@ def reprocess(
     Failed drives whose log itself cannot be used are left out, as long as the version of the code is the same, unless
     --drive, --failure or --force asks for them. With --wait, drives that failed are named with the reason.
     """
-    if region is not None:
-        raise typer.BadParameter(
-            "The service knows no regions yet. Name the place by --bbox WEST,SOUTH,EAST,NORTH.",
-            param_hint="'--region'",
-        )
     which = {"all": every, "stale": stale, "failed": failed or (failure is not None and not (every or stale))}
     filters = {
         "bbox": bbox, "from_method": from_method, "code_version": code_version, "failure": failure,
         "created_after": created_after, "created_before": created_before, "driven_after": driven_after,
-        "driven_before": driven_before,
+        "driven_before": driven_before, "region": region,
     }  # fmt: skip
     asked = [("which", name) for name, chosen in which.items() if chosen]
     narrowed = {name: value for name, value in filters.items() if value is not None}

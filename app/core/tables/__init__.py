@@ -87,7 +87,9 @@ class RoadVersion(Base):
     dropped: Mapped[int]
     added: Mapped[int]
     length_m: Mapped[float | None]
-    """Of the whole network after it; NULL of imports by code that did not note it."""
+    """Of the whole network after it, as ``segments`` are; NULL of imports by code that did not note it."""
+    region: Mapped[str | None]
+    """What it brought up to date; NULL: the whole network, as imports did before there were regions."""
 
 
 class DemVersion(Base):
@@ -133,6 +135,8 @@ class Segment(Base):
     """Of the elevation model at the segment's knots (``fusion.network.unknowns.knot_positions``), NaN unknown."""
     road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
     """The import that brought the row's present geometry."""
+    regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger), server_default=text("'{}'"))
+    """The regions whose files have it; a segment of none is nobody's, and stays."""
     cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True))
     """The square that the segment's middle lies in (``app.network.cells``)."""
 
@@ -214,6 +218,8 @@ class Provenance(Base):
     options: Mapped[dict[str, Any]]
     code_version: Mapped[str]
     road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
+    road_state: Mapped[int | None] = mapped_column(BigInteger)
+    """Of the squares that the run took its roads from, the highest (``Cell.road_state``); NULL of older runs."""
     dem_version_id: Mapped[int | None] = mapped_column(ForeignKey("dem_versions.id"))
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
 

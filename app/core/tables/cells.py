@@ -27,6 +27,11 @@ class Cell(Base):
     driven: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
     """Number and length, m, of the driven segments of each class whose middle lies in the square."""
 
+    road_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    """Which step of which import changed the roads that meet the square last (``app.network.road_states``)."""
+    course_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    """The same of changes that a drive would notice: roads that came, went, or lie elsewhere."""
+
     __table_args__ = (
         Index(
             "ix_cells_unsettled_since",

@@ -47,8 +47,8 @@ class Selection(BaseModel):
     which: Which = Field(
         Which.OTHER,
         description="`other`: drives that are not of `method` already; `stale`: whose estimates were made by another "
-        "version of the code, with other defaults, or with other elevation rasters where they drove, than would be "
-        "taken now; `failed`; `all`.",
+        "version of the code, with other defaults, on other roads, or with other elevation rasters where they drove, "
+        "than would be taken now; `failed`; `all`.",
     )
     from_method: Name | None = Field(
         None, description="Only drives that were processed by this method.", examples=["particle"]
@@ -65,6 +65,11 @@ class Selection(BaseModel):
     created_before: Time | None = Field(None, description="Only drives uploaded before.")
     driven_after: Time | None = Field(None, description="Only drives recorded then or later.")
     driven_before: Time | None = Field(None, description="Only drives recorded before.")
+    region: Name | None = Field(
+        None,
+        description="Only drives on roads of this region (`versant regions list`).",
+        examples=["karlsruhe"],
+    )
     bbox: Bounds | None = None
     force: bool | None = Field(
         None,

@@ -17,6 +17,7 @@ from app.core.errors import BadRequestError
 from app.core.telemetry.logs import tell
 from app.drives.batches import store
 from app.drives.batches.documents import Selection, Which
+from app.drives.batches.touched import queue_touched
 from app.drives.method_choice import check_options
 
 ENQUEUE_FOR_S = 10.0
@@ -77,7 +78,10 @@ def cancel(sessions: Sessions, batch: int, for_s: float = ENQUEUE_FOR_S) -> None
 
 
 def tend(sessions: Sessions) -> bool:
-    """A worker's part: go on with what requests left for a moment, add counts up; whether more is to be done."""
+    """A worker's part: go on with what requests and imports left for a moment, add counts up; whether more is to be
+    done."""
+    if count := queue_touched(sessions):
+        logger.info("%d drives are computed again, behind uploads: roads under them changed", count)
     with sessions.begin() as session:
         store.fold_counts(session, MOST_COUNT_ROWS)
         left = store.unfinished_batches(session)

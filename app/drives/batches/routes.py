@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
+from sqlalchemy.orm import Session
 
 from app.core.errors import BadQueryError, BadRequestError
 from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems
@@ -14,6 +15,8 @@ from app.drives.batches.documents import Batch, BatchAccepted, BatchRequest, Sel
 from app.drives.batches.notes import note
 from app.drives.batches.store import batch_progress, count_selected, count_skipped, standing
 from app.drives.method_choice import default_method
+from app.roads.regions import known_region
+from fusion.errors import RoadsError
 
 _LAST = 2**63 - 1  # that a number of the database can be
 
@@ -46,6 +49,9 @@ def reprocess_drives(
     """
     refuse_unknown(request, BatchRequest.model_fields, BadRequestError)
     selection, method = _selection(asked), asked.method
+    if selection.region is not None:
+        with service.reading() as session:
+            _check_region(session, selection.region)
     if method is None and selection.which is Which.OTHER:
         method = default_method(service.settings)
     enqueuing.check(selection, method)
@@ -115,6 +121,13 @@ def _seen(service: Service, base: str, number: int | None) -> Batch:
         seen: Batch = found(batch_progress(session, number), "batch", number)
     address = f"{base}/v1/drives/reprocess" if number is None else _address(base, number)
     return seen.model_copy(update={"links": [link(address, "self")]})
+
+
+def _check_region(session: Session, name: str) -> None:
+    try:
+        known_region(session, name)
+    except RoadsError as error:
+        raise BadRequestError(str(error), field="region") from error
 
 
 def _selection(asked: BatchRequest) -> Selection:

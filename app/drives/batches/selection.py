@@ -10,15 +10,11 @@ from app.core.version import code_version
 from app.drives.batches.documents import HOPELESS, Selection, Which
 from fusion.registry import METHOD_NAMES
 
-# Options that the drive names itself are its own affair: however they were written, they are the same now.
-_STALE = """
+# In the squares of the roads that it measured, roads have come, gone or moved since its run (p) took them.
+_OTHER_ROADS = """
     EXISTS (
-        SELECT FROM provenances AS p, CAST(:defaults AS jsonb) AS now_default,
-            LATERAL (SELECT ARRAY(SELECT jsonb_object_keys(d.options))) AS own (names)
-        WHERE p.drive_id = d.id AND (
-            p.code_version <> :present_version
-            OR p.options - own.names IS DISTINCT FROM (now_default -> d.method) - own.names
-            OR {other_elevation}))
+        SELECT FROM drive_segments AS e JOIN segments AS s ON s.id = e.segment_id JOIN cells AS c ON c.id = s.cell
+        WHERE e.drive_id = d.id AND c.course_state > coalesce(p.road_state, (p.road_version_id + 1) << 20))
 """
 
 # Rasters that came, went, or have another priority since. One elsewhere changes nothing of a drive; one whose bounds
@@ -39,6 +35,18 @@ _OTHER_ELEVATION = """
                         CAST(corner ->> 3 AS float8), 4326)))
 """
 
+# Options that the drive names itself are its own affair: however they were written, they are the same now.
+_STALE = f"""
+    EXISTS (
+        SELECT FROM provenances AS p, CAST(:defaults AS jsonb) AS now_default,
+            LATERAL (SELECT ARRAY(SELECT jsonb_object_keys(d.options))) AS own (names)
+        WHERE p.drive_id = d.id AND (
+            p.code_version <> :present_version
+            OR p.options - own.names IS DISTINCT FROM (now_default -> d.method) - own.names
+            OR {_OTHER_ROADS}
+            OR {_OTHER_ELEVATION}))
+"""  # noqa: S608 - constants
+
 # What failed by code that did not note its version is tried once more.
 _HOPELESS = """
     d.status = 'failed' AND d.failure_kind = ANY(:hopeless) AND d.failure_version IS NOT DISTINCT FROM :present_version
@@ -46,10 +54,21 @@ _HOPELESS = """
 
 _WHICH = {
     Which.OTHER: "d.method <> :method",
-    Which.STALE: _STALE.format(other_elevation=_OTHER_ELEVATION),
+    Which.STALE: _STALE,
     Which.FAILED: "d.status = 'failed'",
     Which.ALL: "true",
 }
+
+# Drives that measured roads of the region, and failed ones that were there.
+_REGION = """
+    EXISTS (
+        SELECT FROM regions AS r JOIN segments AS s ON r.id = ANY(s.regions) JOIN drive_segments AS e
+            ON e.segment_id = s.id
+        WHERE r.name = :region AND e.drive_id = d.id)
+    OR d.status = 'failed' AND EXISTS (
+        SELECT FROM regions AS r JOIN segments AS s ON r.id = ANY(s.regions)
+        WHERE r.name = :region AND s.geom && d.bounds)
+"""
 
 # Each for what is asked; what is not asked for is left out.
 _FILTERS = {
@@ -60,6 +79,7 @@ _FILTERS = {
     "created_before": "d.created_at < :created_before",
     "driven_after": "d.drive_time >= :driven_after",
     "driven_before": "d.drive_time < :driven_before",
+    "region": _REGION,
 }
 _BOX = "d.bounds && ST_MakeEnvelope({west}, :south, {east}, :north, 4326)"
 

@@ -58,6 +58,12 @@ _STANDING = text(
     """
 )
 _AFTER = " AND (d.created_at, d.id) > (:after_created_at, :after_id)"
+BEFORE_BATCH = """jsonb_strip_nulls(jsonb_build_object(
+                'status', d.status, 'stage', d.stage, 'progress', d.progress, 'failure_kind', d.failure_kind,
+                'failure_reason', d.failure_reason, 'failure_where', d.failure_where, 'method', d.method,
+                'started_at', d.started_at, 'finished_at', d.finished_at, 'queued_at', d.queued_at))
+                || jsonb_build_object('options', d.options)"""
+"""What a drive (d) was, for a batch that is called off"""
 _ENQUEUE = """
     WITH chosen AS MATERIALIZED (
         SELECT d.id {selected} ORDER BY d.created_at, d.id LIMIT :piece FOR UPDATE OF d
@@ -67,12 +73,7 @@ _ENQUEUE = """
             options = CASE WHEN CAST(:method AS text) IS NULL THEN d.options
                 -- columns belong to the file, and not to the method
                 ELSE jsonb_strip_nulls(jsonb_build_object('columns', d.options -> 'columns')) END,
-            batch_id = :batch,
-            before_batch = jsonb_strip_nulls(jsonb_build_object(
-                'status', d.status, 'stage', d.stage, 'progress', d.progress, 'failure_kind', d.failure_kind,
-                'failure_reason', d.failure_reason, 'failure_where', d.failure_where, 'method', d.method,
-                'started_at', d.started_at, 'finished_at', d.finished_at, 'queued_at', d.queued_at))
-                || jsonb_build_object('options', d.options)
+            batch_id = :batch, before_batch = {before}
         FROM chosen WHERE d.id = chosen.id
         RETURNING d.id, d.generation, d.created_at
     ), last AS (SELECT created_at, id FROM asked ORDER BY created_at DESC, id DESC LIMIT 1),
@@ -214,7 +215,7 @@ def enqueue_piece(session: Session, batch: int) -> bool:
         return False
     where, values = conditions(Selection.model_validate(held.selection), held.method)
     selected = _SELECTED + where + (_AFTER if held.after_id else "")
-    statement = text(_ENQUEUE.format(selected=selected, anew=ANEW, jobs=JOBS_BEHIND))
+    statement = text(_ENQUEUE.format(selected=selected, anew=ANEW, jobs=JOBS_BEHIND, before=BEFORE_BATCH))
     whole = {**held._mapping, **values, "batch": batch, "piece": PIECE_DRIVES, "traceparent": None}
     return bool(session.execute(statement, whole).scalar_one())
 

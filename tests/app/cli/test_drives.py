@@ -223,7 +223,6 @@ def test_reprocess_names_the_drives(run: Run, arguments: list[str], expected: di
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--region", "berlin"], "no regions yet"),
         (["--all", "--stale"], "Choose one of"),
         (["--drive", "7", "--failed"], "Choose one of"),
         (["--drive", "7", "--bbox", "1,2,3,4"], "Choose one of"),

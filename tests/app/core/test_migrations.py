@@ -96,10 +96,10 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
         assert [dict(list(row.items())[: len(old)]) for row, old in zip(now, then, strict=True)] == then
     added = [set(now[0]) - set(then[0]) for then, now in zip(before, after, strict=True)]
     assert added[:4] == [
-        {"dem_heights_m", "cell"},
+        {"dem_heights_m", "cell", "regions"},
         {"same_as", "batch_id", "before_batch", "content_sha256"}
         | {"failure_version", "computed_at", "traceparent"},
-        set(),
+        {"road_state"},
         {"in_network"},
     ]
     assert added[4] == set(NETWORK_ONLY)
@@ -108,9 +108,11 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
         row[name]
         for found, names in zip(after, added, strict=True)
         for row in found
-        for name in names - {"cell"}
+        for name in names - {"cell", "regions"}
     ]
     assert {value for value in new if value is not False} == {None}
+    assert after[0][0]["regions"] == [1]
+    assert rows_of(engine, "SELECT id, name, source_name, segments FROM regions") == [(1, "x", "x", 1)]
     with Session(engine) as session:
         refresh_aggregates(session, [1])
         session.commit()

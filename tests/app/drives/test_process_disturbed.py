@@ -22,6 +22,7 @@ from app.drives.process import Outcome, Workbench
 from app.drives.progress import Interrupted
 from app.network import results as slopes
 from app.roads import imports as road_imports
+from app.roads.documents import Wishes
 from fusion.pipeline import run_drive
 from fusion.simulate.scene.town import Town
 from fusion.types import Progress
@@ -85,7 +86,13 @@ def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
     (tmp_path / "less.osm").write_text(whole[:begin] + whole[end:])
     intake.reprocess(bench.sessions, drive.id)
     reimport = Disturbed(
-        lambda: road_imports.import_roads(bench.sessions, tmp_path / "less.osm", bench.dem_dir)
+        lambda: road_imports.import_roads(
+            bench.sessions,
+            tmp_path / "less.osm",
+            bench.dem_dir,
+            region="town",
+            wishes=Wishes(accept_losses=True),
+        )
     )
     monkeypatch.setattr(process, "run_drive", reimport)
     assert process_drive(bench, drive.id, 2) is Outcome.DONE

@@ -17,6 +17,7 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.network import extracts, road_squares, surroundings
 from app.network.road_squares import Roads, roads_in
 from app.roads.imports import replace_roads
+from app.roads.store import road_version_id
 from fusion.roads.along import boxes_along
 from fusion.roads.table import RoadTable, rows_of
 from fusion.simulate.scene.town import Town
@@ -47,7 +48,7 @@ def test_they_are_those_of_the_whole(
 ) -> None:
     """Whatever is kept already, and however little may be."""
     with sessions() as session:
-        fresh = not extracts.road_version(session)
+        fresh = not road_version_id(session)
     if fresh:
         imported(sessions, town.roads)
     west, south, east, north = town.roads.bounds_deg()

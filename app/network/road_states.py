@@ -1,0 +1,84 @@
+"""Which roads stand in a square: numbers that grow with every change of them, so that nobody works on by former ones.
+
+An import changes roads in many short steps (``app.roads.changing``), and a step is named by one number: that of the
+import in the upper bits. Squares say which step changed the roads that meet them last. Whoever keeps roads in memory
+(``road_squares``), or computes a drive on them, compares the numbers of the squares that it has read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+STEP_BITS = 20
+LAST_STEP = (1 << STEP_BITS) - 1
+
+WIDE = -1
+"""Stands for all squares: a line that is as long as ten of them is said to have changed everywhere."""
+_WIDE_SQUARES = 100
+
+_STATES = text("SELECT id, road_state FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id")
+
+# By boxes, for so they are read, and a little wider: indexes know them in single precision.
+_MET = text(
+    """
+    WITH corner AS (
+        SELECT DISTINCT versant_cell(ST_XMin(geom_3857) - 5, ST_YMax(geom_3857) + 5) AS first,
+               versant_cell(ST_XMax(geom_3857) + 5, ST_YMin(geom_3857) - 5) AS last
+        FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))
+    ), box AS (
+        SELECT first >> 14 AS x0, first & 16383 AS y0, last >> 14 AS x1, last & 16383 AS y1 FROM corner
+    )
+    SELECT DISTINCT (x << 14) | y
+    FROM box, generate_series(x0, x1) AS x, generate_series(y0, y1) AS y
+    WHERE (x1 - x0 + 1) * (y1 - y0 + 1) <= :wide
+    UNION ALL SELECT :every WHERE EXISTS (SELECT FROM box WHERE (x1 - x0 + 1) * (y1 - y0 + 1) > :wide)
+    """
+)
+
+# With the versions of squares (``cells``), in one order, so that two who write them do not wait for each other.
+_RAISE = text(
+    """
+    INSERT INTO cells AS c (id, version, road_state, course_state)
+    SELECT id, CAST(shown AS integer), CASE WHEN met THEN :state ELSE 0 END, CASE WHEN course THEN :state ELSE 0 END
+    FROM (SELECT id, bool_or(kind = 0) AS shown, bool_or(kind = 1) AS met, bool_or(kind = 2) AS course
+          FROM (SELECT unnest(CAST(:shown AS integer[])) AS id, 0 AS kind
+                UNION ALL SELECT unnest(CAST(:met AS integer[])), 1
+                UNION ALL SELECT unnest(CAST(:courses AS integer[])), 2) AS said
+          GROUP BY id) AS one
+    ORDER BY id
+    ON CONFLICT (id) DO UPDATE
+        SET version = c.version + excluded.version, road_state = greatest(c.road_state, excluded.road_state),
+            course_state = greatest(c.course_state, excluded.course_state),
+            changed_at = CASE WHEN excluded.version > 0 THEN clock_timestamp() ELSE c.changed_at END
+    """
+)
+
+
+def state_of(version_id: int, step: int) -> int:
+    """The number of a step of an import of roads; those of later steps and imports are higher."""
+    return version_id << STEP_BITS | min(step, LAST_STEP)
+
+
+def squares_met(session: Session, segment_ids: Collection[int]) -> set[int]:
+    """The squares in which segments are read, perhaps ``WIDE``."""
+    values = {"ids": list(segment_ids), "wide": _WIDE_SQUARES, "every": WIDE}
+    return set(session.execute(_MET, values).scalars())
+
+
+def raise_roads(
+    session: Session, state: int, *, shown: Collection[int], met: Collection[int], courses: Collection[int]
+) -> None:
+    """Say of squares that what is ``shown`` of them has changed; that roads have that are read with them (``met``); and
+    that a drive there would notice (``courses``)."""
+    values = {"shown": sorted(shown), "met": sorted(met), "courses": sorted(courses), "state": state}
+    session.execute(_RAISE, values)
+
+
+def road_states(session: Session, squares: Collection[int]) -> dict[int, int]:
+    """The state of the roads that meet each of these squares."""
+    found = {row.id: row.road_state for row in session.execute(_STATES, {"ids": [WIDE, *squares]})}
+    everywhere = found.get(WIDE, 0)
+    return {square: max(found.get(square, 0), everywhere) for square in squares}

@@ -1,0 +1,272 @@
+"""The steps of an import that write: each a short transaction of the caller, after which everything fits together.
+
+Whatever a step changes of roads, it says so of their squares (``app.network.road_states``), marks what has to be solved
+anew, and names the drives that are to be computed again, in one transaction with the change: an import may be cut off
+after any step, and another goes on. Steps that touch evidence own the network; what only comes or is renamed shares it.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.db import fetch_binary
+from app.network.cells import beside, cells_over, count_driven
+from app.network.marks import append_marks
+from app.network.passes import regions_of
+from app.network.road_states import WIDE, raise_roads, squares_met
+from app.roads.attic import Return, bring_back, keep, put_passes
+from app.roads.comparing import AGAIN
+from fusion.network.carrying import Carrying
+
+_GEOMETRY = """
+    ST_X(ST_StartPoint({0}.geom)), ST_Y(ST_StartPoint({0}.geom)),
+    ST_X(ST_EndPoint({0}.geom)), ST_Y(ST_EndPoint({0}.geom)), {0}.length_m
+"""
+_TAGS = """
+    highway = t.highway, name = t.name, oneway = i.oneway, bridge = i.bridge, tunnel = i.tunnel, layer = i.layer,
+    dem_slope_percent = nullif(i.dem_slope_percent, 'NaN'), dem_heights_m = nullif(i.dem_heights_m, '{}'),
+    regions = CASE WHEN :region = ANY(s.regions) THEN s.regions ELSE s.regions || CAST(:region AS smallint) END
+"""
+_MATCHED = """
+    FROM unnest(CAST(:ids AS bigint[]), CAST(:n AS integer[])) AS m (id, n)
+    JOIN road_import AS i ON i.n = m.n JOIN road_import_tags AS t USING (tag)
+    WHERE s.id = m.id
+"""
+_RENAME = text(f"UPDATE segments AS s SET {_TAGS} {_MATCHED}")  # noqa: S608 - constants
+_REPLACE = text(
+    f"""
+    UPDATE segments AS s
+    SET osm_way_id = i.osm_way_id, from_node = i.from_node, to_node = i.to_node, geom = i.geom,
+        geom_3857 = i.geom_3857, length_m = i.length_m, road_version_id = :version, {_TAGS} {_MATCHED}
+    """  # noqa: S608 - constants
+)
+_ADD = text(
+    """
+    INSERT INTO segments (id, osm_way_id, from_node, to_node, geom, geom_3857, length_m, highway, name, oneway, bridge,
+                          tunnel, layer, dem_slope_percent, dem_heights_m, road_version_id, regions)
+    SELECT coalesce(m.id, nextval(pg_get_serial_sequence('segments', 'id'))), i.osm_way_id, i.from_node, i.to_node,
+           i.geom, i.geom_3857, i.length_m, t.highway, t.name, i.oneway, i.bridge, i.tunnel, i.layer,
+           nullif(i.dem_slope_percent, 'NaN'), nullif(i.dem_heights_m, '{}'), :version, ARRAY[CAST(:region AS smallint)]
+    FROM unnest(CAST(:ids AS bigint[]), CAST(:n AS integer[])) AS m (id, n)
+    JOIN road_import AS i ON i.n = m.n JOIN road_import_tags AS t USING (tag)
+    ORDER BY m.n
+    RETURNING id
+    """
+)
+_RELEASE = text(
+    """
+    UPDATE segments SET regions = array_remove(regions, CAST(:region AS smallint))
+    WHERE id = ANY(CAST(:ids AS bigint[]))
+    """
+)
+_DROP = text("DELETE FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
+
+_NODES = text("SELECT from_node, to_node FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
+# Neighbours of what goes, comes and moves: the network's slopes hang together, and gaps open and close.
+_NEIGHBOURS = text(
+    """
+    SELECT s.id FROM segments AS s JOIN network_slopes AS n ON n.segment_id = s.id
+    WHERE s.cell = ANY(CAST(:cells AS integer[]))
+        AND (s.from_node = ANY(CAST(:nodes AS bigint[])) OR s.to_node = ANY(CAST(:nodes AS bigint[])))
+    """
+)
+_SLOPE_ONLY = text(
+    "SELECT DISTINCT segment_id FROM drive_segments WHERE segment_id = ANY(CAST(:ids AS bigint[])) AND NOT in_network"
+)
+_HEARD = text(
+    """
+    SELECT s.id FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) AND EXISTS (
+        SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.region = versant_region(s.cell))
+    """
+)
+_TOUCH = text(
+    f"""
+    INSERT INTO touched_drives (drive_id, road_state) SELECT id, :state FROM ({AGAIN}) AS again ORDER BY id
+    ON CONFLICT (drive_id) DO UPDATE SET road_state = excluded.road_state, made_at = clock_timestamp()
+    """  # noqa: S608 - constants
+)
+
+_OLD = f"SELECT s.id, {_GEOMETRY.format('s')} FROM segments AS s WHERE s.id = ANY(%(ids)s::bigint[])"  # noqa: S608
+_FILE = f"SELECT i.n, {_GEOMETRY.format('i')} FROM road_import AS i WHERE i.n = ANY(%(n)s::integer[])"  # noqa: S608
+_TAKE_PASSES = """
+    DELETE FROM drive_passes WHERE segment_id = ANY(%(ids)s::bigint[]) AND region = ANY(%(regions)s::smallint[])
+    RETURNING drive_id, segment_id, sequence, entered_s, factor
+"""
+# Sums and verdicts over a road that lies otherwise are made anew from its passes.
+_FORGET_SUMS = tuple(
+    text(f"DELETE FROM {table} WHERE segment_id = ANY(CAST(:ids AS bigint[]))")  # noqa: S608 - constants
+    for table in ("pass_sums", "rejected_passes")
+)
+_TURN_ESTIMATES = text(
+    "UPDATE drive_segments SET slope_percent = -slope_percent WHERE segment_id = ANY(CAST(:ids AS bigint[]))"
+)
+_TURN = tuple(
+    text(
+        f"""
+        UPDATE {table} AS n
+        SET slope_percent = -n.slope_percent, steepest_percent = -n.steepest_percent, height_from_m = n.height_to_m,
+            height_to_m = n.height_from_m,
+            steepest_from_m = CASE WHEN n.steepest_to_m < s.length_m THEN s.length_m - n.steepest_to_m
+                              ELSE 0 * n.steepest_to_m END,
+            steepest_to_m = CASE WHEN n.steepest_from_m < s.length_m THEN s.length_m - n.steepest_from_m
+                            ELSE 0 * n.steepest_from_m END
+        FROM segments AS s WHERE s.id = n.segment_id AND n.segment_id = ANY(CAST(:ids AS bigint[]))
+        """  # noqa: S608 - constants
+    )
+    for table in ("network_slopes", "segment_slopes")
+)
+
+
+@dataclass(frozen=True)
+class Step:
+    """What every step of one import knows: the import's number, its own (``road_states``), and the region's."""
+
+    version: int
+    state: int
+    region: int
+
+
+@dataclass
+class _Told:
+    """What is to be said of a step at its end."""
+
+    shown: set[int] = field(default_factory=set)
+    met: set[int] = field(default_factory=set)
+    nodes: set[int] = field(default_factory=set)
+
+    def add(self, session: Session, ids: Collection[int], *, ends: bool = True) -> None:
+        """The squares of segments as they are now, and their nodes."""
+        self.shown |= set(cells_over(session, ids))
+        self.met |= squares_met(session, ids)
+        if ends:
+            for row in session.execute(_NODES, {"ids": list(ids)}):
+                self.nodes |= {row.from_node, row.to_node}
+
+    def say(self, session: Session, step: Step, *, courses: bool, combined: Iterable[int] = ()) -> None:
+        """Say it: squares, and marks around the nodes."""
+        raise_roads(session, step.state, shown=self.shown, met=self.met, courses=self.met if courses else ())
+        count_driven(session, self.shown)
+        about = self.met | {near for cell in self.met - {WIDE} for near in beside(cell)} | self.shown
+        touched: set[int] = set()
+        if self.nodes:
+            values = {"cells": sorted(about), "nodes": sorted(self.nodes)}
+            touched = set(session.execute(_NEIGHBOURS, values).scalars())
+        append_marks(session, touched, set(combined))
+
+
+def touch(session: Session, state: int, lost: Sequence[int], others: Collection[uuid.UUID]) -> None:
+    """Let drives be computed again that measured on ``lost`` segments, and ``others``."""
+    session.execute(_TOUCH, {"lost": list(lost), "others": list(others), "state": state})
+
+
+def add(session: Session, step: Step, n: Sequence[int], back: Mapping[int, Sequence[Return]]) -> None:
+    """Add these rows of the file, and what the attic has of them: ``back`` by row; the caller owns the network then."""
+    rows = sorted(n)
+    number = {one.n: one.segment_id for many in back.values() for one in many if one.segment_id is not None}
+    values = {"ids": [number.get(k) for k in rows], "n": rows, "version": step.version, "region": step.region}
+    ids = list(session.execute(_ADD, values).scalars())
+    combined = _bring_back(session, step, dict(zip(rows, ids, strict=True)), back)
+    told = _Told()
+    told.add(session, ids)
+    told.say(session, step, courses=True, combined=combined)
+
+
+def carry(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], back: Sequence[bool]) -> None:
+    """Let segments be rows of the file that are the same road (``back``: the other way round), with all that was
+    measured on them. The caller owns the network."""
+    told = _Told()
+    told.add(session, ids)
+    regions = regions_of(session, ids)
+    new = {row[0]: row[1:] for row in fetch_binary(session, _FILE, {"n": list(n)})}
+    old = {row[0]: row[1:] for row in fetch_binary(session, _OLD, {"ids": list(ids)})}
+    carried = {
+        segment: _carrying(old[segment], new[row], back=turned)
+        for segment, row, turned in zip(ids, n, back, strict=True)
+    }
+    moved = [one for one, row in zip(ids, n, strict=True) if carried[one].back or old[one] != new[row]]
+    passes = fetch_binary(session, _TAKE_PASSES, {"ids": moved, "regions": regions})
+    for statement in _FORGET_SUMS:
+        session.execute(statement, {"ids": moved})
+    session.execute(
+        _REPLACE, {"ids": list(ids), "n": list(n), "version": step.version, "region": step.region}
+    )
+    put_passes(session, [(*row,) for row in passes], [carried[row[1]] for row in passes])
+    turned = [segment for segment, how in carried.items() if how.back]
+    for statement in (_TURN_ESTIMATES, *_TURN):
+        session.execute(statement, {"ids": turned})
+    told.add(session, ids)
+    told.say(
+        session, step, courses=False, combined=session.execute(_SLOPE_ONLY, {"ids": list(ids)}).scalars()
+    )
+
+
+def move_away(
+    session: Session, step: Step, ids: Sequence[int], n: Sequence[int], back: Mapping[int, Sequence[Return]]
+) -> None:
+    """Let segments lie elsewhere, as rows of the file: what was measured where they lay goes into the attic, and what
+    was once measured where they lie now comes back. The caller owns the network."""
+    told = _Told()
+    told.add(session, ids)
+    touch(session, step.state, ids, ())
+    keep(session, ids)
+    session.execute(
+        _REPLACE, {"ids": list(ids), "n": list(n), "version": step.version, "region": step.region}
+    )
+    combined = _bring_back(session, step, dict(zip(n, ids, strict=True)), back)
+    told.add(session, ids)
+    told.say(session, step, courses=True, combined=combined)
+
+
+def drop(session: Session, step: Step, ids: Sequence[int]) -> None:
+    """Let segments go; what was measured on them goes into the attic. The caller owns the network."""
+    told = _Told()
+    told.add(session, ids)
+    touch(session, step.state, ids, ())
+    keep(session, ids)
+    session.execute(_DROP, {"ids": list(ids)})
+    told.say(session, step, courses=True)
+
+
+def release(session: Session, step: Step, ids: Sequence[int]) -> None:
+    """Take segments out of the region; other regions have them, so nothing that is shown changes."""
+    session.execute(_RELEASE, {"ids": list(ids), "region": step.region})
+
+
+def rename(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], *, courses: bool) -> None:
+    """Let segments that lie where they lay be called, signed and put into regions as the file has them."""
+    session.execute(_RENAME, {"ids": list(ids), "n": list(n), "region": step.region})
+    told = _Told()
+    told.add(session, ids, ends=False)
+    told.say(session, step, courses=courses)
+
+
+def _bring_back(
+    session: Session, step: Step, id_of: Mapping[int, int], back: Mapping[int, Sequence[Return]]
+) -> set[int]:
+    """What the attic has of rows that are segments now; those of which only what is published changes."""
+    returns = [one for n in id_of for one in back.get(n, ())]
+    if not returns:
+        return set()
+    new = {row[0]: row[1:] for row in fetch_binary(session, _FILE, {"n": [one.n for one in returns]})}
+    over = {}
+    for one in returns:
+        over[one.attic_id] = (
+            id_of[one.n],
+            _carrying((*one.ends_deg, one.length_m), new[one.n], back=one.back),
+        )
+    touch(session, step.state, (), {drive for one in returns for drive in one.void})
+    bring_back(session, returns, over)
+    ids = sorted({segment for segment, _ in over.values()})
+    append_marks(session, session.execute(_HEARD, {"ids": ids}).scalars().all())
+    return set(session.execute(_SLOPE_ONLY, {"ids": ids}).scalars())
+
+
+def _carrying(old: Sequence[float], new: Sequence[float], *, back: bool) -> Carrying:
+    """From rows of ``_GEOMETRY``."""
+    was, now = (old[0], old[1], old[2], old[3]), (new[0], new[1], new[2], new[3])
+    return Carrying.between(was, old[4], now, new[4], back=back)

@@ -1,0 +1,91 @@
+"""What an import of roads is asked for, and what it says it did. Knows no SQL."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from app.roads.comparing import Loss
+from fusion.errors import RoadsError
+
+TOLERANCE_M = 2.0
+"""By default (setting ``road_tolerance_m``) a segment whose ends moved by no more keeps what was measured on it."""
+MOST_LOST = 0.1
+"""An import that would take away what was measured on a larger share of a region's measured segments has to be
+confirmed."""
+
+
+@dataclass(frozen=True)
+class ImportCounts:
+    """What a road import does, in segments. ``kept + moved + renumbered + reversed + far + added`` are in the file.
+
+    Of those that were there ``kept`` are as they were, ``moved`` by no more than the tolerance, ``renumbered`` parts of
+    other ways, ``reversed`` in their direction: these keep what was measured. ``far`` ones moved farther, ``split`` and
+    ``merged`` ones have other nodes, and ``dropped`` ones are gone; ``released`` ones other regions have.
+    ``measured_lost`` of them lose what was measured, ``restored`` of the others have back what was measured before they
+    went, and ``drives_again`` drives are computed again. ``skipped`` counts, by reason, the node pairs of the file that
+    are no segment (``RoadTable.skipped``). ``longest_hold_s``: so long at most the import kept drives and solvers out.
+    """
+
+    region: str
+    kept: int = 0
+    moved: int = 0
+    renumbered: int = 0
+    reversed: int = 0
+    far: int = 0
+    split: int = 0
+    merged: int = 0
+    dropped: int = 0
+    released: int = 0
+    added: int = 0
+    measured_lost: int = 0
+    restored: int = 0
+    drives_again: int = 0
+    skipped: Mapping[str, int] = field(default_factory=dict)
+    dry_run: bool = False
+    longest_hold_s: float = field(default=0.0, compare=False)
+
+    @property
+    def segments(self) -> int:
+        """How many the region has."""
+        return self.kept + self.moved + self.renumbered + self.reversed + self.far + self.added
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file of roads, and the region that they are to be."""
+
+    name: str
+    sha256: str
+    region: str
+    file_uri: str | None = None
+    """Where what it says is kept (``app.roads.region_files``)"""
+    file_sha256: str | None = None
+    based_on: str | None = None
+    """Of changes: the region's kept file that they were applied to"""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """How an import is to be done."""
+
+    dry_run: bool = False
+    """Say what it would do, and change nothing"""
+    accept_losses: bool = False
+    """Though it takes away more than ``MOST_LOST``"""
+    tolerance_m: float = TOLERANCE_M
+
+
+USUAL = Wishes()
+
+
+def refuse(found: Sequence[Loss]) -> None:
+    """``RoadsError`` where any region loses too much."""
+    if large := [one for one in found if one.lost > MOST_LOST * one.measured]:
+        said = "; ".join(
+            f"{one.lost} of the {one.measured} measured segments of {one.region}" for one in large
+        )
+        raise RoadsError(
+            f"This would take away what was measured on more than a tenth: {said}. Nothing was changed. See with "
+            "--dry-run what it would do; if that is meant, give --yes."
+        )

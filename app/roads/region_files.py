@@ -1,0 +1,66 @@
+"""What a region's file said, kept so that a file of changes can be applied to it: beside the elevation rasters.
+
+Each import keeps a file of its own, under a name that no other has, and lets that of the import before go.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from pathlib import Path
+
+from app.core import mirror
+from app.core.db import Bounds
+from app.core.settings import FilePlace
+from app.roads.regions import Region
+from fusion.errors import RoadsError
+from fusion.roads.osm_changes import apply_changes, keep_roads
+
+
+def keep_file(place: FilePlace, source: Path, region: str) -> tuple[str, str]:
+    """Keep what an OSM file says of roads; under which name, and the SHA-256 of its bytes (hex)."""
+    uri = f"roads-{uuid.uuid4().hex}/{region}.osm.pbf"
+    target = mirror.local_folder(place) / uri
+    target.parent.mkdir(parents=True)
+    try:
+        keep_roads(source, target)
+        with target.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        mirror.send(place, [uri])
+    except mirror.MirrorError as error:
+        forget_file(place, uri)
+        raise RoadsError(
+            f"{source.name} cannot be kept: {error} See to the storage of VERSANT_DEM_URL and import it again."
+        ) from error
+    except BaseException:
+        forget_file(place, uri)
+        raise
+    return uri, sha256
+
+
+def forget_file(place: FilePlace, uri: str) -> None:
+    """Let a kept file go."""
+    mirror.forget(place, uri)
+
+
+def changed_file(place: FilePlace, region: Region, changes: Path, bounds_deg: Bounds, folder: Path) -> Path:
+    """The region's file with changes, in a folder that the caller clears away.
+
+    ``RoadsError`` where nothing is kept, or what is kept is lost.
+    """
+    if region.file_uri is None or region.file_sha256 is None:
+        raise RoadsError(
+            f"Of region {region.name!r} no file is kept that changes could be applied to: it was imported by an older "
+            "version. Import its whole file once."
+        )
+    try:
+        kept = mirror.fetch(place, region.file_uri, region.file_sha256)
+    except mirror.MirrorError as error:
+        raise RoadsError(
+            f"The file of region {region.name!r} is lost: {error} Import its whole file again."
+        ) from error
+    if not kept.is_file():
+        raise RoadsError(f"The file of region {region.name!r} is lost. Import its whole file again.")
+    target = folder / f"{region.name}.osm.pbf"
+    apply_changes(kept, changes, target, bounds_deg)
+    return target

@@ -1,0 +1,111 @@
+"""Files of changes (osmChange): applied to the roads of a file that was kept for that.
+
+What is kept is every way with a ``highway``, drivable or not, and its nodes: a path that becomes a road has them.
+"""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from pathlib import Path
+from typing import Any
+
+import osmium
+
+from fusion.errors import RoadsError
+from fusion.roads.osm import file_format
+
+Box = tuple[float, float, float, float]
+"""West, south, east, north, degrees."""
+
+_KIND_ORDER = {"n": 0, "w": 1, "r": 2}
+
+
+def is_change_file(path: Path) -> bool:
+    """Whether the file holds changes, by its first bytes; False also for what cannot be read."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(2)
+        with gzip.open(path) if head == b"\x1f\x8b" else path.open("rb") as file:
+            return b"<osmChange" in file.read(1024)
+    except (OSError, EOFError, zlib.error):
+        return False
+
+
+def keep_roads(source: Path, target: Path) -> None:
+    """Write the ways of an OSM file that have a ``highway``, and their nodes, to another (PBF), sorted.
+
+    Raises ``RoadsError`` for a file that is none, or damaged.
+    """
+    file = osmium.io.File(str(source), file_format(source))
+    try:
+        _write_sorted(file, target, None, set())
+    except (RuntimeError, ValueError, UnicodeDecodeError) as error:
+        raise _damaged(source, error) from error
+
+
+def apply_changes(kept: Path, changes: Path, target: Path, bounds_deg: Box) -> None:
+    """Write what ``keep_roads`` kept, with the changes, to another file.
+
+    Ways that are new are taken where they have a node in the box. Nodes that neither file has stay missing. Raises
+    ``RoadsError`` for changes that cannot be read.
+    """
+    whole = target.with_name(f"whole-{target.name}")
+    content = changes.read_bytes()
+    try:
+        merge = osmium.MergeInputReader()
+        merge.add_buffer(content, "osc.gz" if content.startswith(b"\x1f\x8b") else "osc")
+        with osmium.io.Reader(str(kept)) as reader:
+            writer = osmium.io.Writer(str(whole), overwrite=True)
+            try:
+                merge.apply_to_reader(reader, writer)
+            finally:
+                writer.close()
+        known = {way.id for way in osmium.FileProcessor(str(kept), osmium.osm.WAY)}
+        _write_sorted(osmium.io.File(str(whole)), target, bounds_deg, known)
+    except (RuntimeError, ValueError, UnicodeDecodeError) as error:
+        raise _damaged(changes, error) from error
+    finally:
+        whole.unlink(missing_ok=True)
+
+
+def _write_sorted(file: Any, target: Path, bounds_deg: Box | None, known: set[int]) -> None:
+    """Write the ways that are meant, and their nodes; sorted whether or not the file is."""
+    wanted = osmium.IdTracker()
+    near = None if bounds_deg is None else _nodes_within(file, bounds_deg)
+    highways = osmium.FileProcessor(file, osmium.osm.WAY).with_filter(osmium.filter.KeyFilter("highway"))
+    for way in highways:
+        if near is None or way.id in known or near.contains_any_references(way):
+            wanted.add_way(way.id)
+            wanted.add_references(way)
+    in_order, last = True, (0, -(2**63))
+    part = target.with_name(f"unsorted-{target.name}")
+    with osmium.SimpleWriter(str(part), overwrite=True) as writer:
+        for thing in osmium.FileProcessor(file).with_filter(wanted.id_filter()):
+            place = (_KIND_ORDER[thing.type_str()], thing.id)
+            in_order, last = in_order and place >= last, place
+            writer.add(thing)
+    if in_order:
+        part.replace(target)
+        return
+    merge = osmium.MergeInputReader()
+    merge.add_file(str(part))
+    with osmium.SimpleWriter(str(target), overwrite=True) as writer:
+        merge.apply(writer, simplify=False)
+    part.unlink()
+
+
+def _nodes_within(file: Any, box: Box) -> Any:
+    west, south, east, north = box
+    found = osmium.IdTracker()
+    for node in osmium.FileProcessor(file, osmium.osm.NODE):
+        place = getattr(node, "location")  # noqa: B009 - only nodes come, which the type does not say
+        if place.valid() and west <= place.lon <= east and south <= place.lat <= north:
+            found.add_node(node.id)
+    return found
+
+
+def _damaged(path: Path, error: Exception) -> RoadsError:
+    return RoadsError(
+        f"{path.name} is damaged: {str(error).rstrip('.')}. Download or export it again.", where=path.name
+    )
