@@ -87,7 +87,8 @@ COMMANDS = {
         "Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv).",
     ),
     "export": Command(
-        "app.cli.export", "Write every segment with its slope, as it stands at one moment, to a file."
+        "app.cli.export",
+        "Write every segment with its slope, as it stands at one moment, to a file, or draw a map of them.",
     ),
     "methods": Command(
         "app.cli.methods",
