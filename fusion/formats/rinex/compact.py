@@ -27,8 +27,9 @@ _FINE = 0
 
 
 def is_compact(head: bytes) -> bool:
-    """Whether the first line says so."""
-    return b"CRINEX VERS" in head[:100].split(b"\n", 1)[0]
+    """Whether the first line says so, and is a line of text: a binary log may hold any bytes."""
+    line = head[:100].split(b"\n", 1)[0].rstrip(b"\r")
+    return b"CRINEX VERS" in line and line.isascii() and line.decode().isprintable()
 
 
 def unpack(data: bytes, notes: Notes) -> bytes:
