@@ -9,8 +9,8 @@ medians. Aim: at least 20,000 segments per second for the first import on two co
 
 The second uploads so many drives of 10 km to a service on FILE and imports FILE beside it with one node in 200 moved by
 1 m and one in 1,000 by 30 m, while a process of its own asks for four routes ten times a second each. It ends when the
-drives that this touches are done again. Aims: what a trial run foretells comes true; no segment whose nodes moved by 1 m
-or not at all loses what was measured; no answer takes longer than 200 ms.
+drives that this touches are done again. Aims: what a trial run foretells comes true; no segment whose nodes moved by
+1 m or not at all loses what was measured; no answer takes longer than 200 ms.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ _FORGET = tuple(
 
 _FIND = text(
     """
-    SELECT i.n, a.id, a.segment_id, a.from_node <> i.from_node AS back,
+    SELECT i.n, a.id, a.segment_id, a.from_node <> i.from_node AS back, a.osm_way_id = i.osm_way_id AS same_way,
            ST_X(ST_StartPoint(a.geom)) AS lon0, ST_Y(ST_StartPoint(a.geom)) AS lat0,
            ST_X(ST_EndPoint(a.geom)) AS lon1, ST_Y(ST_EndPoint(a.geom)) AS lat1, a.length_m,
            EXISTS (SELECT FROM segments AS s WHERE s.id = a.segment_id) AS taken
@@ -163,6 +163,8 @@ def returns_among(session: Session, table: RoadTable, rows: Ints, tolerance_m: f
     """Which of these rows of the copied file are roads that something is kept of; each kept road comes back once."""
     wanted = set(rows.tolist())
     found = [row for row in session.execute(_FIND) if row.n in wanted]
+    # Several ways may run between the same nodes: each has its own again.
+    found.sort(key=lambda row: (not row.same_way or row.back, not row.same_way))
     if not found:
         return []
     ends = np.array([(row.lon0, row.lat0, row.lon1, row.lat1) for row in found], float)

@@ -307,7 +307,7 @@ def _begin(
     progress: Progress,
 ) -> steps.Run:
     """Note that the import begins, and which drives wait for what it brings."""
-    version = begin_version(session, source.name, source.sha256, source.region)
+    version, begun_at = begin_version(session, source.name, source.sha256, source.region)
     known = regions.find_region(session, source.region)
     region = (
         regions.make_region(session, source.region, source.name, source.sha256, version)
@@ -315,7 +315,7 @@ def _begin(
         else known.id
     )
     touch(session, state_of(version, LAST_STEP), (), waiting_for(session, plan, table))
-    return steps.Run(transaction, version, region, 0, progress)
+    return steps.Run(transaction, version, region, begun_at, 0, progress)
 
 
 def _end(

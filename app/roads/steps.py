@@ -9,8 +9,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from dataclasses import dataclass
+from datetime import datetime
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -53,12 +53,12 @@ class Run:
     transaction: Transactions
     version: int
     region: int
+    begun_at: datetime
     dem_version: int
     progress: Progress
     steps: int = 0
     longest_hold_s: float = 0.0
     pauses: bool = True
-    begun_at: datetime = field(default_factory=lambda: datetime.now(UTC))
     _size: int = 200
 
     def do(self, work: Callable[[Session, Step], None], *, owns: bool) -> float:

@@ -48,7 +48,7 @@ _BEGIN = text(
     SELECT :source_name, :sha256, coalesce(last.segments, 0), 0, 0, 0, 0,
            CASE WHEN last.id IS NULL THEN 0 ELSE last.length_m END, :region
     FROM (SELECT 1) AS one LEFT JOIN (SELECT * FROM road_versions ORDER BY id DESC LIMIT 1) AS last ON true
-    RETURNING id
+    RETURNING id, imported_at
     """
 )
 _END = text(
@@ -88,10 +88,11 @@ def road_tag(session: Session) -> tuple[object, ...]:
     return tuple(session.execute(_ROAD_TAG).one())
 
 
-def begin_version(session: Session, source_name: str, sha256: str, region: str) -> int:
-    """Note that an import begins; its number."""
+def begin_version(session: Session, source_name: str, sha256: str, region: str) -> tuple[int, datetime]:
+    """Note that an import begins; its number, and when that was by the database's clock."""
     values = {"source_name": source_name, "sha256": sha256, "region": region}
-    return int(session.execute(_BEGIN, values).scalar_one())
+    row = session.execute(_BEGIN, values).one()
+    return int(row.id), row.imported_at
 
 
 def end_version(

@@ -17,12 +17,13 @@ from app.network import swap
 from app.network.settle import settle_network
 from app.network.swap import solve_all_marked
 from app.roads import imports as roads
-from app.roads.documents import ImportCounts, Wishes
+from app.roads.documents import ImportCounts, Source, Wishes
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import assert_same, drive_over, new_drive, passes_of, publish, rows_of
 
 Chain = Callable[..., RoadTable]
+AddDrive = Callable[..., uuid.UUID]
 
 
 def imported(sessions: Sessions, table: RoadTable) -> ImportCounts:
@@ -64,6 +65,42 @@ def test_a_moved_segment_loses_its_passes_and_its_neighbours_are_solved_anew(
     assert [i for _, i in passes(sessions)] == [int(segment_ids[k]) for k in (0, 2, 3)]
     settle_network(sessions)
     assert_same(found, rows_of(sessions))
+
+
+def test_ways_that_are_turned_round_or_renumbered_keep_what_was_measured(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, add_drive: AddDrive
+) -> None:
+    """At once, and when it is solved again: slopes have the other sign where the way runs the other way."""
+    drive_over(sessions, chain(), segment_ids, {k: (1.0 + k, 0.5) for k in range(4)})
+    add_drive(segment_ids, {6: (2.0, 1.0)})  # one of slopes alone
+    settle_network(sessions)
+    before, heights = rows_of(sessions), heights_of(sessions)
+    k = np.arange(10)
+    lon0, lon1 = 8.5 + 0.001 * k, 8.5 + 0.001 * (k + 1)
+    turned = chain(
+        osm_way_id=np.where(k < 8, 7, 9), from_node=101 + k, to_node=100 + k, lon0_deg=lon1, lon1_deg=lon0
+    )
+    with sessions.begin() as session:
+        assert roads.replace_roads(session, turned, "x", "0" * 64) == ImportCounts("roads", reversed=10)
+    mirrored = {segment: (-slope, *rest) for segment, (slope, *rest) in before.items()}
+    assert {segment: (slope, *rest) for segment, (slope, *rest) in rows_of(sessions).items()} == mirrored
+    assert heights_of(sessions) == {segment: (b, a) for segment, (a, b) in heights.items()}
+    settle_network(sessions)
+    for segment, (slope, sigma, *counts) in rows_of(sessions).items():
+        assert (slope, sigma) == pytest.approx(mirrored[segment][:2], abs=1e-6)
+        assert counts == list(mirrored[segment][2:])
+    assert len(passes(sessions)) == 4
+    with sessions.begin() as session:
+        counts_again = roads.replace_roads(session, chain(way=99), "x", "0" * 64)
+    assert counts_again == ImportCounts("roads", reversed=10)
+    settle_network(sessions)
+    assert_same(rows_of(sessions), before)
+
+
+def heights_of(sessions: Sessions) -> dict[int, tuple[float, float]]:
+    query = text("SELECT segment_id, height_from_m, height_to_m FROM segment_slopes")
+    with sessions() as session:
+        return {row[0]: (row[1], row[2]) for row in session.execute(query)}
 
 
 def test_a_dropped_segment_closes_the_gap_that_it_was(
@@ -117,9 +154,7 @@ def test_roads_stay_though_what_they_change_cannot_be_solved(
 ) -> None:
     """They were stored before; whoever imports is told, and what is marked waits for another solver."""
     drive_over(sessions, chain(), segment_ids, {k: (1.0 + k, 0.5) for k in range(4)})
-    file = tmp_path / "moved.osm"
-    file.write_text("beside the point")
-    monkeypatch.setattr(roads, "read_roads", lambda *_: moved(chain, 1))
+    source = Source("moved.osm", "0" * 64, "roads")
 
     def fails(*_: object) -> None:
         raise MemoryError
@@ -127,7 +162,7 @@ def test_roads_stay_though_what_they_change_cannot_be_solved(
     with monkeypatch.context() as patch:
         patch.setattr(swap, "solve_around", fails)
         wishes = Wishes(accept_losses=True)
-        assert roads.import_roads(sessions, file, tmp_path, region="roads", wishes=wishes).far == 1
+        assert roads.bring_in(sessions, moved(chain, 1), source, tmp_path, wishes).far == 1
     assert "the roads are in" in caplog.text
     solve_all_marked(sessions)
     drives = {segment: row[2] for segment, row in rows_of(sessions).items()}

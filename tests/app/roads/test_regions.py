@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import text
 
@@ -188,6 +188,10 @@ def made(chain: Chain, one: Map) -> RoadTable:
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
     phases=[Phase.explicit, Phase.reuse, Phase.generate],  # one example takes long enough
+)
+@example(  # two ways over the same nodes: what comes back goes to each its own
+    ([(1, [6, 8, 4, 2, 5]), (2, [4, 1, 6, 5, 2]), (3, [3, 8, 4])], {6: 1.0, 2: 20.0, 7: 20.0}),
+    ([(2, [6, 8, 1, 2]), (1, [7, 4])], {5: 1.0, 1: 20.0}),
 )
 @given(first=maps, second=maps)
 def test_any_map_follows_any_other_as_it_was_foretold_and_the_first_brings_its_evidence_back(

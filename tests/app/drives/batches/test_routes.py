@@ -10,6 +10,7 @@ from sqlalchemy import text
 from app.drives.batches import enqueuing
 from app.drives.batches.documents import Selection, Which
 from app.drives.worker import run_worker
+from app.roads.imports import replace_roads
 from fusion.registry import DEFAULT_METHOD
 from processing_support import HEADER, carry_out_removals
 
@@ -184,3 +185,24 @@ def test_the_default_is_the_librarys_where_no_setting_says_otherwise(
     assert reading.settings.default_method is None
     answer = reading.client.post("/v1/drives/reprocess?from_method=dem").json()
     assert (answer["method"], answer["queued"]) == (DEFAULT_METHOD, 0)
+
+
+def test_drives_of_a_region(web: Any, made: list[str], chain: Any) -> None:
+    """Failed ones are there where their positions are, which nonsense has none of."""
+    with web.sessions.begin() as session:
+        replace_roads(session, chain(), "x", "0" * 64, region="chain")
+    name = "chain"
+    assert web.client.post(f"/v1/drives/reprocess?which=all&region={name}&dry_run=true").json()["queued"] == 0
+    with web.sessions.begin() as session:
+        session.execute(
+            text(
+                "UPDATE drives SET bounds = (SELECT ST_Envelope(ST_Buffer(geom, 0.001)) FROM segments LIMIT 1) "
+                "WHERE id = :id"
+            ),
+            {"id": made[0]},
+        )
+    assert web.client.post(f"/v1/drives/reprocess?which=failed&region={name}").json()["queued"] == 1
+    answer = web.client.post("/v1/drives/reprocess?region=nowhere")
+    assert answer.status_code == 422
+    assert "There is no region 'nowhere'" in answer.text
+    assert "region" in answer.text
