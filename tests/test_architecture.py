@@ -36,6 +36,7 @@ SQL_PLACES = {
         "drives/queue.py",
         "drives/batches/selection.py",
         "drives/batches/touched.py",
+        "drives/claims.py",
         "drives/store.py",
         "drives/tracks.py",
         "jobs/computations.py",

@@ -24,8 +24,7 @@ from app.core.settings import FilePlace, Settings
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.core.version import code_version
-from app.drives import publishing, queue, tracks
-from app.drives import store as drives
+from app.drives import claims, publishing, queue, tracks
 from app.drives.documents import Drive
 from app.drives.lags import with_settled_lag
 from app.drives.progress import (
@@ -131,7 +130,7 @@ def process_drive(
     """
     with about(drive=drive_id):
         with bench.sessions.begin() as session:
-            drive = drives.mark_running(session, drive_id, generation)
+            drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             tell(logger, "drive skipped", reason="deleted, ended or asked for anew since")
             return Outcome.DISCARDED
@@ -158,7 +157,7 @@ def _tried(
         return Outcome.DISCARDED
     except Interrupted:
         with bench.sessions.begin() as session:
-            drives.mark_queued(session, drive.id, drive.generation)
+            claims.mark_queued(session, drive.id, drive.generation)
         tell_put_back(drive, run.stage)
         raise
     except Exception as error:
@@ -172,10 +171,10 @@ def _tried(
 def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
     """Fail a drive that is not run again: it must not take worker after worker along, or keep one for ever."""
     with bench.sessions.begin() as session:
-        drive = drives.mark_running(session, drive_id, generation)
+        drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             return
-        drives.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None)
+        claims.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None)
     with about(drive=drive_id):
         tell_failed(drive, kind, reason, None)
 
@@ -188,7 +187,7 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
         run.begin("positioning")
         found = positions_of(log, options, run.part("positioning"))
     with bench.sessions.begin() as session:
-        drives.note_bounds(session, drive.id, drive.generation, found.log.bounds_deg())
+        claims.note_bounds(session, drive.id, drive.generation, found.log.bounds_deg())
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
@@ -276,7 +275,7 @@ def _append(
     )
     with bench.sessions.begin() as session:
         slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
-        if not drives.lock_running(session, drive.id, drive.generation):
+        if not claims.lock_running(session, drive.id, drive.generation):
             raise Discarded
         if road_states(session, around.roads.states) != around.roads.states:
             return False
@@ -291,7 +290,7 @@ def _append(
             log.fix.time_s,
             delay_s=publishing.patience_s(session, bench.publish_every_s, behind=behind),
         )
-        drives.mark_publishing(
+        claims.mark_publishing(
             session,
             drive.id,
             report=_report(result, provenance),
@@ -335,7 +334,7 @@ def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outco
             f"({type(error).__name__}). It is in the worker's log under the drive's id; ask the operator."
         )
     with bench.sessions.begin() as session:
-        mine = drives.mark_failed(
+        mine = claims.mark_failed(
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
         )
     if not mine:

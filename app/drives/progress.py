@@ -16,7 +16,7 @@ from app.core.db import Sessions
 from app.core.telemetry.events import Stages
 from app.core.telemetry.logs import tell
 from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
-from app.drives import store as drives
+from app.drives import claims
 from app.drives.documents import Drive
 from app.jobs.task import Interrupted
 
@@ -85,7 +85,7 @@ class RunProgress:
         self._written_at = now
         with self._sessions.begin() as session:
             drive = self._drive
-            mine = drives.set_progress(session, drive.id, drive.generation, stage, self._share)
+            mine = claims.set_progress(session, drive.id, drive.generation, stage, self._share)
         if not mine:
             raise Discarded
 

@@ -15,9 +15,8 @@ from typing import Any
 from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
-from app.core.db import Bounds, plain_json, plain_text
+from app.core.db import plain_json, plain_text
 from app.core.telemetry.tracing import traceparent
-from app.core.version import code_version
 from app.drives.documents import Drive, DrivePlace
 from app.network.hearing import hearings
 from app.network.marks import PATIENCE
@@ -68,69 +67,6 @@ _GIVE_BLOB = text(
     """
 )
 
-# A running drive may be claimed as well: its worker may have died and its job have come back. Not one that has said
-# all: it only waits to be published.
-_CLAIM = text(
-    """
-    UPDATE drives
-    SET status = 'running', stage = NULL, progress = 0, started_at = clock_timestamp(), finished_at = NULL
-    WHERE id = :id AND generation = :generation AND status IN ('queued', 'running')
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
-)
-
-# What a worker writes while it runs: nothing once the drive is no longer its own, or has said all.
-_SET_PROGRESS = text(
-    """
-    UPDATE drives SET stage = :stage, progress = :progress
-    WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
-)
-_PUT_BACK = text(
-    """
-    UPDATE drives SET status = 'queued', stage = NULL, progress = 0
-    WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
-)
-_FAIL = text(
-    """
-    UPDATE drives
-    SET status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
-        failure_version = :version, finished_at = clock_timestamp()
-    WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
-)
-
-# Also of a drive that then finds no roads: by it new ones find the drive.
-_SET_BOUNDS = text(
-    """
-    UPDATE drives SET bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326)
-    WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
-)
-
-# The end of a run: the row is locked first, so that it is still the worker's when its result is written. Tables that
-# refer to it may be written meanwhile.
-_LOCK_RUNNING = text(
-    """
-    SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' FOR NO KEY UPDATE
-    """
-)
-_SET_PUBLISHING = text(
-    """
-    UPDATE drives
-    SET stage = 'publishing', progress = :progress, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
-        report = CAST(:report AS jsonb), bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326),
-        epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time, computed_at = clock_timestamp()
-    WHERE id = :id
-    """
-)
-
 # A worker that computes the drive finds by the generation that its result is unwanted. What it is known by is free
 # from here on: the same log uploaded again is another drive, and does not go with this one.
 _CANCEL = text(
@@ -159,10 +95,6 @@ _WAIT_AT_MOST = text("SELECT set_config('lock_timeout', :timeout, true)")
 _BLOBS = text("SELECT blob_key FROM drives")
 
 
-PUBLISHING_PROGRESS = 0.97
-"""Of a drive that waits for its squares to be solved."""
-
-
 def create_drive(
     session: Session,
     *,
@@ -187,14 +119,14 @@ def create_drive(
         "size_bytes": size_bytes,
         "blob_key": blob_key,
         "method": method,
-        "options": _json(options),
+        "options": json_text(options),
         "traceparent": traceparent(),
     }
     same = {"sha256": sha256, "content_sha256": content_sha256 or sha256}
     while True:
         if drive := _one(session, _GET_BY_CONTENT, same):
             return drive, False
-        if _changed(session, _CREATE, values) and (drive := get_drive(session, values["id"])):
+        if changed(session, _CREATE, values) and (drive := get_drive(session, values["id"])):
             return drive, True
         # the other upload's drive is there now, or was deleted between the two statements
 
@@ -207,7 +139,7 @@ def wait_at_most(session: Session, timeout_s: float) -> None:
 def give_blob(session: Session, drive: Drive, *, sha256: str, size_bytes: int, blob_key: str) -> bool:
     """Let a drive whose blob is lost have another of the same content; False: it is gone, or has one by now."""
     values = {"sha256": sha256, "size_bytes": size_bytes, "blob_key": blob_key}
-    return _changed(session, _GIVE_BLOB, {"id": drive.id, "lost_key": drive.blob_key, **values})
+    return changed(session, _GIVE_BLOB, {"id": drive.id, "lost_key": drive.blob_key, **values})
 
 
 def get_drive(session: Session, drive_id: uuid.UUID) -> Drive | None:
@@ -251,70 +183,6 @@ def list_drives(
     return _shown(session, session.execute(text(query + _NEWEST_FIRST), values))
 
 
-def mark_running(session: Session, drive_id: uuid.UUID, generation: int) -> Drive | None:
-    """Claim the drive for a worker; None when it is gone, finished, or was asked for anew since."""
-    claimed = _changed(session, _CLAIM, {"id": drive_id, "generation": generation})
-    return get_drive(session, drive_id) if claimed else None
-
-
-def set_progress(session: Session, drive_id: uuid.UUID, generation: int, stage: str, progress: float) -> bool:
-    """Show the stage and the share of the work done, 0..1; False: the drive is no longer this worker's."""
-    values = {"id": drive_id, "generation": generation, "stage": plain_text(stage), "progress": progress}
-    return _changed(session, _SET_PROGRESS, values)
-
-
-def note_bounds(session: Session, drive_id: uuid.UUID, generation: int, bounds: Bounds) -> bool:
-    """Note where the drive is, degrees, whatever becomes of it; False: no longer this worker's."""
-    west, south, east, north = bounds
-    box = {"west": west, "south": south, "east": east, "north": north}
-    return _changed(session, _SET_BOUNDS, {"id": drive_id, "generation": generation, **box})
-
-
-def mark_queued(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
-    """Put a running drive back into the queue (its worker stops); False: no longer this worker's."""
-    return _changed(session, _PUT_BACK, {"id": drive_id, "generation": generation})
-
-
-def mark_failed(
-    session: Session,
-    drive_id: uuid.UUID,
-    generation: int,
-    *,
-    kind: str,
-    reason: str,
-    stage: str | None,
-    where: str | None = None,
-) -> bool:
-    """End a running drive as failed; what an earlier run published stays. False: no longer this worker's."""
-    texts = {
-        name: plain_text(value) for name, value in (("stage", stage), ("reason", reason), ("where", where))
-    }
-    run = {"id": drive_id, "generation": generation, "version": code_version()}
-    return _changed(session, _FAIL, {**run, "kind": kind, **texts})
-
-
-def lock_running(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
-    """Hold the drive's row until the transaction ends; False when it is gone or no longer this worker's."""
-    return _changed(session, _LOCK_RUNNING, {"id": drive_id, "generation": generation})
-
-
-def mark_publishing(
-    session: Session,
-    drive_id: uuid.UUID,
-    *,
-    report: Mapping[str, Any],
-    bounds: Bounds,
-    epochs: int,
-    distance_m: float | None,
-    drive_time: datetime | None,
-) -> None:
-    """Note of a drive whose row is locked what its run says; it is done once its squares are solved."""
-    west, south, east, north = bounds
-    box = {"west": west, "south": south, "east": east, "north": north}
-    said = {"report": _json(report), "epochs": epochs, "distance_m": distance_m, "drive_time": drive_time}
-    session.execute(_SET_PUBLISHING, {"id": drive_id, "progress": PUBLISHING_PROGRESS, **box, **said})
-
-
 def request_reprocess(
     session: Session, drive_id: uuid.UUID, method: str, options: Mapping[str, Any]
 ) -> Drive | None:
@@ -323,8 +191,8 @@ def request_reprocess(
     A worker that still computes the older request discards its result. What is published stays until the new
     run replaces it. The caller enqueues the job in the same transaction (``app.drives.intake.reprocess``).
     """
-    values = {"id": drive_id, "method": method, "options": _json(options), "traceparent": traceparent()}
-    return get_drive(session, drive_id) if _changed(session, _ASK_ANEW, values) else None
+    values = {"id": drive_id, "method": method, "options": json_text(options), "traceparent": traceparent()}
+    return get_drive(session, drive_id) if changed(session, _ASK_ANEW, values) else None
 
 
 def request_removal(session: Session, drive_id: uuid.UUID) -> tuple[Drive | None, int | None]:
@@ -354,10 +222,11 @@ def _shown(session: Session, rows: Iterable[Row[Any]]) -> list[Drive]:
     return [Drive.of({**columns, "hearing": heard.get(columns["id"])}) for columns in found]
 
 
-def _changed(session: Session, statement: TextClause, values: Mapping[str, Any]) -> bool:
+def changed(session: Session, statement: TextClause, values: Mapping[str, Any]) -> bool:
     """Whether the statement found its drive."""
     return session.execute(statement, values).scalar() is not None
 
 
-def _json(value: Mapping[str, Any]) -> str:
+def json_text(value: Mapping[str, Any]) -> str:
+    """As a column of documents takes it."""
     return json.dumps(plain_json(value))

@@ -14,8 +14,7 @@ from datetime import timedelta
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
-from app.drives import intake, publishing
-from app.drives import store as drives
+from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
 from app.drives.process import Workbench, give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
@@ -90,7 +89,7 @@ def _drive_task(bench: Workbench) -> Task:
 
     def put_back(*, drive_id: str, generation: int) -> None:
         with bench.sessions.begin() as session:
-            drives.mark_queued(session, uuid.UUID(drive_id), generation)
+            claims.mark_queued(session, uuid.UUID(drive_id), generation)
 
     advice = "Split the log into shorter drives."
     return Task(PROCESS_DRIVE, run, fail, put_back, subject="drive", advice=advice)

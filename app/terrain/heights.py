@@ -15,13 +15,13 @@ from app.core.db import Sessions
 from app.core.settings import FilePlace
 from app.network.cells import cells_over, raise_versions
 from app.network.extracts import (
-    road_version,
     roads_of,
     roads_without_heights,
     roads_without_heights_in,
     segment_ids_in,
 )
 from app.network.locks import own_heights, own_network
+from app.network.road_states import road_states, squares_met
 from app.terrain.store import (
     DemSet,
     PendingHeights,
@@ -123,14 +123,15 @@ def _renew(
     """Write what the active rasters say of these segments; what is left then, None where it is to be asked anew."""
     with sessions() as session:
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
-        roads, active = road_version(session), current_dem(session, dem_dir)
+        active, squares = current_dem(session, dem_dir), squares_met(session, ids.tolist())
+        states = road_states(session, squares)
         if pending_heights(session) != pending:
             return None
         table, ids_there = roads_of(session, ids)
     slope, heights = terrain_under(active, table)
     with sessions.begin() as session:
         own_network(session)
-        if pending_heights(session) != pending or road_version(session) != roads:
+        if pending_heights(session) != pending or road_states(session, squares) != states:
             return None
         if len(ids_there):
             _write_terrain(session, table, ids_there, slope, heights)

@@ -15,6 +15,7 @@ from sqlalchemy import text
 from accuracy.adjustment_drives import Synthetic
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
+from app.drives import claims
 from app.drives import store as drives
 from app.embedded.cluster import EmbeddedPostgres
 from app.network import extracts
@@ -43,7 +44,7 @@ def new_drive(sessions: Sessions) -> uuid.UUID:
             method="profile",
             options={},
         )
-        drives.mark_running(session, drive.id, drive.generation)
+        claims.mark_running(session, drive.id, drive.generation)
     return drive.id
 
 

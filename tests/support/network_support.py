@@ -12,6 +12,7 @@ from sqlalchemy import text
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
+from app.drives import claims
 from app.drives import store as drives
 from app.network import results as slopes
 from app.network.hearing import Hearing, hearings
@@ -96,7 +97,7 @@ def new_drive(sessions: Sessions, name: str | None = None, method: str = "profil
             method=method,
             options={},
         )
-        drives.mark_running(session, drive.id, drive.generation)
+        claims.mark_running(session, drive.id, drive.generation)
     return drive.id
 
 

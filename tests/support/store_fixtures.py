@@ -11,6 +11,7 @@ import pytest
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
+from app.drives import claims
 from app.drives import store as drives
 from app.network import extracts
 from app.network import results as slopes
@@ -124,11 +125,11 @@ def _add_drive(
             method="raw",
             options={},
         )
-        drives.mark_running(session, drive.id, drive.generation)
+        claims.mark_running(session, drive.id, drive.generation)
     with sessions.begin() as session:
         slopes.begin_change(session, drive.id)
-        assert drives.lock_running(session, drive.id, drive.generation)
-        drives.mark_publishing(
+        assert claims.lock_running(session, drive.id, drive.generation)
+        claims.mark_publishing(
             session,
             drive.id,
             report={"epochs": 5},

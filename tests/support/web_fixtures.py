@@ -20,8 +20,8 @@ from app.core import databases
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
+from app.drives import claims, tracks
 from app.drives import store as drives
-from app.drives import tracks
 from app.drives.process import Workbench
 from app.embedded.cluster import EmbeddedPostgres
 from app.main import create_app
@@ -152,10 +152,10 @@ def add_drive(
             method="raw",
             options={},
         )
-        assert drives.mark_running(session, drive.id, drive.generation)
+        assert claims.mark_running(session, drive.id, drive.generation)
         track = track_along(table, indices)
         tracks.save_track(session, drive.id, track, ids)
-        drives.mark_publishing(
+        claims.mark_publishing(
             session,
             drive.id,
             report={"matched_share": 1.0},

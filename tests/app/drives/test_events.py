@@ -15,7 +15,7 @@ import pytest
 from sqlalchemy import text
 
 from app.core.settings import Settings, libpq_url
-from app.drives import feed, store
+from app.drives import claims, feed, store
 from app.drives.documents import Drive
 from problem_support import check
 from processing_support import HEADER, carry_out_removals
@@ -54,14 +54,14 @@ def test_events_tell_the_state_at_once_then_each_change_then_end(web: Any) -> No
     with following(web, drive) as events:
         assert next(events) == ("drive", web.client.get(f"/v1/drives/{drive}").json())
         with web.sessions.begin() as session:
-            store.mark_running(session, key, 1)
+            claims.mark_running(session, key, 1)
         assert next(events)[1]["status"] == "running"
         with web.sessions.begin() as session:
-            store.set_progress(session, key, 1, "filter", 0.5)
+            claims.set_progress(session, key, 1, "filter", 0.5)
         event = next(events)[1]
         assert (event["stage"], event["progress"]) == ("filter", 0.5)
         with web.sessions.begin() as session:
-            store.mark_failed(session, key, 1, kind="empty-log", reason="No position.", stage="filter")
+            claims.mark_failed(session, key, 1, kind="empty-log", reason="No position.", stage="filter")
         rest = list(events)
         assert [data["status"] for _, data in rest] == ["failed"]
         assert rest[0][1]["failure"]["reason"] == "No position."
@@ -131,7 +131,7 @@ def test_sixty_readers_cost_no_thread_and_one_look_each_time(
             assert next(events)[1]["status"] == "queued"
         looks.clear()
         with web.sessions.begin() as session:
-            store.mark_running(session, uuid.UUID(drive), 1)
+            claims.mark_running(session, uuid.UUID(drive), 1)
         for events in streams:
             assert next(events)[1]["status"] == "running"
         assert looks == [1]
@@ -177,11 +177,11 @@ def test_what_changes_while_nothing_is_heard_is_told_afterwards(
                     )
                 ).scalar_one()
                 assert ended >= 1
-                store.mark_running(session, uuid.UUID(drive), 1)
+                claims.mark_running(session, uuid.UUID(drive), 1)
             assert next(events)[1]["status"] == "running"
             wait_until(lambda: listening(web) == 1)
             with web.sessions.begin() as session:
-                store.set_progress(session, uuid.UUID(drive), 1, "filter", 0.5)
+                claims.set_progress(session, uuid.UUID(drive), 1, "filter", 0.5)
             assert next(events)[1]["progress"] == 0.5
 
 
@@ -202,7 +202,7 @@ def test_a_change_that_nobody_announces_is_found_after_a_while(
             next(events)
             with web.sessions.begin() as session:
                 session.execute(text("ALTER TABLE drives DISABLE TRIGGER USER"))
-                store.mark_running(session, uuid.UUID(drive), 1)
+                claims.mark_running(session, uuid.UUID(drive), 1)
             assert next(events)[1]["status"] == "running"
 
 
@@ -260,7 +260,7 @@ def test_all_who_follow_a_drive_are_told_one_text(web: Any, monkeypatch: pytest.
             next(events)
         made.clear()
         with web.sessions.begin() as session:
-            store.mark_running(session, uuid.UUID(drive), 1)
+            claims.mark_running(session, uuid.UUID(drive), 1)
         told = [next(events) for events in streams]
     assert all(one == told[0] for one in told)
     assert made == [web.base]

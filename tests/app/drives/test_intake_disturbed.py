@@ -20,7 +20,7 @@ from sqlalchemy.exc import OperationalError
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.errors import kind_of
-from app.drives import intake
+from app.drives import claims, intake
 from app.drives import store as drives
 from app.drives.documents import Drive
 from lossy_database import LossyWay, lossy_way
@@ -161,8 +161,8 @@ def test_a_drive_that_failed_without_its_file_is_computed_again(sessions: Sessio
     drive, _ = upload(sessions, blobs)
     blobs.delete(drive.blob_key)
     with sessions.begin() as session:
-        assert drives.mark_running(session, drive.id, 1)
-        drives.mark_failed(session, drive.id, 1, kind="processing-failed", reason="gone", stage="reading")
+        assert claims.mark_running(session, drive.id, 1)
+        claims.mark_failed(session, drive.id, 1, kind="processing-failed", reason="gone", stage="reading")
     healed, created = upload(sessions, blobs)
     assert not created
     assert (healed.status, healed.generation, healed.failure) == ("queued", 2, None)

@@ -15,8 +15,7 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from app.core.db import Sessions
-from app.drives import intake, process, progress
-from app.drives import store as drives
+from app.drives import claims, intake, process, progress
 from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench
 from app.drives.progress import Interrupted
@@ -150,13 +149,13 @@ def test_progress_grows_and_is_written_at_intervals(
     bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[tuple[str, float]] = []
-    genuine = drives.set_progress
+    genuine = claims.set_progress
 
     def note(session: Any, drive_id: uuid.UUID, generation: int, stage: str, progress: float) -> bool:
         seen.append((stage, progress))
         return genuine(session, drive_id, generation, stage, progress)
 
-    monkeypatch.setattr(drives, "set_progress", note)
+    monkeypatch.setattr(claims, "set_progress", note)
     process_drive(bench, send(0, "particle", {"particles": 300}).id, 1)
     throttled = list(seen)
     seen.clear()

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives import publishing, queue
+from app.drives import claims, publishing, queue
 from app.drives import store as drives
 from app.network import cells, marks, swap
 from app.network.swap import solve_marked
@@ -64,7 +64,7 @@ def test_a_drive_is_done_once_all_its_squares_are_solved(
     drive = new_drive(sessions)
     append(sessions, drive, segment_ids, passes_of(table, dict.fromkeys(range(10), (2.0, 0.5))))
     with sessions.begin() as session:
-        drives.mark_publishing(
+        claims.mark_publishing(
             session, drive, report={}, bounds=(8, 49, 9, 50), epochs=5, distance_m=None, drive_time=None
         )
         cells = [one.cell for one in marks.waiting_cells(session)]
@@ -152,7 +152,7 @@ def publishing_drive(sessions: Sessions, streets: Driven, rows: Collection[int])
     drive = new_drive(sessions)
     append(sessions, drive, ids, passes_of(table, dict.fromkeys(rows, (2.0, 0.5))))
     with sessions.begin() as session:
-        drives.mark_publishing(
+        claims.mark_publishing(
             session,
             drive,
             report={"warnings": ["w"]},

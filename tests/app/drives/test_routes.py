@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 from sqlalchemy import text
 
-from app.drives import store, tracks
+from app.drives import claims, store, tracks
 from app.drives.outputs.profile import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.process import Outcome
 from app.map.segment import PROPERTIES
@@ -235,9 +235,9 @@ def test_removal_works_in_any_state(web: Any, status: str) -> None:
     drive = uuid.UUID(upload(web))
     if status != "queued":
         with web.sessions.begin() as session:
-            assert store.mark_running(session, drive, 1)
+            assert claims.mark_running(session, drive, 1)
             if status == "failed":
-                store.mark_failed(session, drive, 1, kind="x", reason="x.", stage="x")
+                claims.mark_failed(session, drive, 1, kind="x", reason="x.", stage="x")
     answer = web.client.delete(f"/v1/drives/{drive}")
     assert answer.status_code == 202
     assert answer.json()["status"] == "cancelled"

@@ -12,7 +12,7 @@ from sqlalchemy import text
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives import endings
+from app.drives import claims, endings
 from app.drives import store as drives
 from app.drives.documents import Drive, DrivePlace
 from app.map import store as map_store
@@ -78,37 +78,37 @@ def test_the_same_bytes_at_the_same_moment_make_one_drive(sessions: Sessions) ->
 def test_a_run_claims_shows_and_ends(sessions: Sessions) -> None:
     row, _ = create(sessions)
     with sessions.begin() as session:
-        assert not drives.set_progress(session, row.id, 1, "early", 0.1)
-        claimed = drives.mark_running(session, row.id, 1)
+        assert not claims.set_progress(session, row.id, 1, "early", 0.1)
+        claimed = claims.mark_running(session, row.id, 1)
         assert claimed is not None
         assert claimed.status == "running"
-        assert drives.set_progress(session, row.id, 1, "reading", 0.25)
+        assert claims.set_progress(session, row.id, 1, "reading", 0.25)
         shown = drives.get_drive(session, row.id)
         assert shown is not None
         assert (shown.stage, shown.progress) == ("reading", 0.25)
-        assert drives.mark_failed(session, row.id, 1, kind="bad-log", reason="No\x00.", stage="reading")
+        assert claims.mark_failed(session, row.id, 1, kind="bad-log", reason="No\x00.", stage="reading")
         failed = drives.get_drive(session, row.id)
         assert failed is not None
         assert failed.failure is not None
         assert (failed.status, failed.failure.reason, failed.stage) == ("failed", "No\ufffd.", "reading")
         assert failed.finished_at is not None
-        assert drives.mark_running(session, row.id, 1) is None
+        assert claims.mark_running(session, row.id, 1) is None
 
 
 def test_an_older_generation_has_no_say(sessions: Sessions) -> None:
     row, _ = create(sessions)
     with sessions.begin() as session:
-        drives.mark_running(session, row.id, 1)
+        claims.mark_running(session, row.id, 1)
         again = drives.request_reprocess(session, row.id, "dem", {"height_sigma_m": 3.0})
         assert again is not None
         assert (again.status, again.generation, again.method) == ("queued", 2, "dem")
-        assert drives.mark_running(session, row.id, 1) is None
-        drives.mark_running(session, row.id, 2)
-        assert not drives.set_progress(session, row.id, 1, "reading", 0.5)
-        assert not drives.mark_failed(session, row.id, 1, kind="x", reason="y", stage=None)
-        assert not drives.mark_queued(session, row.id, 1)
-        assert not drives.lock_running(session, row.id, 1)
-        assert drives.lock_running(session, row.id, 2)
+        assert claims.mark_running(session, row.id, 1) is None
+        claims.mark_running(session, row.id, 2)
+        assert not claims.set_progress(session, row.id, 1, "reading", 0.5)
+        assert not claims.mark_failed(session, row.id, 1, kind="x", reason="y", stage=None)
+        assert not claims.mark_queued(session, row.id, 1)
+        assert not claims.lock_running(session, row.id, 1)
+        assert claims.lock_running(session, row.id, 2)
         assert drives.request_reprocess(session, uuid.uuid4(), "dem", {}) is None
 
 
@@ -116,7 +116,7 @@ def test_a_report_may_hold_what_json_cannot(sessions: Sessions) -> None:
     row, _ = create(sessions)
     report = {"a": float("nan"), "b": [float("inf"), 1.5], "c": {"d": "x\x00y"}, "e": (1, None)}
     with sessions.begin() as session:
-        drives.mark_publishing(
+        claims.mark_publishing(
             session, row.id, report=report, bounds=(8, 49, 9, 50), epochs=2, distance_m=None, drive_time=None
         )
         endings.mark_done(session, row.id)

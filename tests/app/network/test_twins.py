@@ -10,7 +10,7 @@ import pytest
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives import publishing
+from app.drives import claims, publishing
 from app.drives import store as drives
 from app.network.settle import settle_network
 from fusion.roads.table import RoadTable
@@ -101,7 +101,7 @@ def test_the_report_of_the_one_that_is_not_heard_says_so(
     weak, strong = (drive(sessions, chain(), segment_ids, n) for n in (5, 9))
     for one in (weak, strong):
         with sessions.begin() as session:
-            drives.mark_publishing(
+            claims.mark_publishing(
                 session,
                 one,
                 report={"warnings": ["first"]},

@@ -10,6 +10,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.drives import claims
 from app.drives import store as drives
 from app.network import extracts as road_store
 from app.ops import metrics, stats, store
@@ -52,8 +53,8 @@ def test_figures_of_a_busy_service(
             for k in range(4)
         ]
         for k, kind in enumerate(["bad-log", "bad-log", "no-match"]):
-            drives.mark_running(session, made[k], 1)
-            drives.mark_failed(session, made[k], 1, kind=kind, reason="r", stage="s")
+            claims.mark_running(session, made[k], 1)
+            claims.mark_failed(session, made[k], 1, kind=kind, reason="r", stage="s")
         queued = "UPDATE drives SET queued_at = now() - interval '1 hour' WHERE id = :id"
         session.execute(text(queued), {"id": made[3]})
         session.execute(
