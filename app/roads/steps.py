@@ -77,13 +77,14 @@ class Run:
                 time.sleep(held)
         return held
 
-    def pieces(self, weights: Ints) -> Iterator[tuple[slice, Callable[[float], None]]]:
-        """Parts of so many things in their order, and whom to tell how long each took."""
+    def pieces(self, weights: Ints, *, owns: bool) -> Iterator[tuple[slice, Callable[[float], None]]]:
+        """Parts of so many things in their order, and whom to tell how long each took; large where none waits."""
         start, total = 0, len(weights)
         whole = np.concatenate([[0], np.cumsum(weights)])
         while start < total:
             heavy = int(np.searchsorted(whole, whole[start] + PASSES_AT_ONCE, side="right")) - 1
-            end = min(start + self._size, max(heavy, start + 1), total)
+            size = self._size if owns else MOST
+            end = min(start + size, max(heavy, start + 1), total)
             yield slice(start, end), partial(self._note, end - start)
             start = end
 
@@ -109,9 +110,11 @@ def carry_out(run: Run, plan: Plan, passes: Ints) -> None:
             continue
         weights = np.zeros(len(portion.things), np.int64) if portion.passes is None else portion.passes
         run.progress(portion.stage, 0.0)
-        for part, took in run.pieces(weights):
+        for part, took in run.pieces(weights, owns=portion.owns):
             some = portion.things[part]
-            took(run.do(partial(_do, portion, some), owns=portion.owns))
+            held = run.do(partial(_do, portion, some), owns=portion.owns)
+            if portion.owns:
+                took(held)
             run.progress(portion.stage, part.stop / len(portion.things))
 
 

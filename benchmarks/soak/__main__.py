@@ -108,7 +108,10 @@ def soak(folder: Path, seconds: float, seed: int, logs: int) -> Verdict:
     """Run it in a folder."""
     material = make_material(folder, logs, seed)
     with disturbed(folder) as service:
-        for command in (("import-roads", str(material.maps["as it is"])), ("import-dem", str(material.dem))):
+        for command in (
+            ("import-roads", str(material.maps["as it is"]), "--region", "soak"),
+            ("import-dem", str(material.dem)),
+        ):
             if service.begin(*command).wait():
                 raise RuntimeError(f"{command[0]} failed: {service.log.read_text()[-2000:]}")
         ledger = Ledger()

@@ -32,12 +32,16 @@ _LEFT = """
     UNION ALL SELECT 'marks', count(*) FROM network_marks HAVING count(*) > 0
     UNION ALL SELECT 'jobs ' || task_name || ' ' || status, count(*) FROM procrastinate_jobs
     WHERE status IN ('todo', 'doing') GROUP BY task_name, status
+    UNION ALL SELECT 'drives whose roads changed', count(*) FROM touched_drives HAVING count(*) > 0
     UNION ALL SELECT 'batches', count(*) FROM batches WHERE state = 'enqueuing' HAVING count(*) > 0
 """
 # Of drives that were computed on other roads than those that stay.
 _STALE = """
-    SELECT CAST(id AS text) FROM drives WHERE status IN ('done', 'failed') AND CAST(report ->> 'road_version' AS bigint)
-        < (SELECT max(id) FROM road_versions WHERE moved + dropped + added > 0)
+    SELECT CAST(d.id AS text) FROM drives AS d JOIN provenances AS p ON p.drive_id = d.id
+    WHERE d.status IN ('done', 'failed') AND (
+        d.id IN (SELECT drive_id FROM touched_drives) OR EXISTS (
+            SELECT FROM drive_segments AS e JOIN segments AS s ON s.id = e.segment_id JOIN cells AS c ON c.id = s.cell
+            WHERE e.drive_id = d.id AND c.course_state > p.road_state))
 """
 _DRIVES = "SELECT CAST(id AS text), status, blob_key, method, failure_reason FROM drives"
 _SLOPES = """

@@ -34,7 +34,7 @@ def reprocess(
         typer.Option(
             "--stale",
             help="Drives that another version of the code, other defaults, or other elevation rasters where "
-            "they drove, computed.",
+            "they drove, computed, or on other roads than stand there now.",
         ),
     ] = False,
     failed: Annotated[bool, typer.Option("--failed", help="Drives that failed.")] = False,

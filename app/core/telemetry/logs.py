@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TextIO
 
 from app.core.settings import Settings
 
@@ -125,10 +125,23 @@ class JsonLines(_Lines):
         return json.dumps({**own, **theirs, **more}, default=str, ensure_ascii=False)
 
 
+class _StandardError(logging.StreamHandler[TextIO]):
+    """Standard error as it is when a line is written: who has taken it for a while closes what it put there."""
+
+    @property
+    def stream(self) -> TextIO:
+        """Where lines go."""
+        return sys.stderr
+
+    @stream.setter
+    def stream(self, stream: TextIO) -> None:
+        """It is never another one."""
+
+
 def begin_logging(settings: Settings, process: str) -> None:
     """Log to standard error as the settings say, all libraries included; ``process`` says which one this is."""
     lines = {"json": JsonLines, "text": TextLines}[settings.log_format]
-    handler = logging.StreamHandler(sys.stderr)
+    handler = _StandardError()
     handler.setFormatter(lines(f"{process}[{os.getpid()}]"))
     root = logging.getLogger()
     for former in [one for one in root.handlers if isinstance(one.formatter, _Lines)]:
