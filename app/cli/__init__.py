@@ -43,7 +43,8 @@ COMMANDS = {
         "Bring the database to the schema of this version. Programs of the version before may run on.",
     ),
     "import-roads": Command(
-        "app.cli.imports", "Make the drivable roads of an OpenStreetMap file the road network."
+        "app.cli.imports",
+        "Make the drivable roads of an OpenStreetMap file those of a region; other regions stay as they are.",
     ),
     "regions": Command("app.cli.imports", "List the regions of the road network, or remove one."),
     "import-dem": Command(
