@@ -20,7 +20,7 @@ demo: setup  ## from nothing to slopes: the whole job on simulated drives, resul
 	@$(BIN)/versant demo --output demo
 
 test: setup  ## every test, on a private PostGIS
-	@$(BIN)/python -m pytest -n 3
+	@$(BIN)/python -m pytest -n 3 --dist worksteal
 
 soak: setup  ## ten minutes of uploads, removals, imports and kills at random (SOAK=--seed 7: that one again)
 	@PYTHONPATH=.:benchmarks $(BIN)/python -m soak $(SOAK)
