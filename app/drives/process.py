@@ -311,7 +311,6 @@ def drive_time(log: DriveLog) -> datetime | None:
 def _report(result: DriveResult, provenance: slopes.RunProvenance) -> dict[str, Any]:
     return {
         **result.report,
-        "segments": len(result.slopes),
         "code_version": provenance.code_version,
         "road_version": provenance.road_version_id,
         "dem_version": provenance.dem_version_id,

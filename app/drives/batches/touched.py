@@ -61,5 +61,5 @@ def queue_touched(sessions: Sessions) -> int:
 def _piece(session: Session) -> tuple[int, int]:
     if not session.execute(_ANY).scalar_one() or roads_change(session):
         return 0, 0
-    row = session.execute(_QUEUE, {"piece": PIECE_DRIVES, "roads": ROADS}).one()
+    row = session.execute(_QUEUE, {"piece": PIECE_DRIVES, "roads": ROADS, "traceparent": None}).one()
     return int(row.looked_at), int(row.drives)
