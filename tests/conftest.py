@@ -10,6 +10,7 @@ import contextlib
 import importlib.util
 import io
 import itertools
+import logging
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -22,6 +23,7 @@ from hypothesis import settings as hypothesis_settings
 
 from app.core import databases, migrate
 from app.core.settings import ENV_PREFIX, get_settings
+from app.core.telemetry.logs import CHATTY, JsonLines, TextLines
 from app.embedded.cluster import EmbeddedPostgres
 from app.embedded.errors import PostgresMissingError
 
@@ -68,6 +70,21 @@ def turn_of_one_s_own() -> Iterator[None]:
     if os.nice(0) != usual:
         with contextlib.suppress(PermissionError):
             os.setpriority(os.PRIO_PROCESS, 0, usual)
+
+
+@pytest.fixture(autouse=True)
+def log_of_one_s_own() -> Iterator[None]:
+    """A command that logs, as a process of its own would, leaves nothing of that to the tests after it."""
+    root = logging.getLogger()
+    level, handlers = root.level, list(root.handlers)
+    yield
+    root.setLevel(level)
+    for handler in [one for one in root.handlers if one not in handlers]:
+        if isinstance(handler.formatter, TextLines | JsonLines):
+            root.removeHandler(handler)
+    logging.captureWarnings(capture=False)
+    for chatty in CHATTY:
+        logging.getLogger(chatty).setLevel(logging.NOTSET)
 
 
 @pytest.fixture(scope="session")

@@ -82,6 +82,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     What is no file, such as ``/dev/stdout``, is written to as it is. The place ends as ``path`` does, in lower case,
     since writers go by that. Raises ``OSError`` that names ``path``, or its folder where that is missing.
     """
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "Is a directory", str(path))
     if path.exists() and not path.is_file():
         yield path
         return

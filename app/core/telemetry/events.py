@@ -71,6 +71,8 @@ def imported(kind: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                     reason = str(error) if isinstance(error, FusionError) else type(error).__name__
                     tell(logger, f"import of {kind} failed", reason=reason)
                     raise
+                if getattr(result, "dry_run", False):  # it only said what it would do
+                    return result
                 took_s = time.monotonic() - started_s
                 IMPORTS.count(kind, "done")
                 IMPORT_S.observe(took_s, kind)
@@ -89,4 +91,4 @@ def _counts(result: object) -> dict[str, int]:
     if not dataclasses.is_dataclass(result):
         return {}
     fields = ((one.name, getattr(result, one.name)) for one in dataclasses.fields(result))
-    return {name: value for name, value in fields if isinstance(value, int)}
+    return {name: value for name, value in fields if isinstance(value, int) and not isinstance(value, bool)}

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from app.cli import app
 from app.cli.client import Client, ClientError
+from processing_support import HEADER
 
 SERVER = "http://service.example"
 
@@ -205,7 +206,7 @@ def test_a_folder_its_files_together_and_a_zip_of_them_are_one_drive_of_a_real_s
     folder.mkdir()
     files = [folder / name for name in ("a.obs", "b.nav")]
     for path in files:
-        path.write_text(path.name * 1000)
+        path.write_bytes(HEADER + path.name.encode() * 1000)
     with zipfile.ZipFile(tmp_path / "all.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         for path in files:
             archive.write(path, path.name)

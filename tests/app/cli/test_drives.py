@@ -287,7 +287,7 @@ def test_the_real_service_counts_takes_on_and_calls_off(web: Any) -> None:
 
 def test_reprocess_of_the_real_service_says_what_it_leaves_out_and_why(web: Any) -> None:
     """Without roads a log that can be read fails for the service's sake, nonsense for its own."""
-    for k, content in enumerate((LOG, b"nonsense", b"more of it")):
+    for k, content in enumerate((LOG, HEADER + b"nonsense", HEADER + b"more of it")):
         web.client.post("/v1/drives?method=raw", files={"file": (f"{k}.csv", content)})
     run_worker(web.settings, wait=False)
 
@@ -301,9 +301,9 @@ def test_reprocess_of_the_real_service_says_what_it_leaves_out_and_why(web: Any)
         assert counted.startswith(
             "1 drive(s) would be processed again. 2 failed drives are left out, because"
         )
-        assert "2 unknown-format" in counted
+        assert "2 empty-log" in counted
     assert "3 drive(s) would" in command("--failed", "--force", "--dry-run")
-    assert "2 drive(s) would" in command("--failure", "unknown-format", "--dry-run")
+    assert "2 drive(s) would" in command("--failure", "empty-log", "--dry-run")
     assert command("--failed").startswith(
         "1 drive(s) are processed again. Batch 1. 2 failed drives are left out"
     )

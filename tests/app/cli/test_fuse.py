@@ -189,7 +189,12 @@ def test_pictures_and_tracks_have_numbers_and_names_when_there_are_several(
     assert run("fuse", *bundle.drives[:2], "--roads", bundle.osm, *FAST, *extra).exit_code == 0
     first, second = (path.stem for path in bundle.drives[:2])
     names = {f"p-1-{first}.png", f"p-2-{second}.png", f"t-1-{first}.geojson", f"t-2-{second}.geojson"}
-    assert {path.name for path in tmp_path.iterdir()} == names | {"p.png", "t.geojson", "o.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == names | {
+        "p.png",
+        "t.geojson",
+        "o.csv",
+        "o.csv-metadata.json",
+    }
 
 
 def test_a_map_shows_all_roads_around_the_drives(bundle: Bundle, tmp_path: Path) -> None:

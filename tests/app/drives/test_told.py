@@ -20,6 +20,7 @@ from app.core.telemetry import tracing
 from app.drives.worker import run_worker
 from app.roads import imports as road_imports
 from log_lines import Lines, logged
+from processing_support import HEADER
 
 COORDINATE = re.compile(r"\d{1,3}\.\d{4,}")
 STAGES = {"reading", "positioning", "roads", "estimating", "saving"}
@@ -83,10 +84,10 @@ def test_the_name_of_a_file_is_told_at_debug(roads: Any, files: Path) -> None:
 
 def test_a_failure_is_told_with_its_kind_and_reason(roads: Any) -> None:
     with logged() as lines:
-        drive = upload(roads, b"nonsense")
+        drive = upload(roads, HEADER + b"nonsense")
         run_worker(roads.settings, wait=False)
     failed = lines.one("drive failed")
-    assert (failed["drive"], failed["kind"], failed["stage"]) == (drive, "unknown-format", "reading")
+    assert (failed["drive"], failed["kind"], failed["stage"]) == (drive, "empty-log", "read rows")
     assert failed["level"] == "INFO"
     assert len(failed["reason"]) > 20
 
@@ -101,13 +102,13 @@ def test_what_workers_count_is_exposed_by_the_api_and_never_falls(roads: Any, fi
         return seen.get((name, frozenset(labels.items())), 0.0)
 
     upload(roads, (files / "0.csv").read_bytes())
-    upload(roads, b"nonsense")
+    upload(roads, HEADER + b"nonsense")
     run_worker(roads.settings, wait=False)
     run_worker(roads.settings, wait=False)
     seen = figures(roads)
     assert value("versant_drives_done_total", method="raw") == 1
-    assert value("versant_drives_failed_total", method="raw", kind="unknown-format") == 1
-    assert value("versant_failures", kind="unknown-format") == 1
+    assert value("versant_drives_failed_total", method="raw", kind="empty-log") == 1
+    assert value("versant_failures", kind="empty-log") == 1
     for stage in STAGES | {"publishing"}:
         runs = 2 if stage == "reading" else 1
         assert value("versant_drive_stage_seconds_count", stage=stage, method="raw") == runs
@@ -146,7 +147,7 @@ def test_an_import_by_a_command_is_counted_and_told(
         labels = frozenset({("kind", "roads"), ("outcome", outcome)})
         assert seen["versant_imports_total", labels] == 1
     assert seen["versant_import_seconds_count", frozenset({("kind", "roads")})] == 1
-    assert seen["versant_lock_wait_seconds_count", frozenset({("lock", "own_network")})] >= 1
+    assert seen["versant_lock_wait_seconds_count", frozenset({("lock", "share_network")})] >= 1
 
 
 @pytest.fixture
@@ -187,10 +188,10 @@ def test_a_trace_goes_on_from_the_request_to_the_worker(
 def test_a_failed_run_is_a_failed_span_without_words(
     roads: Any, traced: Callable[[], tuple[ReadableSpan, ...]]
 ) -> None:
-    upload(roads, b"nonsense")
+    upload(roads, HEADER + b"nonsense")
     run_worker(roads.settings, wait=False)
     spans = {span.name: span for span in traced()}
     for name in ("drive", "drive reading"):
         assert not spans[name].status.is_ok
         assert spans[name].events == ()
-    assert (spans["drive reading"].attributes or {})["versant.error"] == "UnknownFormatError"
+    assert (spans["drive reading"].attributes or {})["versant.error"] == "EmptyLogError"

@@ -104,7 +104,7 @@ def test_the_same_slopes_come_back_and_the_queue_goes_on(
     begin(sessions, running.id)
     before = said_of(settings, tmp_path / "before.geojson", monkeypatch)
     manifest = back_up(settings, sessions, copy)
-    assert (manifest.drives, len(manifest.files), manifest.missing, manifest.damaged) == (3, 4, (), ())
+    assert (manifest.drives, len(manifest.files), manifest.missing, manifest.damaged) == (3, 5, (), ())
     assert manifest.versions["postgres_major"] >= 13
     (tmp_path / "blobs").rename(tmp_path / "gone-blobs")
     (tmp_path / "dem").rename(tmp_path / "gone-dem")
@@ -118,6 +118,8 @@ def test_the_same_slopes_come_back_and_the_queue_goes_on(
     assert statuses(there) == ["done", "done", "done"], waiting.id
     with there() as session:
         identity = databases.database_identity(session)
+        (kept,) = session.execute(text("SELECT file_uri FROM regions")).scalars()
+    assert (where.data_dir / "dem" / kept).is_file()
     assert [path.name for path in (where.data_dir / "blobs" / "databases").iterdir()] == [identity]
 
 
