@@ -4,9 +4,9 @@
 
 Made-up logs of so many records of every format (``logs``). Seconds are of processor time, the least of the repeats,
 each in a process of its own; memory is what it had at most, beyond what it had before with the log's bytes. Beside it
-stands what a library takes for the same bytes, where there is one: pyarrow for CSV, the XML parser for GPX, others'
-readers for UBX and NMEA. A reader that is slower than ``GOAL`` and slower than the library is marked; ``--check`` makes
-that the exit status.
+stands what a library takes for the same bytes, where there is one: pyarrow for CSV, the XML parser for GPX and TCX,
+others' readers for UBX, NMEA and FIT. A reader that is slower than ``GOAL`` and slower than the
+library is marked; ``--check`` makes that the exit status.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--json", metavar="FILE")
     parser.add_argument("--check", action="store_true", help="exit status 1 where a reader is too slow")
     options = parser.parse_args()
-    options.names = options.names or [name for name in FORMATS if name in MAKERS]
+    options.names = options.names or list(FORMATS)
     return options
 
 

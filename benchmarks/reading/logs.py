@@ -11,6 +11,8 @@ from xml.etree.ElementTree import iterparse
 
 import numpy as np
 import pyarrow as pa
+from fitdecode import FitReader
+from fitdecode.utils import compute_crc as fit_checksum
 from pyarrow import csv
 
 from fusion.formats.receiver.ubx_frames import frame
@@ -20,6 +22,7 @@ from fusion.simulate.write import rinex_file
 START = datetime(2024, 5, 4, 10, 0, 0, tzinfo=UTC)
 START_S = START.timestamp()
 SATELLITES = 8
+_FIT_EPOCH_S = 631_065_600
 
 
 def _places(records: int, step_s: float = 0.1) -> Iterator[tuple[int, datetime, float, float]]:
@@ -113,6 +116,42 @@ def gpx(records: int) -> bytes:
     return _text(head, points) + b"</trkseg></trk></gpx>\n"
 
 
+def tcx(records: int) -> bytes:
+    """Track points with altitude, distance and speed, in one lap."""
+    head = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<TrainingCenterDatabase '
+        'xmlns="http://www.garmin.com/xmlschemas/TrainingCenterDatabase/v2" '
+        'xmlns:x="http://www.garmin.com/xmlschemas/ActivityExtension/v2"><Activities><Activity Sport="Biking">'
+        "<Lap><Track>\n"
+    )
+    points = (
+        f"<Trackpoint><Time>{when:%Y-%m-%dT%H:%M:%S}.{k % 10}00Z</Time><Position><LatitudeDegrees>{lat:.7f}"
+        f"</LatitudeDegrees><LongitudeDegrees>{lon:.7f}</LongitudeDegrees></Position><AltitudeMeters>"
+        f"{112 + k % 97 / 10}</AltitudeMeters><DistanceMeters>{0.7 * k:.1f}</DistanceMeters><Extensions><x:TPX>"
+        "<x:Speed>7.1</x:Speed></x:TPX></Extensions></Trackpoint>"
+        for k, when, lat, lon in _places(records)
+    )
+    return _text(head, points) + b"</Track></Lap></Activity></Activities></TrainingCenterDatabase>\n"
+
+
+def fit(records: int) -> bytes:
+    """Records with altitude and speed, one a second, of one definition."""
+    fields = ((253, 4, 0x86), (0, 4, 0x85), (1, 4, 0x85), (2, 2, 0x84), (6, 2, 0x84))  # number, size, type
+    body = bytearray(struct.pack("<BBBHBBBB", 0x40, 0, 0, 0, 1, 0, 1, 0) + b"\x00\x04")  # an activity
+    body += struct.pack("<BBBHB", 0x40, 0, 0, 20, len(fields)) + b"".join(
+        struct.pack("<BBB", *f) for f in fields
+    )
+    turn = 2**31 / 180
+    for k, when, lat, lon in _places(records, 1.0):
+        stamp = round(when.timestamp()) - _FIT_EPOCH_S
+        body += struct.pack(
+            "<BIiiHH", 0, stamp, round(lat * turn), round(lon * turn), (612 + k % 97) * 5, 7100
+        )
+    head = struct.pack("<BBHI4s", 14, 0x10, 2132, len(body), b".FIT")
+    whole = head + struct.pack("<H", fit_checksum(head)) + body
+    return bytes(whole + struct.pack("<H", fit_checksum(whole)))
+
+
 def _sentence(body: str) -> str:
     total = 0
     for byte in body.encode():
@@ -199,8 +238,8 @@ def ucenter(records: int) -> bytes:
 
 MAKERS: dict[str, Callable[[int], bytes]] = {
     "rinex": rinex, "gnsslogger": gnsslogger, "ubx": ubx, "u-center": ucenter, "nmea": nmea, "gpx": gpx,
-    "pseudoranges-csv": pseudoranges_csv, "sensor-logger": sensor_logger, "rtklib-pos": rtklib_pos, "torque": torque,
-    "csv": csv_log,
+    "fit": fit, "tcx": tcx, "pseudoranges-csv": pseudoranges_csv, "sensor-logger": sensor_logger,
+    "rtklib-pos": rtklib_pos, "torque": torque, "csv": csv_log,
 }  # fmt: skip
 
 
@@ -225,11 +264,17 @@ def _by_pynmeagps(data: bytes) -> Any:
     return sum(1 for _ in NMEAReader(io.BytesIO(data)))
 
 
+def _by_fitdecode(data: bytes) -> Any:
+    return sum(1 for _ in FitReader(io.BytesIO(data)))
+
+
 LIBRARIES: dict[str, tuple[str, Callable[[bytes], Any]]] = {
     "csv": ("pyarrow.csv", _by_pyarrow),
     "pseudoranges-csv": ("pyarrow.csv", _by_pyarrow),
     "sensor-logger": ("pyarrow.csv", _by_pyarrow),
     "gpx": ("xml.etree (expat)", _by_expat),
+    "tcx": ("xml.etree (expat)", _by_expat),
+    "fit": ("fitdecode", _by_fitdecode),
     "ubx": ("pyubx2", _by_pyubx2),
     "nmea": ("pynmeagps", _by_pynmeagps),
 }
