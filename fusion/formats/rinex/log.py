@@ -29,7 +29,9 @@ class RinexFormat:
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        return is_compact(head) or _LABEL in _first_line(head)
+        line = _first_line(head).rstrip(b"\r")
+        of_text = line.isascii() and line.decode().isprintable()  # a binary log may hold any bytes
+        return is_compact(head) or (_LABEL in line and of_text)
 
     def comes_first(self, head: bytes) -> bool:
         """See ``PartFormat``: navigation data name the channels of GLONASS satellites, without which no Doppler."""

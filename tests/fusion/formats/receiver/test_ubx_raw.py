@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pyubx2 import UBXReader
 
@@ -213,6 +213,8 @@ def test_leap_seconds_are_the_receivers_where_it_knows_them() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.binary(min_size=0, max_size=200))
+@example(b"RINEX VERSION / TYPE")
+@example(b"CRINEX VERS   / TYPE")
 def test_any_bytes_are_read_or_counted(payload: bytes) -> None:
     log = read_log(epoch(measurement(satellite=7)) + frame(2, 0x15, payload))
     assert 7 in signals(log).number
