@@ -92,6 +92,8 @@ class Runs:
         self.begun: set[int] = set()
         """Jobs begun and not brought to an end: when the database takes one of them for a dead worker's, this
         process was only cut off from it."""
+        self.workers: set[int] = set()
+        """Whom the queue has given jobs in this process."""
         self.stopping = threading.Event()
         """Runs end at their next look and go back into the queue."""
 
@@ -103,6 +105,7 @@ class Runs:
         """Run the job to its end, or say to the queue what is to become of it."""
         once = context.job.queueing_lock is not None
         run = Run(context.job.id or 0, task, arguments, self.limit_s, context.job.worker_id or 0, once)
+        self.workers.add(run.worker)
         with about(job=run.job):
             return self._performed(run, context)
 

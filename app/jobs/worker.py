@@ -48,6 +48,7 @@ class Worker:
         self._runs = Runs(Witness(url), settings.run_limit_s)
         self._queue = make_queue(url, tasks, self._runs)
         self._silence = Silence(self._queue, self._runs.current)
+        self._unended: set[int] = set()
         self._stopping = Stopping(
             self._queue,
             self._runs,
@@ -160,14 +161,34 @@ class Worker:
                 if number not in self._runs.begun:
                     await in_thread(functools.partial(self._charge, number), "a death was not counted")()
                 self._runs.begun.discard(number)
-                try:
-                    await self._queue.job_manager.retry_job(job)
-                except exceptions.UniqueViolation:  # one is enough and another waits
-                    await self._queue.job_manager.finish_job(job, jobs.Status.ABORTED, delete_job=True)
+                await self._put_back(job)
+            await self._put_back_unended()
         except exceptions.ConnectorException:
             logger.warning("stalled jobs could not be looked after; trying again later", exc_info=True)
         else:
             await in_thread(self._forget_gone, "marks of jobs that are gone could not be taken away")()
+
+    async def _put_back_unended(self) -> None:
+        """Put back what the queue believes this process to be at, and it is not, at two looks one after the other: the
+        database went when a run had ended and was never told."""
+        manager, unended = self._queue.job_manager, set[int]()
+        for worker in tuple(self._runs.workers):
+            for job in await manager.list_jobs_async(queue=QUEUE, status="doing", worker_id=worker):
+                number = job.id or 0
+                if number in self._runs.current:
+                    continue
+                if number not in self._unended:
+                    unended.add(number)
+                    continue
+                logger.warning("job %s, of whose end the queue was not told, goes back into it", number)
+                await self._put_back(job)
+        self._unended = unended
+
+    async def _put_back(self, job: jobs.Job) -> None:
+        try:
+            await self._queue.job_manager.retry_job(job)
+        except exceptions.UniqueViolation:  # one is enough and another waits
+            await self._queue.job_manager.finish_job(job, jobs.Status.ABORTED, delete_job=True)
 
     def _charge(self, job: int) -> None:
         with self._sessions.begin() as session:

@@ -255,3 +255,31 @@ def test_a_stopped_worker_puts_a_long_drive_back(
 def test_a_worker_needs_a_database(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="database_url"):
         run_worker(Settings(database_url=None, data_dir=tmp_path), wait=False)
+
+
+def test_a_run_of_whose_end_the_queue_was_not_told_is_repeated(
+    settings: Settings, send: Send, sessions: Sessions
+) -> None:
+    """The database went in the moment in which the run had ended, and the worker lives on."""
+    drive = send(0)
+    with worker_thread(settings):
+        assert wait_for(sessions, drive, ended).status == "done"
+        with sessions.begin() as session:
+            session.execute(
+                text(
+                    "UPDATE drives SET status = 'queued', stage = NULL, generation = generation + 1 WHERE id = :id"
+                ),
+                {"id": drive.id},
+            )
+            session.execute(
+                text(
+                    """
+                    INSERT INTO procrastinate_jobs (queue_name, task_name, priority, lock, args, status, worker_id)
+                    SELECT 'drives', 'process_drive', 0, CAST(:id AS text),
+                           jsonb_build_object('drive_id', CAST(:id AS text), 'generation', 2), 'doing', w.id
+                    FROM procrastinate_workers AS w
+                    """
+                ),
+                {"id": drive.id},
+            )
+        assert wait_for(sessions, drive, ended).status == "done"
