@@ -1,0 +1,110 @@
+"""The tables of what is served besides segments: what changed when, ways, and what is drawn of roads from afar."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from geoalchemy2 import Geometry, WKBElement
+from sqlalchemy import BigInteger, Index, SmallInteger, text
+from sqlalchemy.orm import Mapped, mapped_column
+
+from app.core.tables import SRID_DEGREES, SRID_TILES, Base
+
+DRAWN_LEVELS = (12, 10, 8, 6)
+"""Each is drawn at this zoom and at the one below."""
+
+
+def _line(srid: int) -> Geometry:
+    return Geometry("LINESTRING", srid=srid, spatial_index=False)
+
+
+class SegmentChange(Base):
+    """When anything that is shown of a segment changed last. Triggers write it; none of a segment's writers need to."""
+
+    __tablename__ = "segment_changes"
+
+    segment_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    """No foreign key: that it is gone is told for some time."""
+    xid: Mapped[int] = mapped_column(BigInteger)
+    """The transaction. A snapshot tells all of those below its ``pg_snapshot_xmin``, of later ones perhaps some."""
+    changed_at: Mapped[datetime]
+    gone: Mapped[bool]
+
+    __table_args__ = (
+        Index("ix_segment_changes_xid", "xid", "segment_id"),
+        Index("ix_segment_changes_changed_at", "changed_at"),
+    )
+
+
+class Way(Base):
+    """Consecutive segments of one OpenStreetMap way, as one; derived from them by workers (``app.map.ways``)."""
+
+    __tablename__ = "ways"
+
+    id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    """Of its first segment."""
+    osm_way_id: Mapped[int] = mapped_column(BigInteger, index=True)
+    from_node: Mapped[int] = mapped_column(BigInteger)
+    to_node: Mapped[int] = mapped_column(BigInteger)
+    segments: Mapped[int]
+    length_m: Mapped[float]
+    highway: Mapped[str]
+    name: Mapped[str | None]
+    oneway: Mapped[int] = mapped_column(SmallInteger)
+    bridge: Mapped[bool]
+    """Any of it."""
+    tunnel: Mapped[bool]
+    slope_percent: Mapped[float | None]
+    """Mean over what was measured of it, by length."""
+    slope_sigma_percent: Mapped[float | None]
+    drives: Mapped[int]
+    observations: Mapped[int]
+    dem_slope_percent: Mapped[float | None]
+    updated_at: Mapped[datetime | None]
+    measured_share: Mapped[float]
+    """Of its length, in segments with a slope."""
+    steepest_percent: Mapped[float | None]
+    """Mean grade over the steepest 20 m, signed; from and to: metres from ``from_node``."""
+    steepest_from_m: Mapped[float | None]
+    steepest_to_m: Mapped[float | None]
+    geom: Mapped[WKBElement] = mapped_column(_line(SRID_DEGREES))
+    geom_3857: Mapped[WKBElement] = mapped_column(_line(SRID_TILES))
+
+    __table_args__ = (
+        Index("ix_ways_geom", "geom", postgresql_using="gist"),
+        Index("ix_ways_geom_3857", "geom_3857", postgresql_using="gist"),
+    )
+
+
+class DrawnPiece(Base):
+    """A stretch of road as low zooms draw it, derived square by square (``app.map.drawn``).
+
+    A square of a level is a tile two zooms below it: of 12 a tile of zoom 14, of 6 one of zoom 8, as ``x << zoom | y``.
+    """
+
+    __tablename__ = "drawn_pieces"
+
+    level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    square: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    segment_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    """One of its segments, which no other piece of the level has."""
+    rank: Mapped[int] = mapped_column(SmallInteger)
+    """Of the class: 0 motorways, then less and less important."""
+    highway: Mapped[str]
+    oneway: Mapped[int] = mapped_column(SmallInteger)
+    slope_percent: Mapped[float | None]
+    """Mean over what was measured of it, by length, along the line."""
+    slope_sigma_percent: Mapped[float | None]
+    drives: Mapped[int]
+    length_m: Mapped[float]
+    geom_3857: Mapped[WKBElement] = mapped_column(_line(SRID_TILES))
+
+    __table_args__ = tuple(
+        Index(
+            f"ix_drawn_pieces_{level}",
+            "geom_3857",
+            postgresql_using="gist",
+            postgresql_where=text(f"level = {level}"),
+        )
+        for level in DRAWN_LEVELS
+    )
