@@ -40,6 +40,7 @@ SQL_PLACES = {
         "drives/store.py",
         "drives/tracks.py",
         "jobs/computations.py",
+        "map/heights/store.py",
         "map/store.py",
         "ops/store.py",
         "roads/copy.py",
