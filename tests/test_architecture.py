@@ -40,7 +40,7 @@ SQL_PLACES = {
         "drives/store.py",
         "drives/tracks.py",
         "jobs/computations.py",
-        "map/figures/store.py",
+        "map/figures.py",
         "map/heights/store.py",
         "map/store.py",
         "ops/admin/store.py",

@@ -25,7 +25,7 @@ from sqlalchemy.orm import Session
 from accuracy.scoring import write_json
 from app.core.db import Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
-from app.map.figures import keeper, store
+from app.map import figures
 from app.map.heights.choice import nearest
 from app.map.heights.road_heights import heights_of
 from app.map.heights.store import roads_near
@@ -67,12 +67,12 @@ def ms_of(sessions: Sessions, read: Callable[[Session], object]) -> float:
 def measure(sessions: Sessions) -> dict[str, float]:
     """Milliseconds by what was asked."""
     found: dict[str, float] = {}
-    for name in store.KEPT:
+    for name in figures.KEPT:
         began = time.perf_counter()
         with sessions() as session:
-            store.make(session, name)
+            figures.make(session, name)
         found[f"made: {name}"] = 1e3 * (time.perf_counter() - began)
-    while keeper.renew_one(sessions):
+    while figures.renew_one(sessions):
         pass
     for name, query in QUERIES.items():
         found[name] = ms_of(sessions, lambda session: query.read(session, Asked(days=366)))  # noqa: B023

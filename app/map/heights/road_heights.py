@@ -110,7 +110,7 @@ def _whole(
         if not edge:
             return spans, ends
         seen |= {*edge}
-        more = {}
+        more: dict[int, RoadHere] = {}
         for road in roads_at(session, edge):
             if road.structure and not road.measured:
                 more |= {road.id: road} if road.id not in spans else {}

@@ -9,7 +9,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from app.map.figures import store as figures
+from app.map import figures
 from app.ops.admin import store
 from fusion.registry import Registry
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from app.map.figures import keeper, store
+from app.map import figures
 from app.network import extracts
 from app.ops.admin.queries import QUERIES
 from network_support import drive_over, new_drive, pass_over, publish
@@ -97,20 +97,20 @@ def test_figures_are_kept_until_the_map_changes(filled: Any) -> None:
         table, ids = extracts.all_roads(session)
     drive_over(filled.sessions, table, ids, dict.fromkeys((56, 57, 58), (2.0, 0.4)))
     made = 0
-    while keeper.renew_one(filled.sessions):
+    while figures.renew_one(filled.sessions):
         made += 1
-    assert made == len(KEPT) == len(store.KEPT)
+    assert made == len(KEPT) == len(figures.KEPT)
     before = {name: filled.client.get(f"/v1/admin/{name}").json() for name in KEPT}
     with filled.sessions.begin() as session:
         session.execute(text("UPDATE segments SET highway = 'motorway'"))
         session.execute(text("UPDATE cells SET version = version + 1"))
     assert {name: filled.client.get(f"/v1/admin/{name}").json() for name in KEPT} == before
-    assert not keeper.renew_one(filled.sessions)
+    assert not figures.renew_one(filled.sessions)
     with filled.sessions.begin() as session:
         session.execute(
             text("UPDATE kept_figures SET made_at = made_at - interval '1 hour' WHERE name = 'coverage'")
         )
-    assert keeper.renew_one(filled.sessions)
-    assert not keeper.renew_one(filled.sessions)
+    assert figures.renew_one(filled.sessions)
+    assert not figures.renew_one(filled.sessions)
     assert {row["highway"] for row in ask(filled, "coverage")} == {"motorway"}
     assert filled.client.get("/v1/admin/coverage").json()["as_of"] > before["coverage"]["as_of"]

@@ -1,8 +1,9 @@
-"""The statements of the figures that are kept, and of keeping them. Each reads every segment, or every verdict."""
+"""Figures of the whole map: what takes a look at every segment, or every verdict, is made by a worker and kept."""
 
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -10,6 +11,12 @@ from typing import Any
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.db import Sessions
+
+LOOK_EVERY_S = 60.0
+"""How often a worker looks."""
+KEPT_S = 600.0
+"""How old figures become before they are made again: a look at a million segments takes a second or two."""
 MOST_ROWS = 500
 """Of a list of the worst; the rest is for nobody's eyes."""
 
@@ -148,3 +155,21 @@ def keep(session: Session, name: str, rows: list[dict[str, Any]], took_s: float,
     """Put these figures in the place of those before."""
     values = {"name": name, "rows": json.dumps(rows), "took_s": took_s, "state": state_then}
     session.execute(_KEEP, values)
+
+
+def renew_one(sessions: Sessions) -> bool:
+    """Make those figures again that are out of date the longest; whether there were any.
+
+    Two workers may make the same at once; both are right.
+    """
+    with sessions() as session:
+        state_then = state(session)
+        name = due(session, state_then, KEPT_S)
+        if name is None:
+            return False
+        began = time.monotonic()
+        rows = make(session, name)
+        took_s = time.monotonic() - began
+    with sessions.begin() as session:
+        keep(session, name, rows, took_s, state_then)
+    return True
