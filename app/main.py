@@ -43,8 +43,10 @@ from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
 from app.map import features, segments, tiles
 from app.map.features import BIND_NOTE
+from app.map.heights import routes as heights
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
+from app.ops.admin import routes as admin
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
 from app.ops.metrics import router as metrics_router
 
@@ -57,7 +59,9 @@ ROUTERS: tuple[APIRouter, ...] = (
     segments.router,
     features.router,
     tiles.router,
+    heights.router,
     stats.router,
+    admin.router,  # after the figures, whose path it would else take for a query's
     health.router,
     metrics_router,
     problem_kinds.router,

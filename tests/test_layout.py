@@ -52,7 +52,7 @@ SERVICE = {
     "network": {"core", "jobs"},
     "map": {"core", "network", "roads", "terrain"},
     "drives": {"core", "jobs", "map", "network", "roads", "terrain"},
-    "ops": {"core", "drives", "network", "roads"},
+    "ops": {"core", "drives", "map", "network", "roads"},
     "upkeep": {"core", "drives", "embedded", "network", "ops", "terrain"},
     "main": {"core", "drives", "map", "ops"},
     "cli": {"core", "embedded", "drives", "main", "map", "network", "roads", "terrain", "upkeep"},

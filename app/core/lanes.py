@@ -30,7 +30,12 @@ PARTS = "parts"
 _KINDS = (
     ("wide tiles", re.compile(r"/tiles/(\d|1[01])/.*|/collections/segments/items")),
     ("tiles", re.compile(r"/tiles/\d+/.*")),
-    (PARTS, re.compile(r"/v1/drives/[^/]+/(track|segments)|/v1/segments/[^/]+/observations")),
+    (
+        PARTS,
+        re.compile(
+            r"/v1/drives/[^/]+/(track|segments)|/v1/segments/[^/]+/observations|/height|/v1/elevation"
+        ),
+    ),
     ("figures", re.compile(r"/v1/admin/.*|/metrics")),
 )
 """The first pattern that the whole path of a request that reads fits says of which kind it is."""

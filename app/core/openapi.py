@@ -13,6 +13,10 @@ TAGS: list[dict[str, str]] = [
     {"name": "segments", "description": "One road segment, and the drives behind its slope."},
     {"name": "map", "description": "All road segments, as OGC API Features."},
     {"name": "tiles", "description": "Map tiles."},
+    {
+        "name": "heights",
+        "description": "Heights of the road at places, as other services give them of the ground.",
+    },
     {"name": "operation", "description": "Health, metrics, figures for operators, kinds of problems."},
 ]
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")

@@ -21,6 +21,7 @@ from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue
 from app.drives.renewal import HeightFiller, renew
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
+from app.map import figures
 from app.roads import attic
 from app.terrain.files import sweep_rasters
 
@@ -135,12 +136,14 @@ def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple
     tended = functools.partial(enqueuing.tend, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
+    figured = functools.partial(figures.renew_one, bench.sessions)
     return (
         (in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
         (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
+        (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
         (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),
         (in_thread(swept, "what nobody needs any more could not be swept"), SWEEP_EVERY_S),
     )

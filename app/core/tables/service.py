@@ -71,3 +71,16 @@ class ProcessTotals(Base):
     """What it is, for people."""
     totals: Mapped[dict[str, Any]]
     written_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+
+class KeptFigures(Base):
+    """Figures that take a look at the whole map, as a worker made them last (``app.map.figures``)."""
+
+    __tablename__ = "kept_figures"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    rows: Mapped[list[dict[str, Any]]]
+    made_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    took_s: Mapped[float]
+    of_state: Mapped[str]
+    """Of roads, slopes and elevation; figures of the present state need not be made again."""

@@ -1,0 +1,1 @@
+"""Heights of the road at places near one, in the shapes of Valhalla's and Google's services."""

@@ -1,0 +1,194 @@
+"""The height of the road at a place on it: measured, else from the elevation model, on bridges and in tunnels neither.
+
+A measured segment has heights of its nodes; between them the grade is even but for the steepest stretch, where that is
+known. A segment that nobody measured has those of the elevation model along it. On a bridge or in a tunnel the model
+knows the ground, not the road: heights there go evenly between those of the roads at its ends, over all segments of it
+(a harmonic function on its graph, which for a chain is a straight line), and its sigma is that of these ends and grows
+with the distance from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from app.map.heights.choice import OnRoad
+from app.map.heights.store import RoadHere, is_known, roads_at
+
+MEASURED, MODEL, BETWEEN = "measured", "elevation model", "between the ends of a bridge or tunnel"
+MODEL_SIGMA_M = 5.0
+"""Of a height of an elevation model, one standard deviation: published ones are 4 to 7 m (Copernicus GLO-30, NASADEM,
+SRTM), and it knows the ground beside the road as well."""
+SAG = 0.02
+"""Metres of sigma for each metre from the nearer end of a bridge or tunnel: decks are seldom straight."""
+MOST_ROUNDS = 300
+"""Segments from a place to the ends of its bridge or tunnel; a longer one has no heights."""
+
+
+@dataclass(frozen=True)
+class RoadHeight:
+    """Height in metres with one standard deviation, and what it rests on."""
+
+    height_m: float
+    sigma_m: float
+    source: str
+
+
+def heights_of(session: Session, places: Sequence[OnRoad | None]) -> list[RoadHeight | None]:
+    """The height of the road at each place; None where nothing is known of it."""
+    unmeasured = {
+        one.road.id: one.road
+        for one in places
+        if one is not None and one.road.structure and not one.road.measured
+    }
+    decks = _decks(session, unmeasured) if unmeasured else {}
+    return [None if one is None else _height(one, decks) for one in places]
+
+
+def _height(place: OnRoad, decks: dict[int, RoadHeight]) -> RoadHeight | None:
+    road = place.road
+    if road.measured:
+        return _measured(road, place.share)
+    if not road.structure:
+        return _of_model(road, place.share)
+    start, end = (decks.get(node) for node in road.nodes)
+    if start is None or end is None:
+        return None
+    height_m = start.height_m + place.share * (end.height_m - start.height_m)
+    sigma_m = start.sigma_m + place.share * (end.sigma_m - start.sigma_m)
+    return RoadHeight(height_m, sigma_m, BETWEEN)
+
+
+def _measured(road: RoadHere, share: float) -> RoadHeight:
+    start_m, end_m = float(road.height_from_m or 0.0), float(road.height_to_m or 0.0)
+    at_m = share * road.length_m
+    height_m = float(np.interp(at_m, *_course(road, start_m, end_m)))
+    inner_m = min(at_m, road.length_m - at_m) * (road.slope_sigma_percent or 0.0) / 100
+    return RoadHeight(height_m, math.hypot(road.height_sigma_m or 0.0, inner_m), MEASURED)
+
+
+def _course(road: RoadHere, start_m: float, end_m: float) -> tuple[list[float], list[float]]:
+    """Distances and heights between which the grade is even: the ends, and the steepest stretch as the rest allows."""
+    grade, first, last = road.steepest_percent, road.steepest_from_m, road.steepest_to_m
+    if grade is None or first is None or last is None or last - first >= road.length_m - 1e-6:
+        return [0.0, road.length_m], [start_m, end_m]
+    rise_m = grade / 100 * (last - first)
+    rest = (end_m - start_m - rise_m) / (road.length_m - (last - first))
+    at_first = start_m + rest * first
+    return [0.0, first, last, road.length_m], [start_m, at_first, at_first + rise_m, end_m]
+
+
+def _of_model(road: RoadHere, share: float) -> RoadHeight | None:
+    heights = np.array(road.dem_heights_m or [], float)
+    known = np.isfinite(heights)
+    if not known.all() or not len(heights):
+        return None
+    height_m = float(np.interp(share, np.linspace(0, 1, len(heights)), heights))
+    return RoadHeight(height_m, MODEL_SIGMA_M, MODEL)
+
+
+def _decks(session: Session, hit: dict[int, RoadHere]) -> dict[int, RoadHeight]:
+    """Heights of all nodes of the bridges and tunnels that these segments are of."""
+    whole = _whole(session, hit)
+    return {} if whole is None else _between(whole[0], _end_heights(*whole))
+
+
+def _whole(
+    session: Session, hit: dict[int, RoadHere]
+) -> tuple[dict[int, RoadHere], dict[int, list[RoadHere]]] | None:
+    """The unmeasured segments of the structures, and the roads that are not of them at each of their nodes; None: there
+    is no end of them."""
+    spans, ends = dict(hit), dict[int, list[RoadHere]]()
+    seen: set[int] = set()
+    edge = _places_of(hit.values())
+    for _ in range(MOST_ROUNDS):
+        edge = {node: place for node, place in edge.items() if node not in seen}
+        if not edge:
+            return spans, ends
+        seen |= {*edge}
+        more: dict[int, RoadHere] = {}
+        for road in roads_at(session, edge):
+            if road.structure and not road.measured:
+                more |= {road.id: road} if road.id not in spans else {}
+            else:
+                for node in {*road.nodes} & {*edge}:
+                    ends.setdefault(node, []).append(road)
+        spans |= more
+        edge = _places_of(more.values())
+    return None
+
+
+def _places_of(roads: Iterable[RoadHere]) -> dict[int, tuple[float, float]]:
+    places = {road.from_node: (road.lon0_deg, road.lat0_deg) for road in roads}
+    return places | {road.to_node: (road.lon1_deg, road.lat1_deg) for road in roads}
+
+
+def _end_heights(spans: dict[int, RoadHere], ends: dict[int, list[RoadHere]]) -> dict[int, RoadHeight]:
+    """Heights where roads of the ground, or measured ones, meet a structure: the surest that any of them says."""
+    found = {}
+    for node in {node for road in spans.values() for node in road.nodes}:
+        said = [height for road in ends.get(node, []) if (height := _at_node(road, node)) is not None]
+        if said:
+            found[node] = min(said, key=lambda one: one.sigma_m)
+    return found
+
+
+def _at_node(road: RoadHere, node: int) -> RoadHeight | None:
+    share = 0.0 if road.from_node == node else 1.0
+    if road.measured:
+        height = road.height_from_m if share == 0.0 else road.height_to_m
+        return (
+            RoadHeight(float(height or 0.0), road.height_sigma_m or 0.0, MEASURED)
+            if is_known(height)
+            else None
+        )
+    return None if road.structure else _of_model(road, share)
+
+
+def _between(spans: dict[int, RoadHere], known: dict[int, RoadHeight]) -> dict[int, RoadHeight]:
+    """Heights of all nodes of the structures: harmonic between the known ones, weights by the inverse of lengths."""
+    nodes = sorted({node for road in spans.values() for node in road.nodes})
+    free = [node for node in nodes if node not in known]
+    if not free or not known:
+        return dict(known)
+    row = {node: n for n, node in enumerate(free)}
+    matrix, right = np.zeros((len(free), len(free))), np.zeros((len(free), 2))
+    for road in spans.values():
+        weight = 1.0 / max(road.length_m, 0.1)
+        for here, there in (road.nodes, road.nodes[::-1]):
+            if here not in row:
+                continue
+            matrix[row[here], row[here]] += weight
+            if there in row:
+                matrix[row[here], row[there]] -= weight
+            else:
+                right[row[here]] += weight * np.array([known[there].height_m, known[there].sigma_m])
+    # What hangs on one known node has its height; what hangs on none has a singular block, and no height.
+    solved = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    reach_m = _reach(spans, known)
+    heights = dict(known)
+    for node, n in row.items():
+        if node in reach_m:
+            heights[node] = RoadHeight(
+                float(solved[n, 0]), float(solved[n, 1]) + SAG * reach_m[node], BETWEEN
+            )
+    return heights
+
+
+def _reach(spans: dict[int, RoadHere], known: dict[int, RoadHeight]) -> dict[int, float]:
+    """Metres along the structures from each node to the nearest known one; nodes that reach none are left out."""
+    reach = {node: 0.0 for road in spans.values() for node in road.nodes if node in known}
+    for _ in range(len(spans)):
+        changed = False
+        for road in spans.values():
+            for here, there in (road.nodes, road.nodes[::-1]):
+                if here in reach and reach[here] + road.length_m < reach.get(there, math.inf):
+                    reach[there] = reach[here] + road.length_m
+                    changed = True
+        if not changed:
+            break
+    return reach

@@ -1,0 +1,299 @@
+"""Routes to heights of the road: ``/height`` as Valhalla's service has it, ``/v1/elevation`` as Google's."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from app.core.errors import BadRequestError
+from app.core.http import Service, ServiceDep, problems
+from app.map.attribution import attribution
+from app.map.heights import places as reading
+from app.map.heights.choice import OnRoad, along_line, nearest
+from app.map.heights.road_heights import RoadHeight, heights_of
+from app.map.heights.store import roads_near
+from app.map.segment import HEIGHT_DATUM
+from app.terrain.coverage import names_over
+from app.terrain.store import current_dem
+from fusion.types import Floats
+
+RADIUS_M = 25.0
+"""Half the width of the widest roads and what a phone is off."""
+MOST_RADIUS_M = 100.0
+MOST_LOCATIONS = 512
+"""Google's limit of one request; clients ask in parts of so many."""
+
+HEIGHTS_EXAMPLE: dict[str, Any] = {
+    "shape": [{"lat": 48.9912, "lon": 8.4812}, {"lat": 48.9915, "lon": 8.4815}],
+    "range_height": [[0.0, 151.2], [40.0, 153.86]],
+    "sigma": [2.41, 2.43],
+    "source": ["measured", "measured"],
+    "units": "meters",
+    "datum": HEIGHT_DATUM,
+    "attribution": attribution(),
+}
+ELEVATIONS_EXAMPLE: dict[str, Any] = {
+    "results": [
+        {
+            "elevation": 151.2,
+            "location": {"lat": 48.9912, "lng": 8.4812},
+            "resolution": 41.4,
+            "sigma": 2.41,
+            "source": "measured",
+        }
+    ],
+    "status": "OK",
+    "datum": HEIGHT_DATUM,
+    "attribution": attribution(),
+}
+
+RadiusQuery = Annotated[
+    float, Query(gt=0, le=MOST_RADIUS_M, description="How far off a road a place may lie, metres.")
+]
+
+
+class Place(BaseModel):
+    """A place, degrees."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    lat: float = Field(ge=-90, le=90)
+    lon: float = Field(ge=-180, le=180)
+
+
+class HeightRequest(BaseModel):
+    """What Valhalla's service takes; what is not known here is ignored, as there."""
+
+    model_config = ConfigDict(
+        extra="ignore",
+        json_schema_extra={
+            "examples": [
+                {"shape": [{"lat": 48.9912, "lon": 8.4812}, {"lat": 48.9915, "lon": 8.4815}], "range": True}
+            ]
+        },
+    )
+
+    shape: list[Place] | None = None
+    encoded_polyline: str | None = Field(None, description="Instead of shape.")
+    shape_format: Literal["polyline6", "polyline5"] = "polyline6"
+    range: bool = Field(False, description="Give range_height: pairs of metres along the line, and height.")
+    resample_distance: float | None = Field(
+        None, ge=1, description="Metres between places that are put along the line instead of those sent."
+    )
+    height_precision: int = Field(2, ge=0, le=2, description="Decimals of heights.")
+    radius_m: float = Field(
+        RADIUS_M, gt=0, le=MOST_RADIUS_M, description="How far off a road a place may lie."
+    )
+    id: str | None = Field(None, description="Comes back with the answer.")
+
+
+class Heights(BaseModel):
+    """Heights in the order of the places; null where no road with a known height is near."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [HEIGHTS_EXAMPLE]})
+
+    id: str | None = None
+    shape: list[Place] | None = None
+    encoded_polyline: str | None = None
+    height: list[float | None] | None = None
+    range_height: list[tuple[float, float | None]] | None = Field(
+        None, description="Metres from the first place along the line, and the height there."
+    )
+    sigma: list[float | None] = Field(description="One standard deviation of each height, metres.")
+    source: list[str | None] = Field(description="What each height rests on.")
+    units: Literal["meters"] = "meters"
+    datum: str
+    attribution: str
+
+
+class Location(BaseModel):
+    """As Google writes places."""
+
+    lat: float
+    lng: float
+
+
+class Elevation(BaseModel):
+    """One place's height."""
+
+    elevation: float | None = Field(description="Metres; null where no road with a known height is near.")
+    location: Location
+    resolution: float | None = Field(
+        description="Metres between the places on the road whose heights are known, here the segment's length."
+    )
+    sigma: float | None = Field(description="One standard deviation, metres.")
+    source: str | None = Field(description="What the height rests on.")
+
+
+class Elevations(BaseModel):
+    """The Google Elevation API's answer, with what else is known of each height."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]})
+
+    results: list[Elevation]
+    status: Literal["OK"] = "OK"
+    datum: str
+    attribution: str
+
+
+router = APIRouter(tags=["heights"])
+
+
+@router.get(
+    "/height",
+    summary="Heights along a line",
+    response_model=Heights,
+    response_model_exclude_none=True,
+    responses=problems(422, 503),
+)
+def get_height(
+    service: ServiceDep,
+    json_: Annotated[
+        str,
+        Query(alias="json", description="The request that POST takes as a body, as JSON.", max_length=65536),
+    ],
+) -> dict[str, Any]:
+    """As POST."""
+    try:
+        asked = HeightRequest.model_validate(json.loads(json_))
+    except (ValueError, RecursionError) as error:
+        raise BadRequestError(f"json: {_reason(error)}", field="json") from None
+    return _answer(service, asked)
+
+
+@router.post(
+    "/height",
+    summary="Heights along a line",
+    response_model=Heights,
+    response_model_exclude_none=True,
+    responses=problems(422, 503),
+)
+def post_height(service: ServiceDep, asked: HeightRequest) -> dict[str, Any]:
+    """Height of the **road** at each place of a line, in the shape of Valhalla's `/height`.
+
+    Each place counts as on the road that the line most likely follows there, of those within `radius_m`: a line over a
+    bridge has the deck's heights. Where nobody drove, heights are those of the elevation model along the road, and on
+    bridges and in tunnels they go evenly between those of its ends. `sigma` and `source` tell them apart. Differences
+    of heights of two sources say little: their datums may differ by metres.
+    """
+    return _answer(service, asked)
+
+
+@router.get("/v1/elevation", summary="Heights of places", responses=problems(422, 503))
+def elevation(
+    service: ServiceDep,
+    locations: Annotated[
+        str | None,
+        Query(
+            description="lat,lng|lat,lng ..., or enc: and an encoded polyline.",
+            examples=["48.9912,8.4812|48.9915,8.4815"],
+        ),
+    ] = None,
+    path: Annotated[str | None, Query(description="A line, written like locations; with samples.")] = None,
+    samples: Annotated[
+        int | None, Query(ge=2, le=MOST_LOCATIONS, description="How many places along path.")
+    ] = None,
+    radius_m: RadiusQuery = RADIUS_M,
+    key: Annotated[
+        str | None, Query(description="Taken, since clients of Google's send one; not used.")
+    ] = None,
+) -> Elevations:
+    """Height of the **road** nearest to each place, in the shape of the Google Elevation API, which osmnx asks for.
+
+    With `path` the places are `samples` ones along that line, and belong to the road that it most likely follows, as
+    with `/height`.
+    """
+    del key
+    if (locations is None) == (path is None):
+        raise BadRequestError("Give locations, or path with samples.", field="locations")
+    if path is not None:
+        if samples is None:
+            raise BadRequestError("samples: how many places along path? 2 or more.", field="samples")
+        line = reading.from_text(path, "path", MOST_LOCATIONS)
+        if len(line) < 2:
+            raise BadRequestError("path: a line has two places or more.", field="path")
+        places = reading.spread(line, samples)
+    else:
+        places = reading.from_text(locations or "", "locations", MOST_LOCATIONS)
+    on, heights, source = _heights(service, places, radius_m, line=path is not None)
+    results = [
+        Elevation(
+            elevation=None if height is None else round(height.height_m, 2),
+            location=Location(lat=round(lat, 7), lng=round(lon, 7)),
+            resolution=None if height is None or where is None else round(where.road.length_m, 1),
+            sigma=None if height is None else round(height.sigma_m, 2),
+            source=None if height is None else height.source,
+        )
+        for (lon, lat), where, height in zip(places.tolist(), on, heights, strict=True)
+    ]
+    return Elevations(results=results, datum=HEIGHT_DATUM, attribution=source)
+
+
+def _answer(service: Service, asked: HeightRequest) -> dict[str, Any]:
+    places = _places(asked)
+    along_m = reading.distances_along_m(places)
+    if asked.resample_distance is not None and len(places) > 1:
+        count = max(2, round(float(along_m[-1]) / asked.resample_distance) + 1)
+        reading.check_number(count, "resample_distance", reading.MOST_PLACES)
+        places = reading.spread(places, count)
+        along_m = reading.distances_along_m(places)
+    _, heights, source = _heights(service, places, asked.radius_m, line=True)
+    digits = asked.height_precision
+    height_m = [None if one is None else round(one.height_m, digits) for one in heights]
+    answer: dict[str, Any] = {} if asked.id is None else {"id": asked.id}
+    if asked.encoded_polyline is not None and asked.resample_distance is None:
+        answer["encoded_polyline"] = asked.encoded_polyline
+    else:
+        answer["shape"] = [{"lat": round(lat, 7), "lon": round(lon, 7)} for lon, lat in places.tolist()]
+    if asked.range:
+        answer["range_height"] = [
+            (round(metres, 1), height) for metres, height in zip(along_m.tolist(), height_m, strict=True)
+        ]
+    else:
+        answer["height"] = height_m
+    return answer | {
+        "sigma": [None if one is None else round(one.sigma_m, 2) for one in heights],
+        "source": [None if one is None else one.source for one in heights],
+        "units": "meters",
+        "datum": HEIGHT_DATUM,
+        "attribution": source,
+    }
+
+
+def _places(asked: HeightRequest) -> Floats:
+    if (asked.shape is None) == (asked.encoded_polyline is None):
+        raise BadRequestError("Give shape or encoded_polyline, one of them.", field="shape")
+    if asked.shape is not None:
+        reading.check_number(len(asked.shape), "shape", reading.MOST_PLACES)
+        return reading.from_pairs([one.lat for one in asked.shape], [one.lon for one in asked.shape], "shape")
+    digits = 6 if asked.shape_format == "polyline6" else 5
+    return reading.from_polyline(
+        asked.encoded_polyline or "", digits, "encoded_polyline", reading.MOST_PLACES
+    )
+
+
+def _heights(
+    service: Service, places: Floats, radius_m: float, *, line: bool
+) -> tuple[list[OnRoad | None], list[RoadHeight | None], str]:
+    with service.reading() as session:
+        near = roads_near(session, places, radius_m)
+        if line and len(places) > 1:
+            on = along_line(places, near, radius_m)
+        else:
+            on = [nearest(place, roads, radius_m) for place, roads in zip(places, near, strict=True)]
+        heights = heights_of(session, on)
+        west, south = places.min(axis=0).tolist()
+        east, north = places.max(axis=0).tolist()
+        rasters = names_over(current_dem(session, service.settings.dem_dir), [(west, south, east, north)])
+    return on, heights, attribution(rasters)
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        return f"{where}: {first['msg']}."
+    return "this is no JSON object."

@@ -1,0 +1,1 @@
+"""Named queries for operators: what each is for, its columns, and how it is read."""

@@ -1,0 +1,196 @@
+"""The registry of operators' queries. A new one is an entry here, with a statement in a store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from app.map import figures
+from app.ops.admin import store
+from fusion.registry import Registry
+
+Rows = list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What of a query's parameters was asked for."""
+
+    days: int = 30
+
+
+@dataclass(frozen=True)
+class Found:
+    """Rows, and of which moment they are; None: of this."""
+
+    rows: Rows
+    as_of: datetime | None = None
+
+
+@dataclass(frozen=True)
+class AdminQuery:
+    """A named query: what it tells, and what each of its columns is."""
+
+    name: str
+    title: str
+    description: str
+    columns: Mapping[str, str]
+    read: Callable[[Session, Asked], Found]
+    kept: bool = False
+    """Made by a worker every ten minutes while the map changes, since it takes a look at all of it."""
+
+
+QUERIES: Registry[AdminQuery] = Registry("query")
+
+
+def _live(read: Callable[[Session, Asked], Rows]) -> Callable[[Session, Asked], Found]:
+    return lambda session, asked: Found(read(session, asked))
+
+
+def _kept(name: str) -> Callable[[Session, Asked], Found]:
+    """From the table; before a worker has made them the first time they are made for who asks."""
+
+    def read(session: Session, _asked: Asked) -> Found:
+        there = figures.kept(session, name)
+        return Found(figures.make(session, name)) if there is None else Found(there.rows, there.made_at)
+
+    return read
+
+
+for _query in (
+    AdminQuery(
+        "drives",
+        "Drives by day and status",
+        "How many drives were uploaded on each day, by what has become of them.",
+        {
+            "day": "Of the upload, UTC",
+            "status": "At present",
+            "drives": "How many",
+            "km": "Length of all of them",
+            "uploaded_bytes": "Size of their logs",
+        },
+        _live(lambda session, asked: store.drives_by_day(session, asked.days)),
+    ),
+    AdminQuery(
+        "queue",
+        "What waits and runs",
+        "Depth of the queue and the longest wait, by what waits.",
+        {"kind": "What", "jobs": "How many", "oldest_s": "Seconds since the first of them came, or began"},
+        _live(lambda session, _asked: store.queue(session)),
+    ),
+    AdminQuery(
+        "failures",
+        "Failures by reason",
+        "Why drives failed that were uploaded within so many days, the commonest reason first.",
+        {
+            "kind": "Of failure; `versant drives reprocess --failure` takes it",
+            "drives": "How many",
+            "share": "Of all drives of these days, 0 to 1",
+            "latest_reason": "What the latest of them was told",
+            "latest_at": "When that was uploaded",
+            "latest_drive": "Its id",
+        },
+        _live(lambda session, asked: store.failures(session, asked.days)),
+    ),
+    AdminQuery(
+        "times",
+        "Processing times by method",
+        f"What the time of the latest {store.LATEST_DRIVES} drives that are done went into: medians, and what 95 % did "
+        "not exceed, seconds.",
+        {
+            "method": "Estimator",
+            "drives": "How many",
+            "waited_p50_s": "In the queue",
+            "waited_p95_s": "",
+            "computed_p50_s": "By a worker",
+            "computed_p95_s": "",
+            "published_p50_s": "Until its squares were solved",
+            "published_p95_s": "",
+            "computed_p50_s_per_km": "Computing, for each kilometre driven",
+        },
+        _live(lambda session, _asked: store.times(session)),
+    ),
+    AdminQuery(
+        "coverage",
+        "Coverage by region and road class",
+        "How much of the roads was driven. A road of two regions counts in both.",
+        {
+            "region": "Name; empty: of none",
+            "highway": "Class in OpenStreetMap",
+            "segments": "How many there are",
+            "network_km": "Their length",
+            "driven_segments": "How many have a slope that a drive stands behind",
+            "driven_km": "Their length",
+        },
+        _kept("coverage"),
+        kept=True,
+    ),
+    AdminQuery(
+        "sigmas",
+        "Sigmas by number of drives",
+        "How sure slopes are, by how many drives are behind them.",
+        {
+            "drives_from": "Drives: from so many to below twice as many",
+            "sigma_from_percent": "Sigma of the slope: from so many percent to below the next step",
+            "segments": "How many",
+            "km": "Their length",
+        },
+        _kept("sigmas"),
+        kept=True,
+    ),
+    AdminQuery(
+        "disagreements",
+        "Worst disagreements between drives",
+        "Segments on which drives are not heard since they contradict the others, the worst first: by how many are not "
+        "heard, times how far off the farthest is. A parallel road, a changed road, or a bad mount.",
+        {
+            "segment_id": "Number; /v1/segments/{id}/observations tells which drive says what",
+            "osm_way_id": "Way in OpenStreetMap",
+            "highway": "Its class",
+            "name": "Its name",
+            "slope_percent": "Published",
+            "slope_sigma_percent": "Its sigma",
+            "drives": "Drives behind it",
+            "drives_unheard": "Drives that are not heard",
+            "lowest_percent": "The least that any drive says",
+            "highest_percent": "The most",
+            "farthest_sigmas": "How far from the published slope the farthest is, in its own sigmas",
+        },
+        _kept("disagreements"),
+        kept=True,
+    ),
+    AdminQuery(
+        "terrain",
+        "Elevation model against drives",
+        "How far the elevation model's slopes are from measured ones, by tile of zoom 12, the worst first; open roads "
+        "only, weighted by length.",
+        {
+            "tile": "z/x/y",
+            "segments": "How many were compared",
+            "km": "Their length",
+            "mean_difference_percent": "Model less drives",
+            "rms_difference_percent": "Root of the mean square",
+            "rms_sigma_percent": "The same of the drives' own sigmas: what of it may be theirs",
+        },
+        _kept("terrain"),
+        kept=True,
+    ),
+    AdminQuery(
+        "storage",
+        "What takes room",
+        "Logs in the blob store, then tables of the database with their indexes, the largest first.",
+        {
+            "kind": "`logs` or `table`",
+            "name": "Of the table",
+            "rows_about": "Rows, as the server last estimated them; of logs how many",
+            "table_bytes": "With what is kept out of line; of logs as they were uploaded",
+            "index_bytes": "Of its indexes",
+        },
+        _live(lambda session, _asked: store.storage(session)),
+    ),
+):
+    QUERIES.add(_query.name, _query)
