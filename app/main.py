@@ -14,6 +14,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 
+from app.changes import routes as changes
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.departures import EndWithClient
@@ -55,6 +56,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     drive_parts.router,
     segments.router,
+    changes.router,
     features.router,
     tiles.router,
     stats.router,

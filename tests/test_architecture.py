@@ -28,6 +28,7 @@ TOP_LEVEL = {
 SQL_PLACES = {
     Path("app") / place
     for place in (
+        "changes/pages.py",
         "changes/store.py",
         "core/databases.py",
         "core/schema.py",

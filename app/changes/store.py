@@ -34,7 +34,8 @@ _LETTERS = "abcdefghijklmnopqrstuvwxyz234567"
 _LENGTH = 10
 
 _PLACE = """
-    (SELECT CAST(c.system_identifier AS text) || '-' || d.oid || '-' || substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8)
+    (SELECT CAST(c.system_identifier AS text) || '-' || d.oid || '-'
+            || substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8)
      FROM pg_control_system() AS c, pg_database AS d WHERE d.datname = current_database())
 """
 # The number of the transaction that wrote a row stands in the row itself, without its upper half: a row that a dump
@@ -62,7 +63,7 @@ _BEGIN = text(
     INSERT INTO change_epoch (id, epoch, place, xid) SELECT 1, :epoch, {_PLACE}, versant_xid()
     ON CONFLICT (id) DO UPDATE SET epoch = excluded.epoch, place = excluded.place, xid = excluded.xid,
         begun_at = excluded.begun_at, pruned_xid = 0
-    """  # noqa: S608 - constants
+    """
 )
 
 _CHANGED_SINCE = """{alias}.id IN (

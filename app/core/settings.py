@@ -134,6 +134,13 @@ class Settings(BaseSettings):
         "its road.",
     )
 
+    changes_kept_days: float = Field(
+        90.0,
+        ge=1,
+        description="Days for which removed segments are told to those who follow changes; a version from before is "
+        "answered by 410.",
+    )
+
     # The API
     host: str = Field(
         "127.0.0.1",

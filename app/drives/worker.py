@@ -11,6 +11,8 @@ import threading
 import uuid
 from datetime import timedelta
 
+from app.changes import pages as changes
+from app.changes.store import begin_epoch
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
@@ -34,6 +36,9 @@ PUBLISH_LOOK_EVERY_S = 1.0
 
 SETTLE_LOOK_EVERY_S = 60.0
 """How often a worker looks whether squares are to be settled, seconds."""
+
+EPOCH_LOOK_EVERY_S = 30.0
+"""How often a worker looks whether the database was restored beneath it, seconds."""
 
 RENEW_EVERY_S = 600.0
 """How often a worker looks for what an update of the service left to be done, seconds."""
@@ -135,7 +140,9 @@ def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple
     tended = functools.partial(enqueuing.tend, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
+    numbered = functools.partial(begin_epoch, bench.sessions)
     return (
+        (in_thread(numbered, "changes could not be numbered anew"), EPOCH_LOOK_EVERY_S),
         (in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
         (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
@@ -150,6 +157,8 @@ def _sweep(bench: Workbench, settings: Settings, older_than: timedelta) -> None:
     """Clear the blob store, the attic of roads that are gone and, where no other database uses them, rasters."""
     if gone := attic.prune(bench.sessions, settings.keep_dropped_days):
         logger.info("let go what was measured on %d roads that are gone", gone)
+    if gone := changes.prune(bench.sessions, settings.changes_kept_days):
+        logger.info("%d segments that went or moved long ago are not told as changes any more", gone)
     found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)
     if found.removed:
         logger.info("removed %d blobs that no drive refers to", found.removed)
