@@ -30,6 +30,7 @@ SQL_PLACES = {
     for place in (
         "changes/pages.py",
         "changes/store.py",
+        "changes/webhooks/store.py",
         "core/databases.py",
         "core/schema.py",
         "core/telemetry/ledger.py",
