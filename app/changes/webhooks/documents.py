@@ -48,9 +48,7 @@ def _events(names: list[Event]) -> list[Event]:
     return sorted(set(names), key=list(EVENTS).index)
 
 
-def _box(corners: list[float] | None) -> list[float] | None:
-    if corners is None:
-        return None
+def _box(corners: list[float]) -> list[float]:
     west, south, east, north = corners
     if not (-180 <= west <= 180 and -180 <= east <= 180 and -90 <= south < north <= 90 and west != east):
         raise ValueError("write west, south, east, north in degrees; west may exceed east, south not north")
@@ -62,9 +60,13 @@ Events = Annotated[
     AfterValidator(_events),
     Field(min_length=1, max_length=len(EVENTS), description="What it is told of."),
 ]
-Box = Annotated[
-    list[Annotated[float, Field(allow_inf_nan=False)]] | None,
+_Corners = Annotated[
+    list[Annotated[float, Field(allow_inf_nan=False)]],
+    Field(min_length=4, max_length=4),
     AfterValidator(_box),
+]
+Box = Annotated[
+    _Corners | None,
     Field(
         description="West, south, east, north in degrees (west > east: across the antimeridian): only segments, and "
         "drives, that meet it. Null: everywhere.",
@@ -82,7 +84,7 @@ class WebhookRequest(BaseModel):
 
     url: Url
     events: Events
-    bbox: Annotated[Box, Field(min_length=4, max_length=4)] = None
+    bbox: Box = None
 
 
 class WebhookChange(BaseModel):
@@ -92,7 +94,7 @@ class WebhookChange(BaseModel):
 
     url: Url | None = None
     events: Events | None = None
-    bbox: Annotated[Box, Field(min_length=4, max_length=4)] = None
+    bbox: Box = None
     active: bool | None = Field(
         None, description="Messages are sent to it; true also after it was switched off."
     )
