@@ -71,8 +71,10 @@ class Teller:
     def _send(self, due: Due | None) -> None:
         """Send a message, and then whatever else is due."""
         try:
-            while due is not None and not self._ended.is_set():
+            while due is not None:
                 deliver(self._sessions, self._settings, due)
+                if self._ended.is_set():
+                    return
                 with self._sessions.begin() as session:
                     due = store.claim(session)
         except Exception as error:

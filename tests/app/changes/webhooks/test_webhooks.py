@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import hmac
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -350,6 +351,8 @@ def test_one_that_hangs_keeps_no_other_waiting(told: Web, monkeypatch: pytest.Mo
         assert time.monotonic() - begun_s < 15
         teller.close()
         hanging.done.set()
+        for thread in [one for one in threading.enumerate() if one.name == "webhook"]:
+            thread.join(timeout=20)
 
 
 def test_messages_that_ended_long_ago_are_forgotten(told: Web) -> None:
