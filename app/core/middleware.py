@@ -55,6 +55,7 @@ PUBLISHED = (
     "/openapi.json",
     "/problems",
     "/tiles",
+    "/v1/changes",
     "/v1/elevation",
     "/v1/segments",
 )

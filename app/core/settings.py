@@ -134,6 +134,13 @@ class Settings(BaseSettings):
         "its road.",
     )
 
+    changes_kept_days: float = Field(
+        90.0,
+        ge=1,
+        description="Days for which removed segments are told to those who follow changes; a version from before is "
+        "answered by 410.",
+    )
+
     # The API
     host: str = Field(
         "127.0.0.1",
@@ -213,6 +220,20 @@ class Settings(BaseSettings):
         le=3600,
         description="Seconds in which a worker ends that is asked to stop: for half of them its drive goes on, then it "
         "goes back into the queue.",
+    )
+    webhook_private: bool = Field(
+        False,
+        description="Whether webhooks may call addresses of this machine and of private networks, and by plain http. "
+        "There is no access control yet: whoever reaches the API could make the service call what only it reaches.",
+    )
+    webhook_timeout_s: float = Field(
+        10.0, gt=0, le=30, description="Seconds in which a webhook's receiver has to answer."
+    )
+    webhook_every_s: float = Field(
+        10.0, ge=0, le=86400, description="A receiver is told of changed segments at most so often, seconds."
+    )
+    webhook_patience_days: float = Field(
+        3.0, gt=0, le=30, description="Days of failures after which a webhook is switched off."
     )
     run_limit_s: float = Field(
         3600.0, gt=0, description="Seconds that processing a drive may take; beyond them it fails."

@@ -8,6 +8,7 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.changes.store import begin_epoch
 from app.core import databases, migrate, mirror
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
@@ -94,6 +95,10 @@ def restore(
     dumps.restore(settings.database_url, folder / manifest.dump.path, newest)
     with sessions.begin() as session:
         waiting = store.put_back(session)
+        has_epochs = store.has_epochs(session)
+    if has_epochs:
+        # Else its migration leaves that to be done.
+        begin_epoch(sessions)
     progress("database", 1.0)
     return Restored(new, waiting, tuple(name for name in blobs.databases() if name != identity))
 
