@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 
 from app.changes.store import changed_since_sql, parse_version, state, version_text
 from app.core.db import fetch_binary
+from app.core.departures import client_left
 from app.core.errors import BadQueryError
 from app.map.items.collections import Collection
 from app.map.items.geojson import feature_sql
@@ -78,6 +79,8 @@ def page(session: Session, request: ItemRequest) -> Page:
     except (DataError, InternalError_) as error:
         raise _not_computed(request, error) from error
     except QueryCanceled as error:
+        if request.patience_s is None or client_left():
+            raise
         raise _too_long(request) from error
     return Page(
         features=[row[0] for row in shown],
