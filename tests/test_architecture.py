@@ -45,6 +45,7 @@ SQL_PLACES = {
         "jobs/computations.py",
         "map/figures.py",
         "map/heights/store.py",
+        "map/items/store.py",
         "map/store.py",
         "ops/admin/store.py",
         "ops/store.py",
