@@ -42,7 +42,8 @@ from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
 from app.map import features, segments, tiles
-from app.map.features import BIND_NOTE
+from app.map.ogc import api, collections, landing, schemas
+from app.map.ogc.landing import BIND_NOTE
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
@@ -55,12 +56,17 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     drive_parts.router,
     segments.router,
+    landing.router,
+    api.router,
+    collections.router,
+    schemas.router,
     features.router,
     tiles.router,
     stats.router,
     health.router,
     metrics_router,
     problem_kinds.router,
+    collections.unknown,  # after all: what no other route of collections answers
 )
 
 
@@ -91,6 +97,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=code_version(),
         openapi_tags=TAGS,
         license_info={"name": "Apache 2.0", "identifier": "Apache-2.0"},
+        openapi_url=None,  # app.map.ogc.api answers, in two versions and as a page
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,

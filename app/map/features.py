@@ -80,67 +80,6 @@ router = APIRouter(tags=["map"])
 
 
 @router.get(
-    "/", summary="Landing page", responses={200: json_answer("Links to all there is.", {"links": []})}
-)
-def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> dict[str, Any]:
-    """Where everything is."""
-    _only_json(request, f)
-    links = [
-        link(f"{base}/", "self", title="This document"),
-        link(f"{base}/openapi.json", "service-desc", OPENAPI_TYPE, "The API, OpenAPI 3.1"),
-        link(f"{base}/conformance", "conformance", title="Conformance classes"),
-        link(f"{base}/collections", "data", title="Collections"),
-        link(f"{base}/tiles.json", "tiles", title="Vector tiles, TileJSON 3"),
-        link(f"{base}/v1/drives", "drives", title="Uploaded drives"),
-    ]
-    return {
-        "title": "Versant",
-        "description": f"Slopes of roads from vehicle logs. {BIND_NOTE}",
-        "attribution": attribution(),
-        "links": link_documents(links),
-    }
-
-
-@router.get(
-    "/conformance",
-    summary="Conformance classes",
-    responses={200: json_answer("The classes.", {"conformsTo": list(CONFORMANCE)})},
-)
-def conformance(request: Request, f: FormatQuery = None) -> dict[str, Any]:
-    """The parts of OGC standards that this service keeps to."""
-    _only_json(request, f)
-    return {"conformsTo": list(CONFORMANCE)}
-
-
-@router.get(
-    "/collections",
-    summary="Collections",
-    responses={
-        200: json_answer("One.", {"links": [], "collections": [{"id": COLLECTION}]}),
-        **problems(400, 503),
-    },
-)
-def collections(
-    request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuery = None
-) -> dict[str, Any]:
-    """There is one: the road segments."""
-    _only_json(request, f)
-    links = [link(f"{base}/collections", "self"), link(f"{base}/", "root")]
-    return {"links": link_documents(links), "collections": [_collection(service, base)]}
-
-
-@router.get(
-    f"/collections/{COLLECTION}",
-    summary="The collection of segments",
-    responses={200: json_answer("The collection.", {"id": COLLECTION, "links": []}), **problems(400, 503)},
-)
-def collection(request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuery = None) -> dict[str, Any]:
-    """Title, extent, links."""
-    _only_json(request, f)
-    return _collection(service, base)
-
-
-@router.get(
     f"/collections/{COLLECTION}/items",
     summary="Segments",
     response_class=Response,
