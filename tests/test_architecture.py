@@ -28,6 +28,7 @@ TOP_LEVEL = {
 SQL_PLACES = {
     Path("app") / place
     for place in (
+        "changes/store.py",
         "core/databases.py",
         "core/schema.py",
         "core/telemetry/ledger.py",
