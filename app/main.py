@@ -41,9 +41,10 @@ from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
-from app.map import features, segments, tiles
-from app.map.ogc import api, collections, landing, schemas
+from app.map import segments, tiles
+from app.map.ogc import api, collections, items, landing, schemas
 from app.map.ogc.landing import BIND_NOTE
+from app.map.ogc.parameters import tell_limits
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
@@ -60,7 +61,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     api.router,
     collections.router,
     schemas.router,
-    features.router,
+    items.router,
     tiles.router,
     stats.router,
     health.router,
@@ -107,7 +108,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     install_error_handlers(app)
     for router in ROUTERS:
         app.include_router(router)
-    describe(app)
+    describe(app, partial(tell_limits, settings=chosen))
     return app
 
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
+from urllib.parse import urlencode
 
 from fastapi import Query, Request, Response
 
 from app.core.errors import BadQueryError, NotAcceptableError
-from app.core.http import JSON, REVALIDATE, Link, etag_matches, link, preferred, with_query
+from app.core.http import JSON, REVALIDATE, Link, etag_matches, link, preferred
 from app.core.text import GEO_JSON
 
 HTML = "text/html"
@@ -62,12 +63,14 @@ class Wanted:
         """Whether it is a page for people."""
         return self.form is AS_HTML
 
-    def links(self, address: str, title: str | None = None, **query: Any) -> list[Link]:
-        """``self``, and ``alternate`` for each other form of what is at ``address`` with this query."""
-        own = link(with_query(address, **query, f=self.asked), "self", self.media_type, title or "This document")
+    def links(self, address: str, pairs: Iterable[tuple[str, str]] = ()) -> list[Link]:
+        """``self``, and ``alternate`` for each other form of what is at ``address`` with these parameters."""
+        others_pairs = [(name, text) for name, text in pairs if name != "f"]
+        own_pairs = [*others_pairs, *([("f", self.asked)] if self.asked else [])]
+        own = link(with_pairs(address, own_pairs), "self", self.media_type, "This document")
         others = [
             link(
-                with_query(address, **query, f=form.names[0]),
+                with_pairs(address, [*others_pairs, ("f", form.names[0])]),
                 "alternate",
                 form.media_types[0],
                 f"This document as {form.title}",
@@ -76,6 +79,11 @@ class Wanted:
             if form is not self.form
         ]
         return [own, *others]
+
+
+def with_pairs(address: str, pairs: Sequence[tuple[str, str]]) -> str:
+    """``address`` with these parameters, in their order."""
+    return f"{address}?{urlencode(pairs, safe=',:/')}" if pairs else address
 
 
 def wanted(request: Request, f: str | None, *forms: Form) -> Wanted:
