@@ -41,6 +41,7 @@ SQL_PLACES = {
         "drives/store.py",
         "drives/tracks.py",
         "jobs/computations.py",
+        "map/items/store.py",
         "map/store.py",
         "ops/store.py",
         "roads/copy.py",

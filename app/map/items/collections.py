@@ -98,8 +98,8 @@ _TEXTS: Mapping[str, tuple[str, str, str | None]] = {
     "tunnel": ("Tunnel", "Whether it is, or in part is, a tunnel.", None),
     "slope_percent": (
         "Slope",
-        "100 * rise / run, positive uphill from from_node to to_node; of a way the mean over what was measured of it, by "
-        "length. Null where it is not known.",
+        "100 * rise / run, positive uphill from from_node to to_node; of a way the mean over what was measured of "
+        "it, by length. Null where it is not known.",
         "%",
     ),
     "slope_sigma_percent": ("Sigma of the slope", "One standard deviation.", "%"),
@@ -133,7 +133,18 @@ _JSON: Mapping[str, tuple[str, str | None]] = {
 """Arrow's name of a type -> JSON Schema's type and format."""
 
 _ALWAYS = frozenset(
-    {"id", "osm_way_id", "from_node", "to_node", "segments", "length_m", "highway", "oneway", "bridge", "tunnel"}
+    {
+        "id",
+        "osm_way_id",
+        "from_node",
+        "to_node",
+        "segments",
+        "length_m",
+        "highway",
+        "oneway",
+        "bridge",
+        "tunnel",
+    }
     | {"drives", "observations", "measured_share"}
 )
 """What every feature has."""
@@ -209,10 +220,10 @@ WAYS = Collection(
     id="ways",
     title="Slopes of ways",
     description=(
-        "Consecutive segments of one OpenStreetMap way, merged. slope_percent is the mean over what was measured of it, "
-        "by length, positive uphill along the line; measured_share is how much that is, 0 to 1; steepest_percent is the "
-        "mean grade over the steepest 20 m, from steepest_from_m to steepest_to_m. It is derived from the segments and "
-        "follows them after a moment. Unknown is null."
+        "Consecutive segments of one OpenStreetMap way, merged. slope_percent is the mean over what was measured of "
+        "it, by length, positive uphill along the line; measured_share is how much that is, 0 to 1; steepest_percent "
+        "is the mean grade over the steepest 20 m, from steepest_from_m to steepest_to_m. A way is derived from its "
+        "segments and follows them after a moment. Unknown is null."
     ),
     properties=_properties(_WAY_COLUMNS),
     source="ways AS w",

@@ -1,7 +1,7 @@
 """Reads a filter in CQL2, text or JSON, into the tree that the standard's JSON describes. Knows no property.
 
-The grammar is a library's (``cql2``). It descends into itself for every bracket and sign, so what is too long or too deep
-is refused before it sees it.
+The grammar is a library's (``cql2``). It descends into itself for every bracket and sign, so what is too long or too
+deep is refused before it sees it.
 """
 
 from __future__ import annotations
@@ -96,7 +96,9 @@ def _check_size(text: str) -> None:
         refuse(f"its brackets are nested {deepest} deep; they may be {DEEPEST} deep")
     operators = len(_OPERATORS.findall(bare))
     if operators > MOST_OPERATORS:
-        refuse(f"it has {operators} operators; there may be {MOST_OPERATORS}. A list is shorter: name IN ('a', 'b')")
+        refuse(
+            f"it has {operators} operators; there may be {MOST_OPERATORS}. A list is shorter: name IN ('a', 'b')"
+        )
 
 
 def _told(said: str, text: str) -> str:

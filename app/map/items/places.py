@@ -48,7 +48,7 @@ CRSS: Mapping[str, Crs] = {one.uri: one for one in (CRS84, EPSG4326, EPSG3857)}
 
 @dataclass(frozen=True)
 class Condition:
-    """A condition in SQL, and the values of its parameters."""
+    """A condition in SQL with psycopg's placeholders, and their values."""
 
     sql: str
     values: Mapping[str, Any]
@@ -79,15 +79,14 @@ def parse_box(text: str, crs: Crs) -> Bounds:
 
 def in_box(line: str, box: Bounds) -> Condition:
     """The lines that meet a box."""
-    west, south, east, north = box
-    if west <= east:
+    if box[0] <= box[2]:
         return Condition(_within(line, "west", "east"), _corners(box))
     sql = f"({_within(line, 'west', 'edge_east')} OR {_within(line, 'edge_west', 'east')})"
     return Condition(sql, {**_corners(box), "edge_east": 180.0, "edge_west": -180.0})
 
 
 def _within(line: str, west: str, east: str) -> str:
-    return f"ST_Intersects({line}, ST_MakeEnvelope(:{west}, :south, :{east}, :north, 4326))"
+    return f"ST_Intersects({line}, ST_MakeEnvelope(%({west})s, %(south)s, %({east})s, %(north)s, 4326))"
 
 
 def _corners(box: Bounds) -> dict[str, float]:

@@ -43,7 +43,7 @@ def span(text: str) -> Span:
 
 
 def interval(first: str, last: str) -> Span:
-    """An interval of two times, each of which may be ``..`` or nothing; ``ValueError`` where it ends before it begins."""
+    """From one time to another, each of which may be ``..`` or nothing; ``ValueError`` if it ends before it begins."""
     start = None if first in {"", OPEN} else span(first)[0]
     end = None if last in {"", OPEN} else span(last)[1]
     if start is not None and end is not None and end < start:
