@@ -55,6 +55,7 @@ def schema_links(base: str, collection: Collection) -> list[Link]:
     return [
         link(schema, SCHEMA_RELATION, SCHEMA_JSON, "The properties of the items, JSON Schema"),
         link(f"{schema}?f=xsd", "describedby", XML, "The properties of the items, XML Schema"),
+        link(f"{schema}?f=xsd", "describedBy", XML, "The same, as GDAL before 3.7 writes the relation"),
         link(queryables, QUERYABLES_RELATION, SCHEMA_JSON, "What may be filtered by"),
         link(sortables, SORTABLES_RELATION, SCHEMA_JSON, "What may be sorted by"),
     ]
