@@ -30,7 +30,7 @@ _DESCRIBED: Mapping[str, tuple[Json, str]] = {
     "datetime": (
         _TEXT,
         "A time of RFC 3339, or an interval such as 2026-11-20T00:00:00Z/..: what was published of the item changed "
-        "last then (`updated_at`).",
+        "last then (`updated_at`), or nothing is known of it: with `driven=true` only what was driven comes.",
     ),
     "driven": (_TRUTH, "Only items that were (true) or were not (false) driven."),
     "filter": (_TEXT, "A condition in CQL2, as in `slope_percent > 8 AND highway = 'residential'`."),
@@ -93,6 +93,5 @@ def _parameter(collection: Collection, name: str) -> Json:
 def _comparison(one: Property) -> Json:
     known = property_schema(one)
     text = f"{known.pop('title')}: {known.pop('description')} Several values with commas: any of them."
-    plain = {name: value for name, value in known.items() if not name.startswith("x-")}
-    schema = {"type": "array", "items": plain}
-    return {"name": one.name, "in": "query", "required": False, "description": text, "schema": schema, **_LISTS}
+    schema = {name: value for name, value in known.items() if not name.startswith("x-")}
+    return {"name": one.name, "in": "query", "required": False, "description": text, "schema": schema}
