@@ -43,9 +43,11 @@ from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
-from app.map import features, segments, tiles
-from app.map.features import BIND_NOTE
+from app.map import segments, tiles
 from app.map.heights import routes as heights
+from app.map.ogc import api, collections, items, landing, schemas
+from app.map.ogc.landing import BIND_NOTE
+from app.map.ogc.parameters import tell_limits
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
@@ -61,7 +63,11 @@ ROUTERS: tuple[APIRouter, ...] = (
     segments.router,
     changes.router,
     webhooks.router,
-    features.router,
+    landing.router,
+    api.router,
+    collections.router,
+    schemas.router,
+    items.router,
     tiles.router,
     heights.router,
     stats.router,
@@ -69,6 +75,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     metrics_router,
     problem_kinds.router,
+    collections.unknown,  # after all: what no other route of collections answers
 )
 
 
@@ -99,6 +106,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=code_version(),
         openapi_tags=TAGS,
         license_info={"name": "Apache 2.0", "identifier": "Apache-2.0"},
+        openapi_url=None,  # app.map.ogc.api answers, in two versions and as a page
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,
@@ -108,7 +116,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     install_error_handlers(app)
     for router in ROUTERS:
         app.include_router(router)
-    describe(app)
+    describe(app, partial(tell_limits, settings=chosen))
     return app
 
 

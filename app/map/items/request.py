@@ -161,7 +161,10 @@ def _plain_conditions(collection: Collection, one: Mapping[str, str]) -> list[Co
         conditions.append(in_box(collection.line, parse_box(one["bbox"], crs)))
     if "datetime" in one:
         first, last = parse_datetime(one["datetime"])
-        conditions.append(_between(collection.properties["updated_at"].sql, "datetime", first, last))
+        # What has no time matches any (OGC 17-069r4, /req/core/fc-time-response).
+        timed = collection.properties["updated_at"].sql
+        then = _between(timed, "datetime", first, last)
+        conditions.append(Condition(f"({timed} IS NULL OR {then.sql})", then.values))
     if "driven" in one:
         conditions.append(Condition(collection.driven[_truth(one["driven"], "driven")], {}))
     return conditions
@@ -202,7 +205,8 @@ def _compared(one: Property, texts: Sequence[str]) -> Condition:
         values = {key: value for condition in some for key, value in condition.values.items()}
         return Condition("(" + " OR ".join(condition.sql for condition in some) + ")", values)
     try:
-        read = [_READERS[one.kind](text) for text in listed]
+        # A name may have a comma in it.
+        read = [_READERS[one.kind](text) for text in dict.fromkeys([*listed, *texts] if one.kind == "string" else listed)]
     except ValueError:
         raise BadQueryError(
             f"{one.name}: {_WANTED[one.kind]}, or several with commas.", field=one.name
