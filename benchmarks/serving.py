@@ -9,8 +9,8 @@ environment with tipg and uvicorn, which want other packages than ours: ``python
 ``tipg/bin/pip install tipg uvicorn uvloop``. DIR keeps the database for the next run.
 
 One embedded cluster with the settings of `versant up`, one process each of ``versant api``, tipg and the bare endpoint,
-and two clients that keep their connections and ask for tiles where the roads are. Rounds take turns between the servers;
-figures are medians of the rounds, ratios those within one round. Rows:
+and two clients that keep their connections and ask for tiles where the roads are. Rounds take turns between the
+servers; figures are medians of the rounds, ratios those within one round. Rows:
 
     tipg, bare   a tile built for each request: five properties; tipg from a flat table without a join, not compressed
     first        our first build of a tile: before each pass every square gets a new version, so no stored tile counts
@@ -28,12 +28,11 @@ the point, and not the same picture.
 from __future__ import annotations
 
 import argparse
-import json
 import statistics
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -164,7 +163,9 @@ class Bench:
     def items(self) -> dict[str, Rates]:
         """Pages of 1,000 features."""
         ours = [Asked(f"/collections/segments/items?limit=1000&bbox={box}") for box in self.boxes]
-        theirs = [Asked(f"/collections/bench.items/items?f=geojson&limit=1000&bbox={box}") for box in self.boxes]
+        theirs = [
+            Asked(f"/collections/bench.items/items?f=geojson&limit=1000&bbox={box}") for box in self.boxes
+        ]
         return {
             "items": ask(self.ours, ours, seconds=self.seconds, compressed=False),
             "items, tipg": ask(self.theirs, theirs, seconds=2 * self.seconds, compressed=False),
@@ -276,7 +277,7 @@ def measure(bench: Bench, rounds: int) -> dict[str, Any]:
     }
 
 
-def report(figures: dict[str, Any], density: dict[int, float]) -> None:
+def report(figures: dict[str, Any], density: Mapping[int, float]) -> None:
     """Print the table."""
     print(f"{'':<14}{'per second':>11}{'p95 ms':>9}{'kB':>9}{'x tipg':>9}{'aim':>7}")
     for name, row in figures.items():
@@ -299,11 +300,15 @@ def main() -> None:
     parser.add_argument("--segments", type=int, default=1_000_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=3.0, help="of each row in each round (default 3)")
-    parser.add_argument("--keep", type=Path, help="keep the database in this folder, and use it if it is there")
+    parser.add_argument(
+        "--keep", type=Path, help="keep the database in this folder, and use it if it is there"
+    )
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
     chosen = parser.parse_args()
     with ExitStack() as open_:
-        folder = chosen.keep or Path(open_.enter_context(tempfile.TemporaryDirectory(prefix="versant-bench-")))
+        folder = chosen.keep or Path(
+            open_.enter_context(tempfile.TemporaryDirectory(prefix="versant-bench-"))
+        )
         cluster = open_.enter_context(EmbeddedPostgres(folder / "cluster"))
         fill_once(cluster, chosen.file, folder, chosen.segments)
         bench = open_.enter_context(servers(cluster, folder, chosen.tipg, chosen.seconds))

@@ -37,8 +37,8 @@ _SLOPES = text(
     INSERT INTO segment_slopes (segment_id, slope_percent, slope_sigma_percent, drives, observations, driven_share,
                                 height_from_m, height_to_m, height_sigma_m, steepest_percent, steepest_from_m,
                                 steepest_to_m)
-    SELECT id, slope, 0.2 + osm_way_id % 7 * 0.1, 1 + osm_way_id % 9, 5 + osm_way_id % 50, 1, 200, 200 + slope * length_m
-           / 100, 2, slope * 1.1, 0, least(length_m, 20)
+    SELECT id, slope, 0.2 + osm_way_id % 7 * 0.1, 1 + osm_way_id % 9, 5 + osm_way_id % 50, 1,
+           200, 200 + slope * length_m / 100, 2, slope * 1.1, 0, least(length_m, 20)
     FROM segments, LATERAL (SELECT 6 * sin(ST_X(ST_StartPoint(geom)) * 700) * cos(ST_Y(ST_StartPoint(geom)) * 900)
                             + 0.01 AS slope) AS s
     WHERE osm_way_id % 3 = 0

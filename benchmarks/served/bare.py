@@ -24,7 +24,9 @@ _MVT = """
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     options = {"options": "-c jit=off -c max_parallel_workers_per_gather=0", "autocommit": True}
-    async with AsyncConnectionPool(os.environ["BENCH_DSN"], min_size=2, max_size=4, kwargs=options, open=False) as pool:
+    async with AsyncConnectionPool(
+        os.environ["BENCH_DSN"], min_size=2, max_size=4, kwargs=options, open=False
+    ) as pool:
         app.state.pool = pool
         yield
 

@@ -1,8 +1,8 @@
 """The servers that are compared, each a process on the same database: this service, tipg, and a bare endpoint.
 
 tipg runs in an environment of its own (its packages want other versions of ours); it reads a flat table that it is
-given, without a join. The bare endpoint is FastAPI with an asynchronous pool around one ``ST_AsMVT``, on the geometry of
-the tiles: what anybody writes first.
+given, without a join. The bare endpoint is FastAPI with an asynchronous pool around one ``ST_AsMVT``, on the geometry
+of the tiles: what anybody writes first.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ FLAT = """
     CREATE SCHEMA IF NOT EXISTS bench;
     DROP TABLE IF EXISTS bench.tiles, bench.items;
     CREATE TABLE bench.tiles AS
-        SELECT s.id, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives, s.highway, s.oneway, s.geom
+        SELECT s.id, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives, s.highway, s.oneway,
+               s.geom
         FROM segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0 ORDER BY s.id;
     ALTER TABLE bench.tiles ADD PRIMARY KEY (id);
     CREATE INDEX ON bench.tiles USING gist (geom);
@@ -85,7 +86,9 @@ def bare(dsn: str, port: int) -> Iterator[None]:
     """The bare endpoint, until the block ends."""
     here = Path(__file__).resolve().parents[1]
     command = [sys.executable, "-m", "uvicorn", "served.bare:app", "--host", "127.0.0.1", "--port", str(port)]
-    with _process([*command, "--no-access-log", "--log-level", "warning"], {"BENCH_DSN": dsn, "PYTHONPATH": str(here)}):
+    with _process(
+        [*command, "--no-access-log", "--log-level", "warning"], {"BENCH_DSN": dsn, "PYTHONPATH": str(here)}
+    ):
         _await(f"http://127.0.0.1:{port}/healthz")
         yield
 
