@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +26,12 @@ _ROADS = text(
                           tunnel, layer, dem_slope_percent, road_version_id)
     SELECT 70 + g / 7, 5000000000 + g, 5000000001 + g, line, ST_Transform(line, 3857), (g * 37 % 101) / 8.0 + 1,
         (ARRAY['residential', 'primary', 'track', 'motor"way'])[1 + g * g % 4],
-        (ARRAY[NULL, 'Straße', 'Allée', 'O''Brien', E'a\\\\b\\n%_', 'ÉCOLE', ''])[1 + g % 7], g % 3 - 1, g % 5 = 0, g % 11 = 0, 0,
+        (ARRAY[NULL, 'Straße', 'Allée', 'O''Brien', E'a\\\\b\\n%_', 'ÉCOLE', ''])[1 + g % 7], g % 3 - 1,
+        g % 5 = 0, g % 11 = 0, 0,
         (ARRAY[NULL, 'NaN', 2.67495, -0.00001, 12.5, -3, 'Infinity'])[1 + g % 7], 1
     FROM generate_series(0, {N - 1}) AS g, LATERAL (
-        SELECT ST_SetSRID(ST_MakeLine(ST_MakePoint(x, y), ST_MakePoint(least(x + 0.0031, 180), y + 0.0017)), 4326) AS line
+        SELECT ST_SetSRID(ST_MakeLine(ST_MakePoint(x, y), ST_MakePoint(least(x + 0.0031, 180), y + 0.0017)),
+                         4326) AS line
         FROM (SELECT CASE WHEN g % 10 = 0 THEN 179.99 WHEN g % 10 = 1 THEN -180 ELSE 8.4 + g % 13 * 0.01 END AS x,
                      49 + g / 13 * 0.01 AS y) AS place) AS lines
     """
@@ -48,7 +49,8 @@ _SLOPES = text(
 _WAYS = text(
     """
     INSERT INTO ways (id, osm_way_id, from_node, to_node, segments, length_m, highway, name, oneway, bridge, tunnel,
-                      slope_percent, slope_sigma_percent, drives, observations, updated_at, measured_share, geom, geom_3857)
+                      slope_percent, slope_sigma_percent, drives, observations, updated_at, measured_share, geom,
+                      geom_3857)
     SELECT min(id), osm_way_id, min(from_node), max(to_node), count(*), sum(length_m), min(highway), min(name), 0,
            bool_or(bridge), bool_or(tunnel), -1.23456, 0.5, 2, 9, timestamptz '2026-11-02 03:04:05.678901+00', 0.5,
            ST_MakeLine(geom), ST_MakeLine(geom_3857)
@@ -57,22 +59,16 @@ _WAYS = text(
 )
 
 
-@dataclass(repr=False)
 class Items:
     """The engine of items on a database of its own."""
 
-    sessions: Sessions
-    settings: Settings
-    stored: list[dict[str, Any]] = field(default_factory=list)
-    """What the columns of segments hold, by ascending id."""
-
-    def __repr__(self) -> str:
-        return f"<{len(self.stored)} items>"
+    def __init__(self, sessions: Sessions, settings: Settings, stored: list[dict[str, Any]]) -> None:
+        """``stored``: what the columns of segments hold, by ascending id."""
+        self.sessions, self.settings, self.stored = sessions, settings, stored
 
     def page(self, collection: str = "segments", **params: str) -> Page:
         """What a request with these parameters gives."""
-        pairs = [(name.replace("__", "-"), value) for name, value in params.items()]
-        return self.asked(pairs, collection)
+        return self.asked(list(params.items()), collection)
 
     def asked(self, pairs: list[tuple[str, str]], collection: str = "segments") -> Page:
         """The same of pairs of name and text."""

@@ -19,16 +19,14 @@ from app.map.items.places import CRS84, CRSS, EPSG3857
 from app.map.items.request import parse_item
 from app.map.items.store import one
 from app.map.segment import COLUMNS, PROPERTIES
-from items_support import N, Items
+from items_support import Items, N
 
 
 @pytest.mark.parametrize("gaps", ["true", "false"])
 def test_every_feature_is_what_the_record_writes(items: Items, gaps: str) -> None:
     found = [json.loads(text) for text in items.page(limit="1000", gaps=gaps).features]
     with items.sessions() as session:
-        expected = [
-            row.geojson() for row in segments.segment_items(session, limit=1000, gaps=gaps == "true")
-        ]
+        expected = [row.geojson() for row in segments.segment_items(session, limit=1000, gaps=gaps == "true")]
     assert len(found) == N
     assert found == expected
     assert [list(feature["properties"]) for feature in found] == [list(PROPERTIES)] * N
@@ -64,7 +62,9 @@ numbers = st.floats() | st.builds(
 @given(values=st.lists(numbers | st.none(), min_size=20, max_size=20), digits=st.integers(0, 7))
 def test_numbers_are_rounded_alike(items: Items, values: list[float | None], digits: int) -> None:
     pieces = ", ',', ".join(
-        value_sql(Property(f"v{n}", f"CAST(%(v{n})s AS float8)", "number", "", "", nullable=True, digits=digits))
+        value_sql(
+            Property(f"v{n}", f"CAST(%(v{n})s AS float8)", "number", "", "", nullable=True, digits=digits)
+        )
         for n in range(len(values))
     )
     with items.sessions() as session:
