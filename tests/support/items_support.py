@@ -25,7 +25,7 @@ _ROADS = text(
     INSERT INTO segments (osm_way_id, from_node, to_node, geom, geom_3857, length_m, highway, name, oneway, bridge,
                           tunnel, layer, dem_slope_percent, road_version_id)
     SELECT 70 + g / 7, 5000000000 + g, 5000000001 + g, line, ST_Transform(line, 3857), (g * 37 % 101) / 8.0 + 1,
-        (ARRAY['residential', 'primary', 'track', 'motor"way'])[1 + g * g % 4],
+        (ARRAY['residential', 'primary', 'track', 'motor"way'])[1 + g / 2 % 4],
         (ARRAY[NULL, 'Straße', 'Allée', 'O''Brien', E'a\\\\b\\n%_', 'ÉCOLE', ''])[1 + g % 7], g % 3 - 1,
         g % 5 = 0, g % 11 = 0, 0,
         (ARRAY[NULL, 'NaN', 2.67495, -0.00001, 12.5, -3, 'Infinity'])[1 + g % 7], 1
