@@ -137,8 +137,7 @@ class Settings(BaseSettings):
     changes_kept_days: float = Field(
         90.0,
         ge=1,
-        description="Days for which removed segments are told to those who follow changes; a version from before is "
-        "answered by 410.",
+        description="Days for which removed segments are told to who follows changes; older versions get a 410.",
     )
 
     # The API
@@ -230,14 +229,11 @@ class Settings(BaseSettings):
     )
     webhook_private: bool = Field(
         False,
-        description="Whether webhooks may call addresses of this machine and of private networks, and by plain http. "
-        "There is no access control yet: whoever reaches the API could make the service call what only it reaches.",
+        description="Whether webhooks may call addresses of this machine and of private networks, and by plain http: "
+        "whoever reaches the API could then make the service call what only it reaches.",
     )
     webhook_timeout_s: float = Field(
         10.0, gt=0, le=30, description="Seconds in which a webhook's receiver has to answer."
-    )
-    webhook_every_s: float = Field(
-        10.0, ge=0, le=86400, description="A receiver is told of changed segments at most so often, seconds."
     )
     webhook_patience_days: float = Field(
         3.0, gt=0, le=30, description="Days of failures after which a webhook is switched off."

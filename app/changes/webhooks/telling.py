@@ -31,6 +31,8 @@ logger = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 1.0
 """How often a worker looks for messages that are due."""
+EVERY_S = 10.0
+"""An address is told of changed segments at most so often."""
 AT_ONCE = 8
 """Messages that one worker sends at the same time, each to another address."""
 COUNTED = 100_000
@@ -50,7 +52,7 @@ class Teller:
         with self._sessions() as session:
             if not store.count_webhooks(session):
                 return
-        note_changes(self._sessions, self._settings.webhook_every_s)
+        note_changes(self._sessions, EVERY_S)
         while not self._ended.is_set() and self._free.acquire(blocking=False):
             due = None
             try:
