@@ -6,9 +6,10 @@ A new one is a class that follows ``Handover`` (``base``), and one line below. `
 from __future__ import annotations
 
 from app.map.handover.base import Handover
+from app.map.handover.osm_ele import OsmEle
 from app.map.handover.osrm import OsrmSpeeds
 from fusion.registry import Registry
 
 HANDOVERS: Registry[Handover] = Registry("handover")
-for _handover in (OsrmSpeeds(),):
+for _handover in (OsmEle(), OsrmSpeeds()):
     HANDOVERS.add(_handover.name, _handover)

@@ -44,12 +44,16 @@ class Source(Protocol):
     def road_files(self) -> Sequence[Path]:
         """The ways with a ``highway`` and their nodes, with all tags, as each region's last import kept them (PBF).
 
-        Sorted; a way may be in several. ``RoadsError`` where a file is missing.
+        Sorted; that of the newest import in front, for a way may be in several. ``RoadsError`` where a file is missing.
         """
         ...
 
     def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
         """Of the ground by the active elevation rasters, m, above their own datum; NaN unknown; shapes (n,)."""
+        ...
+
+    def ground_datum(self) -> str | None:
+        """What these refer to, as it was stated when the rasters were imported; None without any."""
         ...
 
     def note(self, text: str) -> None:
