@@ -76,12 +76,19 @@ class Handover(Protocol):
     name: str
     consumer: str
     """The program, and from where its form is known."""
-    suffixes: tuple[str, ...]
-    """With their dots, lower case; the first is the usual one. They may be of two parts; the last part decides."""
     media_type: str
     """Of a file with the first suffix."""
     description: str
-    options: type[NoOptions]
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """With their dots, lower case; the first is the usual one. They may be of two parts; the last part decides."""
+        ...
+
+    @property
+    def options(self) -> type[NoOptions]:
+        """The model of its options, each with a description."""
+        ...
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write ``path`` anew, by its suffix; how many of its main things (nodes, lines, proposals) it holds.

@@ -7,7 +7,7 @@ Knows no heights and no consumer.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -140,6 +140,42 @@ def within(bbox: Bounds, lon_deg: Floats, lat_deg: Floats) -> Bools:
     west, south, east, north = bbox
     across = (west <= lon_deg) & (lon_deg <= east) if west <= east else (west <= lon_deg) | (lon_deg <= east)
     return np.asarray(across & (south <= lat_deg) & (lat_deg <= north))
+
+
+@dataclass(frozen=True)
+class OsmNode:
+    """A node; ``version`` is 0 where the file has none."""
+
+    lon_deg: float
+    lat_deg: float
+    version: int
+
+
+@dataclass(frozen=True)
+class OsmWay:
+    """A way with its tags and the numbers of its nodes; ``version`` is 0 where the file has none."""
+
+    id: int
+    version: int
+    nodes: tuple[int, ...]
+    tags: Mapping[str, str]
+
+
+def read_ways(files: Sequence[Path], ids: set[int]) -> tuple[list[OsmWay], dict[int, OsmNode]]:
+    """These ways of sorted files, by their numbers, and their nodes, but for those that no file has."""
+    with damage_told(files):
+        ways = [
+            OsmWay(w.id, w.version, tuple(n.ref for n in w.nodes), {t.k: t.v for t in w.tags})
+            for w in merged(files, osmium.osm.WAY)
+            if w.id in ids
+        ]
+        wanted = {node for way in ways for node in way.nodes}
+        nodes = {
+            n.id: OsmNode(n.location.lon, n.location.lat, n.version)
+            for n in merged(files, osmium.osm.NODE)
+            if n.id in wanted and n.location.valid()
+        }
+    return ways, nodes
 
 
 @contextmanager
