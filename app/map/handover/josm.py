@@ -12,6 +12,7 @@ node of its own on each steep piece tells in its ``note`` what was measured. Whe
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,6 +26,7 @@ from app.map.handover.inclines import InclineOptions, Section, proposals
 from app.map.handover.osm_files import OsmNode, OsmWay
 
 _UNKNOWN_VERSION = 1
+_NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Josm:
                     number -= 1
             file.writelines(notes)
             for way, sections, _ in found:
-                for text, is_new in _ways(way, sections, number):
+                for text, is_new in layer_ways(way, sections, number):
                     file.write(text)
                     number -= is_new
             file.write("</osm>\n")
@@ -103,7 +105,7 @@ def _note(number: int, section: Section, nodes: Mapping[int, OsmNode], stated: S
     return f'  <node id="{number}" lat="{place.lat_deg:.7f}" lon="{place.lon_deg:.7f}">\n{_tags(tags)}  </node>\n'
 
 
-def _ways(way: OsmWay, sections: list[Section], next_number: int) -> Iterator[tuple[str, bool]]:
+def layer_ways(way: OsmWay, sections: list[Section], next_number: int) -> Iterator[tuple[str, bool]]:
     """The pieces of a way as XML, and whether each is new."""
     parts = pieces(way, sections)
     largest = max(parts, key=lambda piece: (piece.last - piece.first, -piece.first))
@@ -119,4 +121,9 @@ def _ways(way: OsmWay, sections: list[Section], next_number: int) -> Iterator[tu
 
 
 def _tags(tags: Mapping[str, str]) -> str:
-    return "".join(f"    <tag k={quoteattr(k)} v={quoteattr(v)}/>\n" for k, v in sorted(tags.items()))
+    return "".join(f"    <tag k={_quoted(k)} v={_quoted(v)}/>\n" for k, v in sorted(tags.items()))
+
+
+def _quoted(text: str) -> str:
+    """As an attribute; without the characters that a file may hold and XML may not."""
+    return quoteattr(_NOT_IN_XML.sub("", text))
