@@ -237,6 +237,8 @@ def test_the_layer_for_josm_splits_ways_and_can_not_be_uploaded(mapped: Mapped, 
     assert len(steep) == count > 0
     assert all(re.fullmatch(r"-?[1-9]\d*%", tags_of(w)["incline"]) for w in steep)
     told = [tags_of(n) for number, n in nodes.items() if number < 0]
+    places = [(n.attrib["lat"], n.attrib["lon"]) for n in nodes.values()]
+    assert len(set(places)) == len(places), "JOSM takes nodes at one place for copies"
     assert len(told) == count and all("Look at it before you change" in t["note"] for t in told)
     assert all("OpenStreetMap contributors" in t["source"] for t in told)
     assert {n for w in ways.values() for n in refs_of(w)} <= set(nodes)
