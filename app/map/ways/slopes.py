@@ -15,6 +15,8 @@ from fusion.network.published import PLACE_SIGMA_M
 from fusion.network.steepest import STRETCH_M
 from fusion.types import Bools, Floats, Ints
 
+_UNIT = 1e-8
+"""Of sums along chains, m (of heights, hundredths of it)."""
 _EQUAL = 1e-9
 """Of stretches as steep as each other the first counts; rounding must not choose."""
 
@@ -69,11 +71,22 @@ def slopes_along(chains: Chains, segments: Measured) -> ChainSlopes:
     sigma_m = np.bincount(chain[first], _rise_sigma_m(s, known, run, first), minlength=m)
     with np.errstate(invalid="ignore"):
         slope, sigma = rise / measured_m, 100 * sigma_m / measured_m
-    offset = np.cumsum(s.length_m) - s.length_m
-    offset -= offset[chains.first[:-1]][chain]
+    offset = _whole(s.length_m)[:-1]
+    offset = offset - offset[chains.first[:-1]][chain]
     steepest, begin, end = _steepest(s, known, run, chain, offset, m)
     end = np.minimum(end, length)
     return ChainSlopes(length, slope, sigma, measured_m / length, steepest, begin, end)
+
+
+def _whole(values: Floats) -> Ints:
+    """Sums from 0 on, in whole ``_UNIT``: else the last digits would depend on what other chains come before."""
+    return np.concatenate([[0], np.cumsum(np.rint(values / _UNIT).astype(np.int64))])
+
+
+def _within(x: Ints, at: Ints) -> tuple[Ints, Floats]:
+    """The segments between borders ``x`` that places lie in, and how far inside, m."""
+    segment = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+    return segment, _UNIT * (at - x[segment])
 
 
 def _runs(known: Bools, chain: Ints) -> Ints:
@@ -104,7 +117,7 @@ def _rise_sigma_m(s: Measured, known: Bools, run: Ints, first: Ints) -> Floats:
 
 
 def _steepest(
-    s: Measured, known: Bools, run: Ints, chain: Ints, offset_m: Floats, chains: int
+    s: Measured, known: Bools, run: Ints, chain: Ints, offset: Ints, chains: int
 ) -> tuple[Floats, Floats, Floats]:
     """Mean grade over the steepest stretch of each chain, %, and where it begins and ends, m from the chain's start.
 
@@ -116,25 +129,22 @@ def _steepest(
     mine = np.flatnonzero(known)
     if not len(mine):
         return np.full(chains, np.nan), np.full(chains, np.nan), np.full(chains, np.nan)
-    length, number = s.length_m[mine], run[mine]
+    slope, number = s.slope_percent[mine], run[mine]
     # All runs on one axis: where each segment begins and ends, and the heights there above where the first began.
-    x = np.concatenate([[0.0], np.cumsum(length)])
-    height = np.concatenate([[0.0], np.cumsum(length * s.slope_percent[mine])])
-    runs = number[-1] + 1
-    begins, ends = (
-        x[:-1][np.searchsorted(number, np.arange(runs))],
-        x[1:][np.searchsorted(number, np.arange(runs), side="right") - 1],
-    )
-    low, high = begins[number], ends[number]
-    onward = (x[:-1], np.minimum(x[:-1] + STRETCH_M, high))
-    back = (np.maximum(x[1:] - STRETCH_M, low), x[1:])
-    begin, end = (np.concatenate([onward[k], back[k]]) for k in (0, 1))
-    grade = (np.interp(end, x, height) - np.interp(begin, x, height)) / (end - begin)
+    x, height = _whole(s.length_m[mine]), _whole(s.length_m[mine] * slope)
+    runs = np.arange(number[-1] + 1)
+    low = x[:-1][np.searchsorted(number, runs)][number]
+    high = x[1:][np.searchsorted(number, runs, side="right") - 1][number]
+    stretch = round(STRETCH_M / _UNIT)
+    begin = np.concatenate([x[:-1], np.maximum(x[1:] - stretch, low)])
+    end = np.concatenate([np.minimum(x[:-1] + stretch, high), x[1:]])
+    ((i, left), (j, right)) = (_within(x, at) for at in (begin, end))
+    rise = _UNIT * (height[j] - height[i]) + slope[j] * right - slope[i] * left
+    grade = np.concatenate([rise / (_UNIT * (end - begin)), s.steepest_percent[mine]])
     # From the run's axis to the chain's.
-    shift = np.tile(offset_m[mine] - x[:-1], 2)
-    where = np.concatenate([begin + shift, offset_m[mine] + s.steepest_from_m[mine]])
-    until = np.concatenate([end + shift, offset_m[mine] + s.steepest_to_m[mine]])
-    grade = np.concatenate([grade, s.steepest_percent[mine]])
+    shift = np.tile(offset[mine] - x[:-1], 2)
+    where = np.concatenate([_UNIT * (begin + shift), _UNIT * offset[mine] + s.steepest_from_m[mine]])
+    until = np.concatenate([_UNIT * (end + shift), _UNIT * offset[mine] + s.steepest_to_m[mine]])
     of = np.tile(chain[mine], 3)
     whole = (until - where) >= STRETCH_M - 1e-6
     usable = np.isfinite(grade + where + until)
