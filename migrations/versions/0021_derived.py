@@ -23,9 +23,12 @@ def upgrade() -> None:
         sa.Column("xid", sa.BigInteger(), nullable=False),
         sa.Column("segment_id", sa.BigInteger(), nullable=False),
         sa.Column("turn", sa.BigInteger(), nullable=False),
+        sa.Column("written_xid", sa.BigInteger(), nullable=False),
         sa.CheckConstraint("id = 1", name="one"),
     )
-    op.execute("INSERT INTO derived_upto (id, xid, segment_id, turn) VALUES (1, 0, 0, 0)")
+    op.execute(
+        "INSERT INTO derived_upto (id, xid, segment_id, turn, written_xid) VALUES (1, 0, 0, 0, versant_xid())"
+    )
     op.create_table(
         "derived_segments",
         sa.Column("segment_id", sa.BigInteger(), primary_key=True, autoincrement=False),

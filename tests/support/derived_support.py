@@ -63,11 +63,23 @@ def execute(sessions: Sessions, statement: str, **values: Any) -> None:
         session.execute(text(statement), values)
 
 
-def add_segment(sessions: Sessions, way: int, a: int, b: int, highway: str = "residential", oneway: int = 0) -> None:
+def add_segment(
+    sessions: Sessions, way: int, a: int, b: int, highway: str = "residential", oneway: int = 0
+) -> None:
     """From node to node of a grid 16 wide; nothing where it is already."""
     x0, x1 = (WEST_DEG + STEP_DEG * (node % 16) for node in (a, b))
     y0, y1 = (SOUTH_DEG + STEP_DEG * (node // 16) for node in (a, b))
-    values = {"way": way, "a": a, "b": b, "highway": highway, "oneway": oneway, "x0": x0, "y0": y0, "x1": x1, "y1": y1}
+    values = {
+        "way": way,
+        "a": a,
+        "b": b,
+        "highway": highway,
+        "oneway": oneway,
+        "x0": x0,
+        "y0": y0,
+        "x1": x1,
+        "y1": y1,
+    }
     with sessions.begin() as session:
         session.execute(_ADD, values)
 
@@ -87,7 +99,9 @@ def ids_of(sessions: Sessions) -> list[int]:
 def derived(sessions: Sessions) -> tuple[Rows, Rows]:
     """All ways, all pieces."""
     with sessions() as session:
-        return [tuple(row) for row in session.execute(_WAYS)], [tuple(row) for row in session.execute(_PIECES)]
+        return [tuple(row) for row in session.execute(_WAYS)], [
+            tuple(row) for row in session.execute(_PIECES)
+        ]
 
 
 def from_scratch(sessions: Sessions) -> tuple[Rows, Rows]:

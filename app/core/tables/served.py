@@ -121,6 +121,8 @@ class DerivedUpTo(Base):
     segment_id: Mapped[int] = mapped_column(BigInteger)
     turn: Mapped[int] = mapped_column(BigInteger)
     """Raised by whoever writes what is derived: of two who read the same one comes too late, and writes nothing."""
+    written_xid: Mapped[int] = mapped_column(BigInteger)
+    """The transaction that wrote the row, which the row itself knows too: a dump that was brought in did not."""
 
     __table_args__ = (CheckConstraint("id = 1", name="one"),)
 

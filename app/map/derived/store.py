@@ -2,8 +2,8 @@
 
 A change is followed once no transaction is left that may still write one below it: a snapshot has seen all of those
 whose number is below its ``pg_snapshot_xmin``. Changes are followed in the order of (xid, segment_id), so none is left
-out, whatever order transactions commit in. Numbers beyond a snapshot's are another server's, of a database that was
-brought here: these changes are written down anew first.
+out, whatever order transactions commit in. The numbers are one server's: of a database that was brought here from
+another one everything is followed from the start, and numbers beyond a snapshot's are written down anew first.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ _LOOK = text(
     WITH moment AS (
         SELECT u.xid, u.segment_id, u.turn,
                CAST(CAST(pg_snapshot_xmin(pg_current_snapshot()) AS text) AS bigint) AS horizon,
-               CAST(CAST(pg_snapshot_xmax(pg_current_snapshot()) AS text) AS bigint) AS beyond
+               CAST(CAST(pg_snapshot_xmax(pg_current_snapshot()) AS text) AS bigint) AS beyond,
+               CAST(CAST(u.xmin AS text) AS bigint) <> u.written_xid & 4294967295 AS brought
         FROM derived_upto AS u
     )
-    SELECT m.*, m.xid >= m.beyond OR EXISTS (SELECT FROM segment_changes AS c WHERE c.xid >= m.beyond) AS elsewhere,
+    SELECT m.*, m.brought OR EXISTS (SELECT FROM segment_changes AS c WHERE c.xid >= m.beyond) AS elsewhere,
            EXISTS (SELECT FROM segment_changes AS c
                    WHERE (c.xid, c.segment_id) > (m.xid, m.segment_id) AND c.xid < m.horizon) AS changes,
            (SELECT min(since) < clock_timestamp() - make_interval(secs => :long_s) FROM squares_to_draw) AS waits_long
@@ -53,7 +54,7 @@ _CHANGES = text(
     """
 )
 _SHORT_WAITS = text("SET LOCAL lock_timeout = '50ms'")
-_TURN = text("UPDATE derived_upto SET turn = turn + 1 WHERE turn = :turn")
+_TURN = text("UPDATE derived_upto SET turn = turn + 1, written_xid = versant_xid() WHERE turn = :turn")
 _UP_TO = text("UPDATE derived_upto SET xid = :xid, segment_id = :segment_id")
 _FOLLOWED = text(
     """
@@ -72,7 +73,7 @@ _FROM_ELSEWHERE = text(
         SELECT segment_id FROM segment_changes WHERE xid >= :beyond ORDER BY segment_id LIMIT :limit))
     """
 )
-_FROM_THE_START = text("UPDATE derived_upto SET xid = 0, segment_id = 0 WHERE xid >= :beyond")
+_FROM_THE_START = text("UPDATE derived_upto SET xid = 0, segment_id = 0")
 
 _TO_DRAW = text(
     """
@@ -100,16 +101,6 @@ _WAITING_IN = text(
     WHERE level = :level AND square = ANY(CAST(:squares AS integer[])) ORDER BY square
     """
 )
-_BEHIND = text(
-    f"""
-    SELECT (SELECT count(*) FROM squares_to_draw WHERE level = {FINEST}) AS squares,
-           extract(epoch FROM clock_timestamp() - least(
-               (SELECT min(since) FROM squares_to_draw),
-               (SELECT c.changed_at FROM segment_changes AS c, derived_upto AS u
-                WHERE (c.xid, c.segment_id) > (u.xid, u.segment_id)
-                ORDER BY c.xid, c.segment_id LIMIT 1))) AS behind_s
-    """  # noqa: S608 - constants
-)
 
 
 class Moment(NamedTuple):
@@ -121,8 +112,10 @@ class Moment(NamedTuple):
     horizon: int
     beyond: int
     """No transaction of this server has a number as high."""
+    brought: bool
+    """The database came from another server, which numbered otherwise."""
     elsewhere: bool
-    """Some changes are another server's."""
+    """So it did, or some changes have numbers of another server."""
     changes: bool
     """Some can be followed."""
     waits_long: bool | None
@@ -143,13 +136,6 @@ class Change(NamedTuple):
     cell: int | None
     former_way: int | None
     former_cell: int | None
-
-
-class Behind(NamedTuple):
-    """What waits: squares of the finest level, and for how long the oldest change of anything has, s; None: nothing."""
-
-    squares: int
-    behind_s: float | None
 
 
 @contextmanager
@@ -201,9 +187,10 @@ def note_followed(session: Session, changes: Collection[Change]) -> None:
 
 
 def take_in(session: Session, moment: Moment, limit: int) -> None:
-    """Count some changes of another server as this transaction's; begin anew where that is how far one was."""
+    """Count some changes of another server as this transaction's; follow all of them anew."""
     session.execute(_FROM_ELSEWHERE, {"beyond": moment.beyond, "limit": limit})
-    session.execute(_FROM_THE_START, {"beyond": moment.beyond})
+    if moment.brought:
+        session.execute(_FROM_THE_START)
 
 
 def ask_to_draw(session: Session, level: int, squares: Collection[int]) -> None:
@@ -226,9 +213,3 @@ def waiting_among(session: Session, level: int, squares: Collection[int]) -> lis
 def note_drawn(session: Session, level: int, squares: Collection[int]) -> None:
     """They are."""
     session.execute(_IS_DRAWN, {"level": level, "squares": sorted(squares)})
-
-
-def behind(session: Session) -> Behind:
-    """How far what is derived is behind; changes that cannot be followed yet count."""
-    row = session.execute(_BEHIND).one()
-    return Behind(row.squares, None if row.behind_s is None else max(0.0, float(row.behind_s)))

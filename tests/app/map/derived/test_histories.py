@@ -30,7 +30,11 @@ CLASSES = ["primary", "tertiary", "residential", "motorway_link"]
 NODES = st.integers(0, 255)
 STEPS = st.one_of(
     st.tuples(
-        st.just("road"), st.integers(1, 4), NODES, st.sampled_from([1, 2, 16, 17, 40]), st.sampled_from(CLASSES)
+        st.just("road"),
+        st.integers(1, 4),
+        NODES,
+        st.sampled_from([1, 2, 16, 17, 40]),
+        st.sampled_from(CLASSES),
     ),
     st.tuples(st.just("measured"), NODES, st.sampled_from([-4.0, 0.0, 3.0]), st.integers(0, 3)),
     st.tuples(st.sampled_from(["forgotten", "gone", "renumbered", "moved", "reclassed"]), NODES),

@@ -22,7 +22,8 @@ def lines(roads: list[Road], ids: list[int] | None = None) -> list[list[int]]:
     number = np.array(ids or range(1, len(roads) + 1))
     found = courses(number, start, end, kind, np.array([road[3] for road in roads]))
     return [
-        [int(number[row]) * (-1 if turned else 1) for row, turned in zip(*course, strict=True)] for course in found
+        [int(number[row]) * (-1 if turned else 1) for row, turned in zip(*course, strict=True)]
+        for course in found
     ]
 
 
@@ -76,9 +77,7 @@ def test_any_roads_become_the_longest_lines_that_there_are(roads: list[Road], se
     # And wherever two may go on, they do.
     pairs = [(a, b) for a in range(1, len(roads) + 1) for b in range(a + 1, len(roads) + 1)]
     possible = sum(
-        goes_on(roads, one, other, at)
-        for a, b in pairs
-        for one, other in ((a, b), (b, a), (a, -b), (-a, b))
+        goes_on(roads, one, other, at) for a, b in pairs for one, other in ((a, b), (b, a), (a, -b), (-a, b))
     )
     assert joined == possible
 
@@ -109,7 +108,10 @@ def test_squares_lie_in_each_other(cell: int) -> None:
 
 
 def test_classes_are_ranked() -> None:
-    ranks = [rank(name) for name in ("motorway", "trunk_link", "primary", "tertiary", "residential", "track", "new")]
+    ranks = [
+        rank(name)
+        for name in ("motorway", "trunk_link", "primary", "tertiary", "residential", "track", "new")
+    ]
     assert ranks == sorted(ranks) == [0, 1, 2, 4, 6, 9, 10]
     assert LEVELS[10].chosen("tertiary_link")
     assert not LEVELS[10].chosen("unclassified")

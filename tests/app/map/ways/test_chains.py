@@ -37,7 +37,10 @@ def _places(key: np.ndarray, start: np.ndarray, end: np.ndarray) -> tuple[np.nda
         ([(7, 1, 2), (7, 2, 3), (7, 3, 4), (7, 4, 2)], [[1, 2, 3, 4]]),  # a loop at its end
         ([(7, 2, 3), (7, 3, 2), (7, 1, 2), (7, 2, 4)], [[3, 1, 2, 4]]),  # there and back on the way
         ([(7, 1, 2), (7, 2, 1)], [[1, 2]]),
-        ([(7, 1, 2), (7, 2, 3), (7, 3, 1), (7, 1, 4), (7, 4, 5), (7, 5, 1)], [[1, 2, 3, 4, 5, 6]]),  # an eight
+        (
+            [(7, 1, 2), (7, 2, 3), (7, 3, 1), (7, 1, 4), (7, 4, 5), (7, 5, 1)],
+            [[1, 2, 3, 4, 5, 6]],
+        ),  # an eight
         ([(7, 1, 2), (7, 3, 2)], [[1], [2]]),  # no course at all
     ],
 )
@@ -73,10 +76,7 @@ def test_any_ways_become_as_few_trails_as_there_can_be(
     walks: list[list[int]], kept: list[bool], seed: int
 ) -> None:
     pairs = {
-        (way, a, b): None
-        for way, nodes in enumerate(walks)
-        for a, b in itertools.pairwise(nodes)
-        if a != b
+        (way, a, b): None for way, nodes in enumerate(walks) for a, b in itertools.pairwise(nodes) if a != b
     }
     segments = list(itertools.compress(pairs, kept))
     if not segments:

@@ -47,7 +47,11 @@ def test_unknown_is_never_zero() -> None:
 def test_heights_at_both_ends_make_a_long_way_surer() -> None:
     n = 20
     rise = np.arange(n + 1) * 1.0
-    heights = {"height_from_m": rise[:-1].tolist(), "height_to_m": rise[1:].tolist(), "height_sigma_m": [0.4] * n}
+    heights = {
+        "height_from_m": rise[:-1].tolist(),
+        "height_to_m": rise[1:].tolist(),
+        "height_sigma_m": [0.4] * n,
+    }
     long = one(measured([50.0] * n, [2.0] * n, **heights))
     assert long.sigma_percent == pytest.approx(100 * math.hypot(0.4, 0.4) / 1000)
     # What slopes and heights say differently counts as well, and never makes it less sure than the segments are.
@@ -81,7 +85,11 @@ def test_what_a_segment_knows_of_its_inside_counts() -> None:
         "steepest_to_m": [NAN, 50.0, NAN],
     }
     found = one(measured([100.0, 100.0, 40.0], [1.0, -2.0, 3.0], **inside))
-    assert (found.steepest_percent[0], found.steepest_from_m[0], found.steepest_to_m[0]) == (-9.0, 130.0, 150.0)
+    assert (found.steepest_percent[0], found.steepest_from_m[0], found.steepest_to_m[0]) == (
+        -9.0,
+        130.0,
+        150.0,
+    )
     # A shorter stretch is not the steepest 20 m, however steep.
     inside["steepest_to_m"][1] = 35.0
     assert one(measured([100.0, 100.0, 40.0], [1.0, -2.0, 3.0], **inside)).steepest_percent == [3.0]
