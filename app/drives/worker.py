@@ -142,7 +142,7 @@ def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple
     tended = functools.partial(enqueuing.tend, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
-    derived = functools.partial(following.follow, bench.sessions)
+    derived = publishing.Deriver(bench.sessions).piece
     return (
         (in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
         (in_thread(derived, "what is derived from segments could not follow"), DERIVE_LOOK_EVERY_S),

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
@@ -106,7 +107,7 @@ def _commit(sessions: Sessions, moment: Moment, write: _Write) -> None:
 def _next(session: Session, moment: Moment) -> _Write | None:
     """What the next piece has to write; None: there is nothing to do."""
     if moment.elsewhere:
-        return lambda writing: store.take_in(writing, moment, AT_ONCE) is None
+        return partial(_take_in, moment)
     # While changes come without end, a square that has waited for long comes after every second piece of them.
     if moment.changes and not (moment.waits_long and moment.turn % 2):
         return _follow_changes(session, moment)
@@ -114,6 +115,11 @@ def _next(session: Session, moment: Moment) -> _Write | None:
     if wanted is None:
         return None
     return _draw(session, *wanted)
+
+
+def _take_in(moment: Moment, session: Session) -> bool:
+    store.take_in(session, moment, AT_ONCE)
+    return True
 
 
 def _follow_changes(session: Session, moment: Moment) -> _Write:

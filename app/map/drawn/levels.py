@@ -63,7 +63,7 @@ class Level:
     @property
     def tolerance_m(self) -> float:
         """Metres of EPSG:3857: two units of a tile of the level's zoom, a quarter of what a screen shows of it."""
-        return 2 * (2 * HALF_WORLD / 2**self.zoom) / _EXTENT
+        return 2 * (2 * HALF_WORLD / (1 << self.zoom)) / _EXTENT
 
     def chosen(self, highway: str) -> bool:
         """Whether roads of the class are drawn whether driven or not."""

@@ -106,7 +106,7 @@ def pieces_of(level: Level, courses: Sequence[Course], stretches: Stretches) -> 
     number = np.repeat(np.arange(len(parts)), np.diff(begins, append=len(rows)))
     measured = np.array([part.measured for part in parts])
     line = _lines(stretches, rows, turned, number, level.tolerance_m)
-    length = np.bincount(number, stretches.length_m[rows])
+    length = np.asarray(np.bincount(number, stretches.length_m[rows]), float)
     weight = np.where(stretches.measured & (stretches.drives > 0), stretches.length_m, 0.0)[rows]
     signed = np.where(turned, -1.0, 1.0) * stretches.slope_percent[rows]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -211,4 +211,4 @@ def _lines(s: Stretches, rows: Ints, turned: Bools, number: Ints, tolerance_m: f
     again = np.concatenate([[False], (np.diff(of) == 0) & np.all(np.diff(points, axis=0) == 0, axis=1)])
     whole = shapely.linestrings(points[~again], indices=of[~again])
     simple = shapely.simplify(whole, tolerance_m, preserve_topology=False)
-    return np.where(shapely.length(simple) > 0, simple, whole)
+    return np.asarray(np.where(shapely.length(simple) > 0, simple, whole), object)

@@ -63,7 +63,7 @@ def slopes_along(chains: Chains, segments: Measured) -> ChainSlopes:
     """
     s, chain, m = segments.along(chains.rows), chains.number(), len(chains)
     known = np.isfinite(s.slope_percent)
-    length = np.bincount(chain, s.length_m, minlength=m)
+    length = np.asarray(np.bincount(chain, s.length_m, minlength=m), float)
     run = _runs(known, chain)
     measured_m = np.bincount(chain[known], s.length_m[known], minlength=m)
     rise = np.bincount(chain[known], (s.length_m * s.slope_percent)[known], minlength=m)
@@ -86,7 +86,7 @@ def _whole(values: Floats) -> Ints:
 def _within(x: Ints, at: Ints) -> tuple[Ints, Floats]:
     """The segments between borders ``x`` that places lie in, and how far inside, m."""
     segment = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
-    return segment, _UNIT * (at - x[segment])
+    return np.asarray(segment, np.int64), np.asarray(_UNIT * (at - x[segment]), float)
 
 
 def _runs(known: Bools, chain: Ints) -> Ints:

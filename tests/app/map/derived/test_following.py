@@ -11,6 +11,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.core.settings import Settings
+from app.drives import publishing, queue
 from app.drives.worker import run_worker
 from app.map.derived import following, store
 from app.map.drawn.levels import LEVELS, children
@@ -81,6 +82,22 @@ def test_nothing_to_do_is_one_look(followed: Sessions) -> None:
     assert not following.follow(followed)
     following.follow_all(followed)
     assert value(followed, "SELECT turn FROM derived_upto") == turn
+
+
+def test_drives_that_wait_come_first(
+    followed: Sessions, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(queue, "drives_wait", lambda session, behind: True)
+    deriver = publishing.Deriver(followed)
+    measure(followed, int(segment_ids[0]), 1.0)
+    deriver.piece()
+    assert value(followed, "SELECT max(slope_percent) FROM ways") == pytest.approx(1.0)
+    measure(followed, int(segment_ids[0]), 2.0)
+    assert not deriver.piece()
+    assert value(followed, "SELECT max(slope_percent) FROM ways") == pytest.approx(1.0)
+    monkeypatch.setattr(publishing.time, "monotonic", lambda: 1e12)
+    deriver.piece()
+    assert value(followed, "SELECT max(slope_percent) FROM ways") == pytest.approx(2.0)
 
 
 def test_changes_wait_for_those_that_may_still_come_before_them(

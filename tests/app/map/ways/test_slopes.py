@@ -159,3 +159,26 @@ def test_a_chain_gone_through_backwards_has_the_other_signs(chain: list[tuple[fl
     np.testing.assert_allclose(back.slope_percent, -there.slope_percent, atol=1e-9)
     np.testing.assert_allclose(np.abs(back.steepest_percent), np.abs(there.steepest_percent), atol=1e-6)
     np.testing.assert_allclose(back.sigma_percent, there.sigma_percent)
+
+
+@given(
+    errors=st.lists(st.lists(st.floats(0, 3), min_size=9, max_size=9), min_size=3, max_size=8),
+    length=st.lists(st.floats(5, 300), min_size=7, max_size=7),
+)
+def test_a_way_is_never_told_to_be_surer_than_it_is(errors: list[list[float]], length: list[float]) -> None:
+    """Whatever makes heights err, as long as none makes one err up and another down."""
+    by_node = np.array(errors)
+    n = len(by_node) - 1
+    along = np.array(length[:n])
+    sigma = 100 * np.linalg.norm(np.diff(by_node, axis=0), axis=1) / along
+    height = np.linalg.norm(by_node, axis=1)
+    segments = measured(
+        along.tolist(),
+        [0.0] * n,
+        sigma_percent=sigma.tolist(),
+        height_from_m=[0.0] * n,
+        height_to_m=[0.0] * n,
+        height_sigma_m=np.maximum(height[:-1], height[1:]).tolist(),
+    )
+    true = 100 * np.linalg.norm(by_node[-1] - by_node[0]) / along.sum()
+    assert one(segments).sigma_percent >= true - 1e-9
