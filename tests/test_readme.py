@@ -190,7 +190,7 @@ def handover_options() -> str:
 
 def metrics() -> str:
     """Every metric that a service with a database exposes."""
-    nothing = Gauges({}, 0, 0.0, 0, Squares(0, 0), {}, 0, {})
+    nothing = Gauges({}, 0, 0.0, 0, Squares(0, 0), 0.0, {}, 0, {})
     rows = []
     for family in Metrics(lambda: nothing).registry.collect():
         name = f"{family.name}_total" if family.type == "counter" else family.name

@@ -7,6 +7,7 @@ they were solved without it. All of it may be cut off at any moment and done twi
 from __future__ import annotations
 
 import logging
+import time
 import uuid
 
 from sqlalchemy.orm import Session
@@ -18,6 +19,7 @@ from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.core.telemetry.measures import DRIVES_DONE, STAGE_S
 from app.drives import endings, queue
+from app.map.derived import following
 from app.network import results as slopes
 from app.network.hearing import Hearing, hearings
 from app.network.marks import MarkedBy, any_due, any_hope, count_cells, make_due
@@ -32,6 +34,11 @@ a fifth of that (``benchmarks/publishing.py``), so that most of the time is the 
 
 SETTLE_AFTER_S = 600.0
 """What changed is settled in a wide window so long after, when nothing else waits."""
+
+
+DERIVE_PAUSE_S = 5.0
+"""While drives wait, what is derived from segments follows no more often than that: they come first, and one piece does
+for all that has changed by then."""
 
 
 def patience_s(session: Session, publish_every_s: float, *, behind: bool) -> float:
@@ -87,6 +94,24 @@ def settle_quietly(sessions: Sessions) -> bool:
         if queue.drives_wait(session, behind=True) or any_hope(session):
             return False
     return settle_due(sessions, SETTLE_AFTER_S)
+
+
+class Deriver:
+    """Lets ways and what low zooms draw follow what was published, or imported, a piece at each call."""
+
+    def __init__(self, sessions: Sessions) -> None:
+        self._sessions = sessions
+        self._not_before_s = 0.0
+
+    def piece(self) -> bool:
+        """The next piece, if it is time for one; whether there is more to do."""
+        if time.monotonic() < self._not_before_s:
+            return False
+        more = following.follow(self._sessions)
+        with self._sessions() as session:
+            if queue.drives_wait(session, behind=True):
+                self._not_before_s = time.monotonic() + DERIVE_PAUSE_S
+        return more
 
 
 def finish(sessions: Sessions, blobs: BlobStore) -> int:

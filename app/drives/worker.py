@@ -27,6 +27,7 @@ from app.drives.renewal import HeightFiller, renew
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
 from app.map import figures
+from app.map.derived import following
 from app.roads import attic
 from app.terrain.files import sweep_rasters
 
@@ -37,6 +38,9 @@ SWEEP_EVERY_S = 3600.0
 
 PUBLISH_LOOK_EVERY_S = 1.0
 """How often a worker looks whether squares are due that nobody was asked to solve, seconds."""
+
+DERIVE_LOOK_EVERY_S = 1.0
+"""How often a worker looks whether ways and drawn pieces are to follow what changed of segments, seconds."""
 
 SETTLE_LOOK_EVERY_S = 60.0
 """How often a worker looks whether squares are to be settled, seconds."""
@@ -58,8 +62,9 @@ def run_worker(
 ) -> None:
     """Process drives, one after the other, until SIGTERM or SIGINT (in the main thread) or ``stop_event``.
 
-    With ``wait=False`` it returns as soon as the queue is empty. May run in any thread. Asked to stop it ends within
-    ``settings.grace_s``; in the main thread whatever its drive does, for then the process is taken to be its own.
+    With ``wait=False`` it returns as soon as the queue is empty and what follows from it is derived. May run in any
+    thread. Asked to stop it ends within ``settings.grace_s``; in the main thread whatever its drive does, for then the
+    process is taken to be its own.
     Without ``with_chores`` another worker of this machine sees to what is done beside the drives. What it counts is
     written under the name ``process``.
     """
@@ -73,6 +78,8 @@ def run_worker(
             written = in_thread(ledger.write, "what was counted could not be written")
             chores = _chores(bench, settings, ledger, teller) if with_chores else ()
             worker.run(((written, WRITE_EVERY_S), *chores), wait=wait, stop_event=stop_event)
+            if not wait:
+                following.follow_all(bench.sessions, stop_event)
     finally:
         engine.dispose()
 
@@ -148,10 +155,12 @@ def _chores(
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
     figured = functools.partial(figures.renew_one, bench.sessions)
     numbered = functools.partial(begin_epoch, bench.sessions)
+    derived = publishing.Deriver(bench.sessions).piece
     return (
         (in_thread(numbered, "changes could not be numbered anew"), EPOCH_LOOK_EVERY_S),
         (in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
         (in_thread(teller.look, "nobody could be told of events"), telling.LOOK_EVERY_S),
+        (in_thread(derived, "what is derived from segments could not follow"), DERIVE_LOOK_EVERY_S),
         (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),

@@ -129,6 +129,8 @@ class Gauges:
     """0 while none waits."""
     data_version: int
     squares: store.Squares
+    behind_s: float
+    """0 while nothing waits to be derived."""
     failures_by_kind: dict[str, int]
     workers: int
     totals: Totals
@@ -143,6 +145,7 @@ def read_gauges(session: Session) -> Gauges:
         oldest_wait_s=queue.oldest_wait_s or 0.0,
         data_version=data_version(session),
         squares=store.squares(session),
+        behind_s=store.behind(session).behind_s or 0.0,
         failures_by_kind=store.failures_by_kind(session),
         workers=store.workers(session),
         totals=totals_of_all(session),
@@ -187,6 +190,11 @@ class _DatabaseCollector(Collector):
             "versant_squares_unsolved",
             "Squares of the map that solvers have begun with again and again in vain; /v1/admin/stats names them.",
             value=gauges.squares.unsolved,
+        )
+        yield GaugeMetricFamily(
+            "versant_derived_behind_seconds",
+            "How long the oldest change of segments has waited to be shown by ways and low zooms; 0 while none waits.",
+            value=gauges.behind_s,
         )
         failed = GaugeMetricFamily(
             "versant_failures",

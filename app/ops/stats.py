@@ -40,6 +40,7 @@ STATS_EXAMPLE: dict[str, Any] = {
             "advice": "3 solvers have begun here in vain ...",
         }
     ],
+    "derived_behind_s": None,
     "driven_km_by_highway": {"residential": 21.4},
     "driven_distance_km": 74.9,
     "network_km": 1204.2,
@@ -110,6 +111,9 @@ class Stats(BaseModel):
     unsolved: list[UnsolvedSquare] = Field(
         description=f"The {MOST_UNSOLVED} of them that have waited longest."
     )
+    derived_behind_s: float | None = Field(
+        description="For how long a change of segments has waited to be shown by ways and low zooms; null: none has."
+    )
     driven_km_by_highway: dict[str, float] = Field(description="Length of roads with an estimate, by class.")
     driven_distance_km: float = Field(description="Sum over the drives.")
     network_km: float
@@ -152,6 +156,7 @@ def read_stats(session: Session, *, days: int = 30) -> Stats:
         squares_waiting=squares.waiting,
         squares_unsolved=squares.unsolved,
         unsolved=[_unsolved(row) for row in store.unsolved_squares(session, MOST_UNSOLVED)],
+        derived_behind_s=store.behind(session).behind_s,
         driven_km_by_highway=store.driven_km_by_highway(session),
         segments_driven=store.segments_driven(session),
         data_version=data_version(session),

@@ -87,6 +87,19 @@ _SQUARES = text(
 )
 
 
+# What ways and low zooms have not followed yet, changes beside which a transaction is open included: two looks at the
+# ends of indexes.
+_BEHIND = text(
+    """
+    SELECT (SELECT count(*) FROM squares_to_draw) AS squares,
+           extract(epoch FROM clock_timestamp() - least(
+               (SELECT min(since) FROM squares_to_draw),
+               (SELECT c.changed_at FROM segment_changes AS c, derived_upto AS u
+                WHERE (c.xid, c.segment_id) > (u.xid, u.segment_id)
+                ORDER BY c.xid, c.segment_id LIMIT 1))) AS behind_s
+    """
+)
+
 # The queue's own signs of life; a worker that has given none for long is put out by the next one that begins.
 _WORKERS = text(
     "SELECT count(*) FROM procrastinate_workers WHERE last_heartbeat > now() - make_interval(secs => :alive_s)"
@@ -105,6 +118,14 @@ class Squares(NamedTuple):
 
     waiting: int
     unsolved: int
+
+
+class Behind(NamedTuple):
+    """How many squares are to be drawn anew for low zooms, and for how long the oldest change of segments has waited
+    to be followed by what is derived from them, s; None while none does."""
+
+    squares: int
+    behind_s: float | None
 
 
 def drives_by_status(session: Session) -> dict[str, int]:
@@ -136,6 +157,12 @@ def workers(session: Session) -> int:
 def squares(session: Session) -> Squares:
     """What waits to be published."""
     return Squares(*session.execute(_SQUARES, {"patience": PATIENCE}).one())
+
+
+def behind(session: Session) -> Behind:
+    """How far what is derived from segments, ways and low zooms, is behind them."""
+    squares, behind_s = session.execute(_BEHIND).one()
+    return Behind(squares, None if behind_s is None else max(0.0, float(behind_s)))
 
 
 def unsolved_squares(session: Session, limit: int) -> list[Row[Any]]:

@@ -33,6 +33,8 @@ State = Literal["ok", "warn", "fail"]
 
 LONG_WAIT_S = 3600.0
 """Drives that wait longer make a warning."""
+LONG_BEHIND_S = 600.0
+"""What is derived from segments and is farther behind makes a warning."""
 SKEW_WARN_S, SKEW_FAIL_S = 2.0, 60.0
 _MIB = 2**20
 
@@ -212,6 +214,22 @@ def _squares(settings: Settings, session: Session) -> Iterator[Finding]:
         yield Finding("squares", "ok", said)
 
 
+def _derived(settings: Settings, session: Session) -> Iterator[Finding]:
+    behind = figures.behind(session)
+    if behind.behind_s is None:
+        yield Finding("ways and low zooms", "ok", "They show what the segments do.")
+        return
+    said = f"They are {behind.behind_s:.0f} s behind the segments; {behind.squares} squares are to be drawn."
+    if behind.behind_s > LONG_BEHIND_S:
+        advice = (
+            "A worker sees to it beside its drives; start one. Where one runs, its log says what is in its way, or a "
+            "transaction has been open for so long (pg_stat_activity)."
+        )
+        yield Finding("ways and low zooms", "warn", said, advice)
+    else:
+        yield Finding("ways and low zooms", "ok", said)
+
+
 def _logs(settings: Settings, session: Session) -> Iterator[Finding]:
     blobs = BlobStore(settings.blob_store_url)
     # The store after the database: what is uploaded meanwhile has its log, whatever is listed.
@@ -267,6 +285,7 @@ _DATABASE_LOOKS: dict[str, _DatabaseLook] = {
     "clocks": _clock,
     "queue": _queue,
     "squares": _squares,
+    "ways and low zooms": _derived,
     "logs": _logs,
     "elevation": _elevation,
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 
 from geoalchemy2 import Geometry, WKBElement
-from sqlalchemy import BigInteger, Index, SmallInteger, text
+from sqlalchemy import BigInteger, CheckConstraint, Index, SmallInteger, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from app.core.tables import SRID_DEGREES, SRID_TILES, Base
@@ -114,3 +114,41 @@ class DrawnPiece(Base):
         )
         for level in DRAWN_LEVELS
     )
+
+
+class DerivedUpTo(Base):
+    """How far segments' changes are followed by the two tables above: one row (``app.map.derived``)."""
+
+    __tablename__ = "derived_upto"
+
+    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    xid: Mapped[int] = mapped_column(BigInteger)
+    """The last change that was followed, in the order of (xid, segment_id)."""
+    segment_id: Mapped[int] = mapped_column(BigInteger)
+    turn: Mapped[int] = mapped_column(BigInteger)
+    """Raised by whoever writes what is derived: of two who read the same one comes too late, and writes nothing."""
+    written_xid: Mapped[int] = mapped_column(BigInteger)
+    """The transaction that wrote the row, which the row itself knows too: a dump that was brought in did not."""
+
+    __table_args__ = (CheckConstraint("id = 1", name="one"),)
+
+
+class DerivedSegment(Base):
+    """Where a segment was when it was derived from last: what is to be derived anew when it goes elsewhere."""
+
+    __tablename__ = "derived_segments"
+
+    segment_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    """No foreign key: one that is gone stays until that is followed."""
+    osm_way_id: Mapped[int] = mapped_column(BigInteger)
+    cell: Mapped[int]
+
+
+class SquareToDraw(Base):
+    """A square of a level whose pieces are to be derived anew."""
+
+    __tablename__ = "squares_to_draw"
+
+    level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    square: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    since: Mapped[datetime] = mapped_column(server_default=func.now())

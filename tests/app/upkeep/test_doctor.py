@@ -137,6 +137,17 @@ def test_logs_and_rasters_that_are_lost(
     assert found(settings, sessions)["heights"].state == "warn"
 
 
+def test_what_is_derived_and_far_behind(settings: Settings, sessions: Sessions) -> None:
+    execute(sessions, "INSERT INTO squares_to_draw (level, square) VALUES (12, 5)")
+    waits = found(settings, sessions)["ways and low zooms"]
+    assert (waits.state, waits.found) == (
+        "ok",
+        "They are 0 s behind the segments; 1 squares are to be drawn.",
+    )
+    execute(sessions, "UPDATE squares_to_draw SET since = since - interval '1 hour'")
+    assert found(settings, sessions)["ways and low zooms"].state == "warn"
+
+
 def test_room_and_access(settings: Settings) -> None:
     assert found(settings, None, min_free_bytes=2**60)["room of logs"].state == "fail"
     assert found(settings, None, blob_url="memory://logs")["room of logs"].state == "ok"

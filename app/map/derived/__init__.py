@@ -1,0 +1,1 @@
+"""What is derived from segments, and how it follows their changes."""

@@ -1,0 +1,153 @@
+"""Which segments of a way follow each other, and in which order. What was measured of them is not known here.
+
+A segment knows its two nodes and not its place in the way, so that is found out: a way that an extract cuts is several
+chains, one that comes back to where it was is still one, and where two of its nodes lie in one place (pairs without
+length are no segments) it goes on.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fusion.types import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """Rows of segments chain after chain, each in its order: chain k has ``rows[first[k]:first[k + 1]]``."""
+
+    rows: Ints
+    first: Ints
+    """One more than there are chains."""
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
+
+    def number(self) -> Ints:
+        """For each of ``rows`` the chain that it is in."""
+        return np.repeat(np.arange(len(self)), np.diff(self.first))
+
+
+def chains_of(key: Ints, ids: Ints, start: Ints, end: Ints) -> Chains:
+    """Chains of n segments from place ``start`` to place ``end`` (``places``), within each key; shapes (n,).
+
+    A chain is as long as it can be. A closed one begins with its segment of the lowest id; where a way meets itself,
+    it goes through each of its segments once, if there is such a course, and turns to the lowest id first. The result
+    depends on the ids and not on the order of the rows; chains are sorted by key, then by the id they begin with.
+    """
+    n = len(ids)
+    if not n:
+        return Chains(np.empty(0, np.int64), np.zeros(1, np.int64))
+    places = int(max(start.max(), end.max())) + 1
+    leaving, coming = (np.bincount(v, minlength=places) for v in (start, end))
+    _, way = np.unique(key, return_inverse=True)
+    knotted = np.zeros(int(way.max()) + 1, bool)
+    knotted[way[(leaving[start] > 1) | (coming[end] > 1)]] = True
+    chains = [
+        *_plain(np.flatnonzero(~knotted[way]), ids, start, end, places),
+        *(
+            trail
+            for rows in _groups(np.flatnonzero(knotted[way]), way)
+            for trail in _trails(rows[np.argsort(ids[rows])].tolist(), start, end)
+        ),
+    ]
+    head = np.array([rows[0] for rows in chains])
+    chains = [chains[k] for k in np.lexsort((ids[head], key[head])).tolist()]
+    first = np.cumsum([0, *(len(rows) for rows in chains)])
+    return Chains(np.array([row for rows in chains for row in rows], np.int64), first)
+
+
+def places(key: Ints, node: Ints, xy: Floats) -> Ints:
+    """Numbers of the places that nodes (n,) of ways ``key`` lie in: one for each node of a way, and one for all nodes
+    of it with the same coordinates (n, 2), which for a node are those of its first row.
+    """
+    if not len(node):
+        return np.empty(0, np.int64)
+    order = np.lexsort((node, key))
+    new = np.ones(len(order), bool)
+    new[1:] = (np.diff(key[order]) != 0) | (np.diff(node[order]) != 0)
+    group = np.empty(len(order), np.int64)
+    group[order] = np.cumsum(new) - 1
+    one = order[new]  # stable: the first row of each node
+    where = np.lexsort((xy[one, 1], xy[one, 0], key[one]))
+    other = np.ones(len(where), bool)
+    at = one[where]
+    other[1:] = (np.diff(key[at]) != 0) | np.any(np.diff(xy[at], axis=0) != 0, axis=1)
+    place = np.empty(len(where), np.int64)
+    place[where] = np.cumsum(other) - 1
+    return np.asarray(place[group], np.int64)
+
+
+def _plain(rows: Ints, ids: Ints, start: Ints, end: Ints, places: int) -> list[list[int]]:
+    """Chains of ways in which no two segments begin, and no two end, in one place."""
+    beginning = np.full(places, -1, np.int64)
+    beginning[start[rows]] = rows
+    ending = np.full(places, -1, np.int64)
+    ending[end[rows]] = rows
+    following = np.full(len(ids), -1, np.int64)
+    following[rows] = beginning[end[rows]]
+    heads = rows[ending[start[rows]] < 0]
+    after = following.tolist()
+    done = np.zeros(len(ids), bool)
+    chains = [_follow(head, after) for head in heads.tolist()]
+    done[[row for chain in chains for row in chain]] = True
+    rings = rows[~done[rows]]
+    for row in rings[np.argsort(ids[rings])].tolist():
+        if not done[row]:
+            chains.append(_follow(row, after))
+            done[chains[-1]] = True
+    return chains
+
+
+def _follow(row: int, after: list[int]) -> list[int]:
+    chain, head = [row], row
+    while (row := after[row]) >= 0 and row != head:
+        chain.append(row)
+    return chain
+
+
+def _groups(rows: Ints, way: Ints) -> Iterable[Ints]:
+    order = rows[np.argsort(way[rows], kind="stable")]
+    return np.split(order, np.flatnonzero(np.diff(way[order])) + 1) if len(rows) else ()
+
+
+def _trails(rows: list[int], start: Ints, end: Ints) -> list[list[int]]:
+    """As few trails as there can be through each of these segments, sorted by id, once (Hierholzer's way)."""
+    leaving: dict[int, list[int]] = defaultdict(list)
+    surplus: dict[int, int] = defaultdict(int)
+    for row in reversed(rows):
+        leaving[int(start[row])].append(row)
+        surplus[int(start[row])] += 1
+        surplus[int(end[row])] -= 1
+
+    def walk(place: int) -> list[int]:
+        trail = []
+        while leaving[place]:
+            trail.append(leaving[place].pop())
+            place = int(end[trail[-1]])
+        return trail
+
+    def with_detours(trail: list[int]) -> list[int]:
+        """What is left leads back to where it leaves from."""
+        k = 0
+        while k <= len(trail):
+            detour = walk(int(start[trail[k]]) if k < len(trail) else int(end[trail[-1]]))
+            trail[k:k] = detour
+            k += not detour
+        return trail
+
+    open_ones = []
+    for row in rows:
+        place = int(start[row])
+        while surplus[place] > 0:
+            surplus[place] -= 1
+            open_ones.append(walk(place))
+    trails = [with_detours(trail) for trail in open_ones]
+    for row in rows:
+        if row in leaving[int(start[row])]:
+            trails.append(with_detours(walk(int(start[row]))))
+    return trails
