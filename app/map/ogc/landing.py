@@ -6,12 +6,12 @@ from typing import Any
 
 from fastapi import APIRouter, Request, Response
 
-from app.core.http import BaseUrl, json_answer, link, link_documents, problems
+from app.core.http import JSON, BaseUrl, link, link_documents
 from app.core.query import refuse_unknown
 from app.map.attribution import attribution
 from app.map.ogc.api import OPENAPI_30, OPENAPI_31
 from app.map.ogc.negotiation import AS_HTML, AS_JSON, HTML, FormatQuery, wanted
-from app.map.ogc.pages import document_answer
+from app.map.ogc.pages import described, document_answer
 
 BIND_NOTE = (
     "There is no access control yet: the service listens only on this machine's loopback address unless it "
@@ -46,7 +46,7 @@ router = APIRouter(tags=["map"])
     "/",
     summary="Landing page",
     response_class=Response,
-    responses={200: json_answer("Links to all there is.", {"links": []}), **problems(400, 406)},
+    responses=described("Links to all there is.", {JSON: {"links": []}}, 400, 406),
 )
 def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     """Where everything is."""
@@ -75,7 +75,7 @@ def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     "/conformance",
     summary="Conformance classes",
     response_class=Response,
-    responses={200: json_answer("The classes.", {"conformsTo": list(CONFORMANCE)}), **problems(400, 406)},
+    responses=described("The classes.", {JSON: {"conformsTo": list(CONFORMANCE)}}, 400, 406),
 )
 def conformance(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     """The parts of OGC standards that this service keeps to."""

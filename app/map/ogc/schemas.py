@@ -13,21 +13,20 @@ from xml.sax.saxutils import quoteattr
 
 from fastapi import APIRouter, Request, Response
 
-from app.core.http import BaseUrl, Link, link, problems
+from app.core.http import BaseUrl, Link, link
 from app.core.query import refuse_unknown
 from app.map.items.collections import COLLECTIONS, GEOMETRY, Collection, Property
 from app.map.ogc.negotiation import (
     AS_HTML,
     AS_SCHEMA,
     AS_XSD,
-    HTML,
     SCHEMA_JSON,
     XML,
     FormatQuery,
     answered,
     wanted,
 )
-from app.map.ogc.pages import document_answer
+from app.map.ogc.pages import described, document_answer
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _RELATIONS = "http://www.opengis.net/def/rel/ogc/1.0/"
@@ -168,17 +167,14 @@ def _route(collection: Collection, name: str, title: str, text: str, make: Maker
         )
 
     document.__doc__ = text
-    content: dict[str, Any] = {SCHEMA_JSON: {"schema": {"type": "object"}, "example": _EXAMPLE}}
-    if AS_XSD in forms:
-        content[XML] = {"schema": {"type": "string"}, "example": "<xs:schema/>"}
-    content[HTML] = {"schema": {"type": "string"}, "example": "<!doctype html>"}
+    contents: dict[str, Any] = {SCHEMA_JSON: _EXAMPLE, **({XML: "<xs:schema/>"} if AS_XSD in forms else {})}
     router.add_api_route(
         f"/collections/{collection.id}/{name}",
         document,
         name=f"{name}_of_{collection.id}",
         summary=f"{title} of {collection.id}",
         response_class=Response,
-        responses={200: {"description": f"{title}.", "content": content}, **problems(400, 406)},
+        responses=described(f"{title}.", contents, 400, 406),
     )
 
 
