@@ -162,7 +162,9 @@ def _content_crs(crs: Crs) -> dict[str, str]:
     return {"Content-Crs": f"<{crs.uri}>"}
 
 
-def _rasters(service: Service, session: Session, features: Sequence[str], asked: ItemRequest) -> tuple[str, ...]:
+def _rasters(
+    service: Service, session: Session, features: Sequence[str], asked: ItemRequest
+) -> tuple[str, ...]:
     """The elevation rasters under the items that are shown."""
     if not asked.shape.with_line:
         return dem_names(service, session) if features else ()
@@ -198,7 +200,9 @@ def _routes(collection: Collection) -> None:
         name=f"items_of_{collection.id}",
         summary=collection.title,
         response_class=Response,
-        responses=described(page_of, {GEO_JSON: ITEMS_EXAMPLE}, *_PROBLEMS, *_SINCE[collection.follows_changes]),
+        responses=described(
+            page_of, {GEO_JSON: ITEMS_EXAMPLE}, *_PROBLEMS, *_SINCE[collection.follows_changes]
+        ),
         openapi_extra={"parameters": items_parameters(collection)},
     )
     router.add_api_route(

@@ -32,12 +32,30 @@ QUERY_CLASSES = (
     f"{_FEATURES}3/1.0/conf/filter",
     f"{_FEATURES}3/1.0/conf/features-filter",
 )
+_CQL2 = "http://www.opengis.net/spec/cql2/1.0/conf/"
+CQL2_CLASSES = tuple(
+    _CQL2 + name
+    for name in (
+        "cql2-text",
+        "cql2-json",
+        "basic-cql2",
+        "advanced-comparison-operators",
+        "case-insensitive-comparison",
+        "accent-insensitive-comparison",
+        "basic-spatial-functions",
+        "basic-spatial-functions-plus",
+        "spatial-functions",
+        "temporal-functions",
+        "property-property",
+        "arithmetic",
+    )
+)
 SCHEMA_CLASSES = (
     f"{_FEATURES}5/1.0/conf/schemas",
     f"{_FEATURES}5/1.0/conf/core-roles-features",
     f"{_FEATURES}5/1.0/conf/returnables-and-receivables",
 )
-CONFORMANCE = (*CORE_CLASSES, *SCHEMA_CLASSES)
+CONFORMANCE = (*CORE_CLASSES, *CRS_CLASSES, *QUERY_CLASSES, *CQL2_CLASSES, *SCHEMA_CLASSES)
 
 router = APIRouter(tags=["map"])
 
@@ -54,7 +72,12 @@ def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     form = wanted(request, f, AS_JSON, AS_HTML)
     links = [
         *form.links(f"{base}/"),
-        link(f"{base}/openapi.json?f={OPENAPI_30.names[0]}", "service-desc", OPENAPI_30.media_types[0], "The API, OpenAPI 3.0"),
+        link(
+            f"{base}/openapi.json?f={OPENAPI_30.names[0]}",
+            "service-desc",
+            OPENAPI_30.media_types[0],
+            "The API, OpenAPI 3.0",
+        ),
         link(f"{base}/openapi.json", "service-desc", OPENAPI_31.media_types[0], "The API, OpenAPI 3.1"),
         link(f"{base}/docs", "service-doc", HTML, "The API, for people"),
         link(f"{base}/conformance", "conformance", title="Conformance classes"),

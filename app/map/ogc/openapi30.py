@@ -18,8 +18,27 @@ _LICENSES = {"Apache-2.0": "https://www.apache.org/licenses/LICENSE-2.0"}
 """3.0 wants an address where 3.1 takes an identifier."""
 
 _ONLY_31 = frozenset(
-    {"$schema", "$id", "$anchor", "$comment", "$defs", "$dynamicRef", "$dynamicAnchor", "$vocabulary", "if", "then"}
-    | {"else", "contains", "minContains", "maxContains", "patternProperties", "propertyNames", "dependentSchemas"}
+    {
+        "$schema",
+        "$id",
+        "$anchor",
+        "$comment",
+        "$defs",
+        "$dynamicRef",
+        "$dynamicAnchor",
+        "$vocabulary",
+        "if",
+        "then",
+    }
+    | {
+        "else",
+        "contains",
+        "minContains",
+        "maxContains",
+        "patternProperties",
+        "propertyNames",
+        "dependentSchemas",
+    }
     | {"dependentRequired", "unevaluatedItems", "unevaluatedProperties", "contentEncoding", "contentSchema"}
 )
 _LISTS = ("allOf", "anyOf", "oneOf")
@@ -72,7 +91,11 @@ def _place(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     return {
-        name: part if name in {"example", "examples"} else schema_30(part) if name == "schema" else _place(part)
+        name: part
+        if name in {"example", "examples"}
+        else schema_30(part)
+        if name == "schema"
+        else _place(part)
         for name, part in value.items()
     }
 

@@ -49,7 +49,9 @@ def _prose(text: str) -> Markup:
     parts = text.split("`")
     if len(parts) % 2 == 0:
         return escape(text)
-    marked = [Markup("<code>{}</code>").format(part) if n % 2 else escape(part) for n, part in enumerate(parts)]
+    marked = [
+        Markup("<code>{}</code>").format(part) if n % 2 else escape(part) for n, part in enumerate(parts)
+    ]
     return Markup("").join(marked)
 
 
@@ -68,7 +70,10 @@ def page(template: str, *, title: str, crumbs: Crumbs, links: Sequence[Link], **
 def described(description: str, contents: dict[str, Any], *statuses: int) -> dict[int | str, dict[str, Any]]:
     """What the API's document says of the answers of a route: an example of each media type, or a page; 304; problems."""
     content: dict[str, Any] = {
-        media_type: {"schema": {"type": "string" if isinstance(example, str) else "object"}, "example": example}
+        media_type: {
+            "schema": {"type": "string" if isinstance(example, str) else "object"},
+            "example": example,
+        }
         for media_type, example in {**contents, HTML: "<!doctype html>"}.items()
     }
     unchanged = {"description": "Unchanged since the ETag."}

@@ -34,7 +34,10 @@ _DESCRIBED: Mapping[str, tuple[Json, str]] = {
     ),
     "driven": (_TRUTH, "Only items that were (true) or were not (false) driven."),
     "filter": (_TEXT, "A condition in CQL2, as in `slope_percent > 8 AND highway = 'residential'`."),
-    "filter-lang": ({"type": "string", "enum": list(LANGUAGES), "default": TEXT}, "The language of `filter`."),
+    "filter-lang": (
+        {"type": "string", "enum": list(LANGUAGES), "default": TEXT},
+        "The language of `filter`.",
+    ),
     "filter-crs": (_CRS, "The reference system of geometries in `filter`."),
     "sortby": (
         _TEXT,

@@ -83,7 +83,9 @@ def returnables(address: str, collection: Collection) -> dict[str, Any]:
         one["x-ogc-propertySeq"] = n
         one["readOnly"] = True
     required = [name for name, one in collection.properties.items() if not one.nullable]
-    text = f"{collection.title}: the properties of each item. Those that are not required may be null: unknown."
+    text = (
+        f"{collection.title}: the properties of each item. Those that are not required may be null: unknown."
+    )
     return {**_schema(address, collection.title, text, properties), "required": [*required, GEOMETRY]}
 
 
@@ -102,9 +104,9 @@ def sortables(address: str, collection: Collection) -> dict[str, Any]:
 
 
 def xml_schema(collection: Collection) -> str:
-    """The properties as elements of an XML Schema, GML's simple features. The id is the feature's own, not one of them."""
+    """The properties as elements of an XML Schema, GML's simple features, but for the id, which is the feature's own."""
     elements = "\n".join(
-        f"    <xs:element name={quoteattr(one.name)} type=\"xs:{_XSD_TYPES[one.type, one.format]}\" "
+        f'    <xs:element name={quoteattr(one.name)} type="xs:{_XSD_TYPES[one.type, one.format]}" '
         f'minOccurs="{int(not one.nullable)}"/>'
         for one in collection.properties.values()
         if _ROLES.get(one.name) != "id"
@@ -135,7 +137,7 @@ _LINE = {
 }
 _XSD = """<?xml version="1.0" encoding="UTF-8"?>
 <xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" xmlns:gml="http://www.opengis.net/gml/3.2"
-    xmlns:versant="urn:versant:{name}" targetNamespace="urn:versant:{name}" elementFormDefault="qualified" version="1.0">
+    xmlns:versant="urn:versant:{name}" targetNamespace="urn:versant:{name}" elementFormDefault="qualified">
   <xs:import namespace="http://www.opengis.net/gml/3.2" schemaLocation="http://schemas.opengis.net/gml/3.2.1/gml.xsd"/>
   <xs:element name="{name}" type="versant:{name}Type" substitutionGroup="gml:AbstractFeature"/>
   <xs:complexType name="{name}Type"><xs:complexContent><xs:extension base="gml:AbstractFeatureType"><xs:sequence>
@@ -179,6 +181,12 @@ def _route(collection: Collection, name: str, title: str, text: str, make: Maker
 
 
 for _collection in COLLECTIONS.values():
-    _route(_collection, "schema", "Schema", "Every property of an item: type, unit, meaning. Also as XML Schema.", returnables)
+    _route(
+        _collection,
+        "schema",
+        "Schema",
+        "Every property of an item: type, unit, meaning. Also as XML Schema.",
+        returnables,
+    )
     _route(_collection, "queryables", "Queryables", "What `filter` may name.", queryables)
     _route(_collection, "sortables", "Sortables", "What `sortby` may name.", sortables)

@@ -1,4 +1,4 @@
-"""OGC API Features, part 1: the abstract tests of core, geojson, html and oas30, under their names (OGC 17-069r4, annex A).
+"""OGC API Features, part 1: the abstract tests of core, geojson, html and oas30, under their names (OGC 17-069r4).
 
 The standard's texts are not repeated here; each test does what the abstract test of its name describes, of each
 collection that the service lists.
@@ -90,7 +90,18 @@ def test_ats_core_query_param_unknown(reading: Any, path: str) -> None:
 
 @pytest.mark.parametrize("path", ITEMS)
 @pytest.mark.parametrize(
-    "query", ["limit=a", "limit=0", "bbox=1", "bbox=a,b,c,d", "datetime=a", "crs=a", "sortby=a", "after=a", "drives=a"]
+    "query",
+    [
+        "limit=a",
+        "limit=0",
+        "bbox=1",
+        "bbox=a,b,c,d",
+        "datetime=a",
+        "crs=a",
+        "sortby=a",
+        "after=a",
+        "drives=a",
+    ],
 )
 def test_ats_core_query_param_invalid(reading: Any, path: str, query: str) -> None:
     answer = reading.client.get(f"{path}?{query}")
@@ -165,7 +176,8 @@ def test_ats_core_fc_bbox_response(reading: Any) -> None:
     assert page["features"]
     for feature in page["features"]:
         assert any(
-            8.3999 <= lon <= 8.4001 and 48.9999 <= lat <= 49.0021 for lon, lat in feature["geometry"]["coordinates"]
+            8.3999 <= lon <= 8.4001 and 48.9999 <= lat <= 49.0021
+            for lon, lat in feature["geometry"]["coordinates"]
         )
     assert got(reading, ITEMS[0], GEOJSON, bbox="8.4005,49.0005,8.4006,49.0006")["features"] == []
 
@@ -253,7 +265,11 @@ def test_ats_core_f_op_f_success_and_f_links(reading: Any) -> None:
     feature = got(reading, ITEMS[0], GEOJSON)["features"][3]
     alone = got(reading, f"{ITEMS[0]}/{feature['id']}", GEOJSON)
     assert {name: alone[name] for name in feature} == feature
-    for rel, media_type in (("self", GEOJSON), ("alternate", "text/html"), ("collection", "application/json")):
+    for rel, media_type in (
+        ("self", GEOJSON),
+        ("alternate", "text/html"),
+        ("collection", "application/json"),
+    ):
         (link,) = by_rel(alone, rel)
         assert link["type"] == media_type
         assert reading.client.get(link["href"]).status_code == 200
@@ -308,7 +324,9 @@ class Page(HTMLParser):
         self.text += data
 
 
-@pytest.mark.parametrize("path", [*DOCUMENTS, *ITEMS, f"{ITEMS[0]}/3", "/docs", "/collections/segments/schema"])
+@pytest.mark.parametrize(
+    "path", [*DOCUMENTS, *ITEMS, f"{ITEMS[0]}/3", "/docs", "/collections/segments/schema"]
+)
 def test_ats_html_content(reading: Any, path: str) -> None:
     answer = reading.client.get(path, headers={"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"})
     assert answer.status_code == 200
@@ -321,7 +339,11 @@ def test_ats_html_content(reading: Any, path: str) -> None:
         assert reading.client.get(address).status_code == 200, address
     document = reading.client.get(path, headers={"Accept": "*/*"})
     if document.headers["content-type"] == "application/json":
-        told = [link["href"] for link in document.json().get("links", []) if link["rel"] not in {"self", "alternate"}]
+        told = [
+            link["href"]
+            for link in document.json().get("links", [])
+            if link["rel"] not in {"self", "alternate"}
+        ]
         if path in {"/", *(f"/collections/{name}" for name in COLLECTIONS)}:
             assert set(told) <= set(page.links)
 
