@@ -14,7 +14,7 @@ from typing import Any
 from app.core.errors import BadQueryError
 from app.core.settings import Settings
 from app.map.items.collections import GEOMETRY, Collection, Property
-from app.map.items.cql import LANGUAGES, TEXT
+from app.map.items.cql import LANGUAGES, NO_TEXT, TEXT
 from app.map.items.filters import filter_condition
 from app.map.items.paging import MAX_ID, SQL_TYPES, Order, Values, digest_of, parse_after, parse_sortby
 from app.map.items.places import CRS84, Condition, Crs, in_box, parse_box, parse_crs
@@ -141,8 +141,10 @@ def _sorted_out(
     for name, text in pairs:
         if name not in names:
             raise BadQueryError(f"There is no parameter {name!r}. There are: {', '.join(names)}.", field=name)
-        if "\0" in text:
-            raise BadQueryError(f"{name}: there is a NUL in it.", field=name)
+        if found := NO_TEXT.search(text):
+            raise BadQueryError(
+                f"{name}: character {found.start() + 1} cannot be part of a text.", field=name
+            )
         if name in collection.queryables:
             many.setdefault(name, []).append(text)
         elif name in one:
