@@ -1,4 +1,4 @@
-"""Pages of items and single items of each collection. The engine makes the text of features; here is what is around it."""
+"""Pages of items and single items of each collection. The engine makes the text of features; here is what is around."""
 
 from __future__ import annotations
 
@@ -189,8 +189,8 @@ def _routes(collection: Collection) -> None:
 
     items.__doc__ = (
         "Follow the `next` link until there is none: every matching item comes exactly once.\n\n"
-        "`numberMatched` is given where it costs little. A segment with a slope and 0 drives is a gap (see `gaps`): its "
-        "slope comes from the roads on both its sides."
+        "`numberMatched` is given where it costs little. A segment with a slope and 0 drives is a gap (see `gaps`): "
+        "its slope comes from the roads on both its sides."
     )
     item.__doc__ = "The item with the slope that all its drives together give; `gaps` as for many items."
     page_of = "One page of items, by ascending id unless `sortby` says otherwise."

@@ -68,7 +68,7 @@ def page(template: str, *, title: str, crumbs: Crumbs, links: Sequence[Link], **
 
 
 def described(description: str, contents: dict[str, Any], *statuses: int) -> dict[int | str, dict[str, Any]]:
-    """What the API's document says of the answers of a route: an example of each media type, or a page; 304; problems."""
+    """What the API's document says of a route's answers: an example of each media type, a page, 304, problems."""
     content: dict[str, Any] = {
         media_type: {
             "schema": {"type": "string" if isinstance(example, str) else "object"},

@@ -104,7 +104,7 @@ def sortables(address: str, collection: Collection) -> dict[str, Any]:
 
 
 def xml_schema(collection: Collection) -> str:
-    """The properties as elements of an XML Schema, GML's simple features, but for the id, which is the feature's own."""
+    """The properties as elements of an XML Schema (GML), but for the id, which is the feature's own."""
     elements = "\n".join(
         f'    <xs:element name={quoteattr(one.name)} type="xs:{_XSD_TYPES[one.type, one.format]}" '
         f'minOccurs="{int(not one.nullable)}"/>'

@@ -214,7 +214,9 @@ CASES: dict[str, list[tuple[str, Any]]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "text", "holds"), [(name, *case) for name, cases in CASES.items() for case in cases])
+@pytest.mark.parametrize(
+    ("name", "text", "holds"), [(name, *case) for name, cases in CASES.items() for case in cases]
+)
 def test_ats_cql2(reading: Any, grid: list[dict[str, Any]], name: str, text: str, holds: Any) -> None:
     language = "cql2-json" if text.startswith("{") else "cql2-text"
     answer = page(reading, filter=text, **{"filter-lang": language})

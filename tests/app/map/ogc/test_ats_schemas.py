@@ -65,7 +65,9 @@ def test_ats_schemas_basic_schema_inspection(schema: dict[str, Any], reading: An
 
 def test_ats_schemas_role_role_id_property_seq_and_unit(schema: dict[str, Any]) -> None:
     properties = schema["properties"]
-    assert [(k, one["type"]) for k, one in properties.items() if one.get("x-ogc-role") == "id"] == [("id", "integer")]
+    assert [(k, one["type"]) for k, one in properties.items() if one.get("x-ogc-role") == "id"] == [
+        ("id", "integer")
+    ]
     assert [one["x-ogc-propertySeq"] for one in properties.values()] == list(range(1, len(properties) + 1))
     units = {key: one["x-ogc-unit"] for key, one in properties.items() if "x-ogc-unit" in one}
     assert set(units.values()) <= {"%", "m", "1"}, "UCUM"
@@ -142,12 +144,16 @@ def test_pyogrio_sees_types_and_reads_everything(reading: Any, tmp_path: Path) -
     assert told["bridges"] == sum(bridge and highway == "primary" for bridge, highway in primary) > 0
 
 
-@pytest.mark.skipif(shutil.which("ogrinfo") is None, reason="GDAL's programs (gdal-bin) are not on this machine")
+@pytest.mark.skipif(
+    shutil.which("ogrinfo") is None, reason="GDAL's programs (gdal-bin) are not on this machine"
+)
 def test_ogrinfo_sees_types(reading: Any, tmp_path: Path) -> None:
     """Of whatever age: versions before 3.7 spell the link to the schema in another way."""
     command = ["ogrinfo", "-so", f"OAPIF:{reading.base}", "segments"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
-    types = dict(line.rsplit(" (", 1)[0].split(": ") for line in done.stdout.splitlines() if line.endswith(".0)"))
+    types = dict(
+        line.rsplit(" (", 1)[0].split(": ") for line in done.stdout.splitlines() if line.endswith(".0)")
+    )
     types.pop("id")
     assert types == expected_types("segments")
     assert "Feature Count: 115" in done.stdout
