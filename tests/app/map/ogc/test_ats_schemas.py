@@ -18,9 +18,20 @@ from app.map.items.collections import COLLECTIONS
 SCHEMA = "http://www.opengis.net/def/rel/ogc/1.0/schema"
 TEMPORAL = {"primary-instant", "primary-interval-start", "primary-interval-end", "primary-interval"}
 KEYWORDS = {
-    "$schema", "$id", "type", "title", "description", "properties", "additionalProperties", "required", "format", "enum",
+    "$schema",
+    "$id",
+    "type",
+    "title",
+    "description",
+    "properties",
+    "additionalProperties",
+    "required",
+} | {
+    "format",
+    "enum",
     "readOnly",
-}  # fmt: skip
+}
+ENDS = {"percent": "%", "m": "m"}
 OGR_TYPES = {
     ("integer", "int64"): "Integer64",
     ("integer", "int32"): "Integer",
@@ -72,7 +83,8 @@ def test_ats_schemas_role_role_id_property_seq_and_unit(schema: dict[str, Any]) 
     units = {key: one["x-ogc-unit"] for key, one in properties.items() if "x-ogc-unit" in one}
     assert set(units.values()) <= {"%", "m", "1"}, "UCUM"
     assert all(properties[key]["type"] in {"number", "integer"} for key in units)
-    assert all(units[key] == {"percent": "%", "m": "m"}[end] for key in properties if (end := key.rsplit("_", 1)[-1]) in {"percent", "m"})  # fmt: skip
+    measured = [key for key in properties if key.rsplit("_", 1)[-1] in ENDS]
+    assert all(units[key] == ENDS[key.rsplit("_", 1)[-1]] for key in measured)
 
 
 def test_ats_core_roles_features_primary_geometry_and_temporal(schema: dict[str, Any]) -> None:

@@ -23,13 +23,20 @@ LIMITS = st.fixed_dictionaries(
         if name != "multipleOf"
     },
 )
+NAMED = {"patternProperties": {"^x": True}}
+TYPES = st.lists(
+    st.sampled_from(["string", "integer", "boolean", "null"]), min_size=1, max_size=3, unique=True
+)
 PLAIN = st.one_of(
     LIMITS,
-    st.builds(lambda types: {"type": types}, st.lists(st.sampled_from(["string", "integer", "boolean", "null"]), min_size=1, max_size=3, unique=True)),
+    st.builds(lambda types: {"type": types}, TYPES),
     st.builds(lambda value: {"const": value}, st.sampled_from([1, "a", True])),
-    st.builds(lambda least: {"type": "string", "minLength": least, "examples": ["a"], "title": "T"}, st.integers(0, 2)),
+    st.builds(
+        lambda least: {"type": "string", "minLength": least, "examples": ["a"], "title": "T"},
+        st.integers(0, 2),
+    ),
     st.booleans(),
-)  # fmt: skip
+)
 
 
 def deeper(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
@@ -40,11 +47,11 @@ def deeper(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
         st.builds(lambda one: {"type": "array", "items": one, "maxItems": 3}, parts),
         st.builds(lambda of: {"type": "array", "prefixItems": of, "items": False}, lists),
         st.builds(
-            lambda of, more: {"type": "object", "properties": of, "additionalProperties": more, "patternProperties": {"^x": True}},
+            lambda of, more: {"type": "object", "properties": of, "additionalProperties": more, **NAMED},
             st.dictionaries(st.sampled_from(["a", "b"]), parts),
             parts,
         ),
-    )  # fmt: skip
+    )
 
 
 SCHEMAS = st.recursive(PLAIN, deeper, max_leaves=5)
