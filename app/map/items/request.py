@@ -192,7 +192,7 @@ def _filter(collection: Collection, one: Mapping[str, str]) -> Condition:
     return filter_condition(one["filter"], language, crs, collection)
 
 
-def _compared(one: Property, texts: Sequence[str]) -> Condition:
+def _compared(one: Property, texts: Iterable[str]) -> Condition:
     """``name=a,b``: the features whose property is any of these."""
     listed = [part for text in texts for part in text.split(",")]
     if len(listed) > _MOST_VALUES:
@@ -208,12 +208,27 @@ def _compared(one: Property, texts: Sequence[str]) -> Condition:
         return Condition("(" + " OR ".join(condition.sql for condition in some) + ")", values)
     try:
         # A name may have a comma in it.
-        read = [_READERS[one.kind](text) for text in dict.fromkeys([*listed, *texts] if one.kind == "string" else listed)]
+        texts = dict.fromkeys([*listed, *texts]) if one.kind == "string" else listed
+        read = [_READERS[one.kind](text) for text in texts]
     except ValueError:
         raise BadQueryError(
             f"{one.name}: {_WANTED[one.kind]}, or several with commas.", field=one.name
         ) from None
+    if one.digits is not None:
+        return _as_shown(one, name, read)
     return Condition(f"{one.sql} = ANY(CAST(%({name})s AS {SQL_TYPES[one.kind]}[]))", {name: read})
+
+
+def _as_shown(one: Property, name: str, numbers: Sequence[float]) -> Condition:
+    """Numbers are served with some digits: one that was read here means all that look like it."""
+    half = 0.5 / 10 ** (one.digits or 0)
+    within = f"{one.sql} BETWEEN CAST(%({name}_{{n}}_0)s AS float8) AND CAST(%({name}_{{n}}_1)s AS float8)"
+    values = {
+        f"{name}_{n}_{end}": number + sign * half
+        for n, number in enumerate(numbers)
+        for end, sign in enumerate((-1, 1))
+    }
+    return Condition("(" + " OR ".join(within.format(n=n) for n in range(len(numbers))) + ")", values)
 
 
 def _whole(text: str) -> int:
