@@ -41,8 +41,12 @@ from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
-from app.map import features, segments, tiles
+from app.map import features, segments
 from app.map.features import BIND_NOTE
+from app.map.tiles import ogc as ogc_tiles
+from app.map.tiles import routes as tiles
+from app.map.tiles.front import TileFront
+from app.map.tiles.tiles import Tiles
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
@@ -57,6 +61,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     segments.router,
     features.router,
     tiles.router,
+    ogc_tiles.router,
     stats.router,
     health.router,
     metrics_router,
@@ -112,8 +117,9 @@ def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane])
         Middleware(HeadMiddleware),
         Middleware(RequestLog),
         Middleware(MetricsMiddleware, metrics=metrics),
-        Middleware(EndWithClient),
         Middleware(KnownHosts, settings=settings),
+        Middleware(TileFront, max_zoom=settings.tile_max_zoom),
+        Middleware(EndWithClient),
         Middleware(EarlyAnswers),
         Middleware(PublishedCors),
         Middleware(Lanes, lanes=lanes),
@@ -149,13 +155,16 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     app.state.feed = Feed(
         url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, settings.events_max
     )
-    following = asyncio.create_task(app.state.feed.run())
+    app.state.tiles = Tiles(url, settings, app.state.lanes)
+    beside = [asyncio.create_task(one) for one in (app.state.feed.run(), app.state.tiles.run())]
     try:
         yield
     finally:
-        following.cancel()
-        with suppress(asyncio.CancelledError):
-            await following
+        for task in beside:
+            task.cancel()
+            with suppress(asyncio.CancelledError):
+                await task
+        await app.state.tiles.close()
         app.state.drawing.close()
         engine.dispose()
         probing.dispose()

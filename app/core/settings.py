@@ -175,6 +175,28 @@ class Settings(BaseSettings):
     tile_max_zoom: Zoom = Field(
         18, description="Highest zoom level with tiles; a map enlarges those beyond it."
     )
+    tile_max_age_s: int = Field(
+        0,
+        ge=0,
+        le=31_536_000,
+        description="Seconds for which a cache in front may answer a vector tile without asking; 0: it asks each time, and "
+        "a map is never old.",
+    )
+    tile_stale_s: int = Field(
+        600,
+        ge=0,
+        le=31_536_000,
+        description="Seconds more in which such a cache may answer the old tile while it fetches the new one; without effect "
+        "where VERSANT_TILE_MAX_AGE_S is 0.",
+    )
+    tile_memory_bytes: int = Field(
+        64 * 2**20, ge=0, description="Compressed vector tiles that one process keeps in memory, bytes."
+    )
+    tiles_stored_bytes: int = Field(
+        2 * _GIB,
+        ge=0,
+        description="Compressed vector tiles that the database keeps, bytes; what nobody asked for longest goes first.",
+    )
 
     allowed_hosts: str | None = Field(
         None,
