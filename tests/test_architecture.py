@@ -41,6 +41,7 @@ SQL_PLACES = {
         "drives/tracks.py",
         "jobs/computations.py",
         "map/store.py",
+        "map/tiles/store.py",
         "ops/store.py",
         "roads/copy.py",
         "roads/attic.py",

@@ -22,7 +22,7 @@ _BEGIN_ANEW = f"""
         UPDATE tile_epoch SET epoch = {_NEW};
         RETURN NULL;
     END $$
-"""
+"""  # noqa: S608 - a constant
 
 
 def upgrade() -> None:

@@ -11,7 +11,7 @@ from app.core.tables import Base
 
 
 class StoredTile(Base):
-    """A vector tile as it was built last, compressed. Can be built again: unlogged, and empty in a restored database."""
+    """A vector tile as it was built last, compressed. It can be built again: unlogged, and in no dump."""
 
     __tablename__ = "stored_tiles"
 
@@ -29,7 +29,7 @@ class StoredTile(Base):
     body: Mapped[bytes]
     """The tile, gzip."""
 
-    __table_args__ = {"prefixes": ["UNLOGGED"], "postgresql_with": {"toast_tuple_target": "128"}}
+    __table_args__ = ({"prefixes": ["UNLOGGED"], "postgresql_with": {"toast_tuple_target": "128"}},)
 
 
 class TileEpoch(Base):

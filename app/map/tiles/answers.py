@@ -102,10 +102,13 @@ async def answer(
     tiles.count(at)
     known, takes_gzip = _wishes(asked)
     etag = await tiles.etag(at)
+    tile = None if etag is not None else await wait(tiles.made(at))
+    etag = etag or tile.etag
     headers = [(b"etag", etag.encode()), *_policy(tiles.settings)]
     if known is not None and _is_known(etag, known):
         return Answer(304, headers, b"")
-    tile = tiles.at_hand(at, etag) or await wait(tiles.get(at, etag))
+    if tile is None:
+        tile = tiles.at_hand(at, etag) or await wait(tiles.get(at, etag))
     if not tile.body:
         return Answer(204, headers, b"")
     headers.append((b"content-type", MVT.encode()))

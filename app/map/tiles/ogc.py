@@ -13,9 +13,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 
 from app.core.errors import BadQueryError, NotFoundError
 from app.core.http import (
-    JSON,
     BaseUrl,
-    Link,
     Service,
     ServiceDep,
     json_answer,
@@ -338,9 +336,9 @@ def _limits(z: int, bounds: tuple[float, float, float, float]) -> dict[str, Any]
 
 
 def _column(z: int, longitude: float) -> int:
-    return min(2**z - 1, max(0, int((longitude + 180) / 360 * 2**z)))
+    return min((1 << z) - 1, max(0, int((longitude + 180) / 360 * 2**z)))
 
 
 def _row(z: int, latitude: float) -> int:
     bounded = math.radians(min(_EASE, max(-_EASE, latitude)))
-    return min(2**z - 1, max(0, int((1 - math.asinh(math.tan(bounded)) / math.pi) / 2 * 2**z)))
+    return min((1 << z) - 1, max(0, int((1 - math.asinh(math.tan(bounded)) / math.pi) / 2 * 2**z)))

@@ -64,14 +64,16 @@ _SPECKS = f"""
         ORDER BY p.rank, (p.drives = 0), p.length_m DESC, p.segment_id LIMIT 100
     ), feature AS (
         SELECT p.segment_id AS id, p.slope_percent, p.slope_sigma_percent, p.drives, p.highway, p.oneway,
-               ST_AsMVTGeom(ST_MakeLine(p.at, ST_Translate(p.at, 1.5 * p.unit_m, 0)), box.tile, {EXTENT}, {BUFFER}, true)
-               AS geom
+               ST_AsMVTGeom(
+                   ST_MakeLine(p.at, ST_Translate(p.at, 1.5 * p.unit_m, 0)), box.tile, {EXTENT}, {BUFFER}, true) AS geom
         FROM box, specks AS p
     )
     SELECT {_AS_MVT.format(layer=SEGMENTS)} FROM feature WHERE geom IS NOT NULL
 """  # noqa: S608 - constants
 
-_KEPT = "SELECT body FROM stored_tiles WHERE layer = %(layer)s AND z = %(z)s AND x = %(x)s AND y = %(y)s AND tag = %(tag)s"
+_KEPT = """
+    SELECT body FROM stored_tiles WHERE layer = %(layer)s AND z = %(z)s AND x = %(x)s AND y = %(y)s AND tag = %(tag)s
+"""
 # One way to the server: what is kept, or the tile made now, which is not begun where it is kept.
 _KEPT_OR_MADE = f"""
     WITH {_BOX}, kept AS ({_KEPT})
@@ -144,7 +146,7 @@ class Look(NamedTuple):
 
 
 async def look(connection: Connection, seen: str) -> Look:
-    """The squares that changed since the snapshot ``seen``, on a connection that has looked at all: one look into an index."""
+    """The squares that changed since the snapshot ``seen``: one look into an index. The connection looked at all."""
     horizon = seen.partition(":")[0]
     found = await execute_prepared(connection, _LOOK_NAME.encode(), [horizon.encode(), seen.encode()])
     epoch, snapshot, squares = (found.get_value(0, k) or b"" for k in range(3))

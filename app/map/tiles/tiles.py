@@ -9,6 +9,8 @@ from collections import Counter, OrderedDict
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from hashlib import md5
+from itertools import count
 from time import monotonic
 
 import psycopg
@@ -46,6 +48,9 @@ RESTING = 3
 """After a tile that nobody waits for, so many times as long as it took."""
 CLIENTS_MOST = 20_000
 """Tiles whose asking is counted between two notes."""
+
+NOTHING = 'W/"nothing"'
+"""The ETag of an empty tile of ways."""
 
 logger = logging.getLogger(__name__)
 
@@ -102,18 +107,27 @@ class Tiles:
         self._lanes = lanes
         self._builders = Connections(url, patience, kept=settings.db_pool_size)
         self._memory = _Memory(settings.tile_memory_bytes)
+        self._serial = count()
         self._flights: dict[tuple[Address, str], _Flight] = {}
         self._asked: Counter[Address] = Counter()
         self._untold: Counter[Address] = Counter()
 
-    async def etag(self, at: Address) -> str:
-        """The tile's ETag as of now; raises ``psycopg.OperationalError`` while the database does not answer."""
-        return self._etag(await self.watch.look(), at)
+    async def etag(self, at: Address) -> str | None:
+        """The tile's ETag as of now; None where only the tile itself tells. ``psycopg.OperationalError`` while the
+        database does not answer."""
+        return None if at.layer == WAYS else self._etag(await self.watch.look(), at)
 
     def at_hand(self, at: Address, etag: str) -> Tile | None:
         """The tile of this ETag, where it is in memory."""
         tile = self._memory.get(at)
         return tile if tile is not None and tile.etag == etag else None
+
+    async def made(self, at: Address) -> Tile:
+        """The tile as it is now, with an ETag of its content; not kept. Raises as ``get`` does.
+
+        Ways follow their segments a moment later, each for its whole length: no square tells when they have.
+        """
+        return await self.get(at, f"{next(self._serial)}")
 
     async def get(self, at: Address, etag: str) -> Tile:
         """The tile of this ETag, kept or built. Everybody who wants it meanwhile waits for the same one; the last one
@@ -136,12 +150,12 @@ class Tiles:
 
     def count(self, at: Address) -> None:
         """Somebody asked for the tile, or whether it is new."""
-        if at in self._asked or len(self._asked) < CLIENTS_MOST:
+        if at.layer != WAYS and (at in self._asked or len(self._asked) < CLIENTS_MOST):
             self._asked[at] += 1
             self._untold[at] += 1
 
     async def run(self) -> None:
-        """Beside the requests: build anew what is asked for often, note what was asked for, take away what is too much."""
+        """Beside the requests: build anew what is asked for often, note what was asked for, make room."""
         known, noted = -1, monotonic()
         while True:
             await asyncio.sleep(REFRESH_S)
@@ -181,10 +195,7 @@ class Tiles:
     def _etag(self, versions: Versions, at: Address) -> str:
         settings = self.settings
         sums = versions.of(at.z, at.x, at.y)
-        if at.layer == WAYS:
-            tag = sums.both
-        else:
-            tag = sums.near if at.z >= settings.tile_full_zoom else sums.far
+        tag = sums.near if at.z >= settings.tile_full_zoom else sums.far
         return f'W/"{versions.epoch}.{tag}-{TILE_SCHEMA}.{settings.tile_min_zoom}.{settings.tile_full_zoom}"'
 
     async def _is_changed(self, known: int) -> bool:
@@ -214,9 +225,15 @@ class Tiles:
 
     async def _fly(self, at: Address, etag: str) -> Tile:
         if self._is_further_out(at):
-            return Tile(etag, b"")
+            return Tile(NOTHING if at.layer == WAYS else etag, b"")
         async with self._lanes[tile_lane(at.z)].place():
             body = await self._builders.run(lambda connection: self._fetch(connection, at, etag))
+        if at.layer == WAYS:
+            return (
+                Tile(f'W/"{md5(body, usedforsecurity=False).hexdigest()}"', body)
+                if body
+                else Tile(NOTHING, b"")
+            )
         tile = Tile(etag, body)
         self._memory.put(at, tile)
         return tile
@@ -234,7 +251,7 @@ class Tiles:
                 if kept is not None:
                     return kept
                 body = await self._built(connection, at, data)
-                if body:
+                if body and at.layer != WAYS:
                     await store.keep(connection, at, etag, body)
         except psycopg.Error as error:
             if body is None:

@@ -41,11 +41,6 @@ class Sums:
         """What tells any change of what is drawn from afar."""
         return f"{self.drawn}d"
 
-    @property
-    def both(self) -> str:
-        """What tells either."""
-        return f"{self.near}.{self.far}"
-
 
 @dataclass
 class Versions:

@@ -56,7 +56,7 @@ class Watch:
                 except asyncio.CancelledError:
                     mine.cancel()
                     raise
-                except Exception as error:  # noqa: BLE001 - it is raised where somebody waits
+                except Exception as error:
                     mine.set_exception(error)
                     mine.exception()  # all who wait may have left
                 else:
