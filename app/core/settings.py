@@ -179,15 +179,13 @@ class Settings(BaseSettings):
         0,
         ge=0,
         le=31_536_000,
-        description="Seconds for which a cache in front may answer a vector tile without asking; 0: it asks each "
-        "time, and a map is never old.",
+        description="Seconds for which caches may answer a vector tile unasked; 0: they ask.",
     )
     tile_stale_s: int = Field(
         600,
         ge=0,
         le=31_536_000,
-        description="Seconds more in which such a cache may answer the old tile while it fetches the new one; "
-        "without effect where VERSANT_TILE_MAX_AGE_S is 0.",
+        description="Seconds more in which they may answer it while they fetch the new one, where TILE_MAX_AGE_S is set.",
     )
     tile_memory_bytes: int = Field(
         64 * 2**20, ge=0, description="Compressed vector tiles that one process keeps in memory, bytes."
@@ -195,7 +193,7 @@ class Settings(BaseSettings):
     tiles_stored_bytes: int = Field(
         2 * _GIB,
         ge=0,
-        description="Compressed vector tiles that the database keeps, bytes; what nobody asked for longest goes first.",
+        description="Compressed vector tiles in the database, bytes; those asked for last stay.",
     )
 
     allowed_hosts: str | None = Field(

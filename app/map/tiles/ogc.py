@@ -6,7 +6,6 @@ the whole holds the segments: ways are the same roads once more.
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query, Request, Response
@@ -22,10 +21,15 @@ from app.core.http import (
     problems,
 )
 from app.core.query import refuse_unknown
-from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
-from app.map.coverage import cached_extent, dem_names
-from app.map.tiles.answers import DEEPEST_ZOOM, LAYERS, MVT, QUAD, SUFFIXES, check_tile
-from app.map.tiles.routes import ABOUT, EMPTY, MVT_ANSWER, lowest_zoom, tilejson, vector_tile
+from app.map.tiles.answers import DEEPEST_ZOOM, LAYERS, QUAD, SUFFIXES, check_tile
+from app.map.tiles.documents import (
+    QUAD_URI,
+    WEB_MERCATOR,
+    matrix_set_document,
+    tileset_document,
+    tilesets_document,
+)
+from app.map.tiles.routes import EMPTY, MVT_ANSWER, tilejson, vector_tile
 from app.map.tiles.store import SEGMENTS, Address
 
 _CLASSES = "http://www.opengis.net/spec/ogcapi-tiles-1/1.0/conf/"
@@ -34,21 +38,6 @@ TILES_CONFORMANCE = tuple(
     for name in ("core", "tileset", "tilesets-list", "dataset-tilesets", "geodata-tilesets", "mvt")
 )
 """What holds of the routes here. ``oas30`` is of the document of all routes."""
-
-CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
-WEB_MERCATOR = "http://www.opengis.net/def/crs/EPSG/0/3857"
-QUAD_URI = f"http://www.opengis.net/def/tilematrixset/OGC/1.0/{QUAD}"
-SCHEME_REL = "http://www.opengis.net/def/rel/ogc/1.0/tiling-scheme"
-SCHEMES_REL = "http://www.opengis.net/def/rel/ogc/1.0/tiling-schemes"
-VECTOR_REL = "http://www.opengis.net/def/rel/ogc/1.0/tilesets-vector"
-TILEJSON_TYPE = "application/vnd.mapbox.tile+json"
-
-_HALF_M = math.pi * 6_378_137
-_PIXELS = 256
-_PIXEL_M = 0.00028
-"""Side of a pixel on the screen that scale denominators are stated for (the standard's)."""
-_EASE = 85.0511287798066
-"""Latitude at which the square of the map ends, degrees."""
 
 FormatQuery = Annotated[str | None, Query(description="`json`.")]
 TilesetFormat = Annotated[str | None, Query(description="`json`, or `tilejson` for TileJSON 3.")]
@@ -108,22 +97,14 @@ def matrix_sets(request: Request, base: BaseUrl, f: FormatQuery = None) -> dict[
 def matrix_set(request: Request, f: FormatQuery = None) -> dict[str, Any]:
     """Which tiles there are at each zoom level, and where (OGC 17-083r4)."""
     _only(request, f, ("json",))
-    return {
-        "id": QUAD,
-        "title": "Web Mercator, by quarters",
-        "uri": QUAD_URI,
-        "crs": WEB_MERCATOR,
-        "orderedAxes": ["X", "Y"],
-        "wellKnownScaleSet": "http://www.opengis.net/def/wkss/OGC/1.0/GoogleMapsCompatible",
-        "tileMatrices": [_matrix(z) for z in range(25)],
-    }
+    return matrix_set_document()
 
 
 @router.get("/tiles", summary="Tilesets of the whole", responses=_LIST)
 def tilesets(request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuery = None) -> dict[str, Any]:
     """There is one: vector tiles of all segments."""
     _only(request, f, ("json",))
-    return _list(service, base, f"{base}/tiles", SEGMENTS)
+    return tilesets_document(service, base, f"{base}/tiles", SEGMENTS)
 
 
 @router.get(f"/tiles/{QUAD}", summary="The tileset of the whole", responses=_TILESET)
@@ -132,7 +113,7 @@ def tileset(request: Request, service: ServiceDep, base: BaseUrl, f: TilesetForm
     _only(request, f, ("json", "tilejson"))
     if f == "tilejson":
         return tilejson(service, base, SEGMENTS)
-    return _tileset(service, base, f"{base}/tiles", SEGMENTS)
+    return tileset_document(service, base, f"{base}/tiles", SEGMENTS)
 
 
 @router.get("/collections/{collection}/tiles", summary="Tilesets of a collection", responses=_LIST)
@@ -142,7 +123,7 @@ def collection_tilesets(
     """There is one: vector tiles."""
     layer = _layer(collection)
     _only(request, f, ("json",))
-    return _list(service, base, f"{base}/collections/{layer}/tiles", layer)
+    return tilesets_document(service, base, f"{base}/collections/{layer}/tiles", layer)
 
 
 @router.get(
@@ -156,7 +137,7 @@ def collection_tileset(
     _only(request, f, ("json", "tilejson"))
     if f == "tilejson":
         return tilejson(service, base, layer)
-    return _tileset(service, base, f"{base}/collections/{layer}/tiles", layer)
+    return tileset_document(service, base, f"{base}/collections/{layer}/tiles", layer)
 
 
 async def tile(
@@ -183,7 +164,7 @@ async def collection_tile(
 
 
 _PLACE = "{tileMatrix}/{tileRow}/{tileCol}"
-for _suffix in ("", *(f".{suffix}" for suffix in SUFFIXES)):
+for _suffix in (*(f".{suffix}" for suffix in SUFFIXES), ""):  # without one the whole part is the column
     _named = f" ({_suffix})" if _suffix else ""
     for _path, _route, _title in (
         (f"/tiles/{QUAD}/{_PLACE}", tile, "Vector tile of the whole"),
@@ -228,117 +209,3 @@ def _only(
             f"The tiles of the whole hold the collection {SEGMENTS}; others have tiles of their own.",
             field="collections",
         )
-
-
-def _list(service: Service, base: str, here: str, layer: str) -> dict[str, Any]:
-    about = ABOUT[layer]
-    with service.reading() as session:
-        source = attribution(dem_names(service, session))
-    one = {
-        "title": about.title,
-        "dataType": "vector",
-        "crs": WEB_MERCATOR,
-        "tileMatrixSetURI": QUAD_URI,
-        "links": link_documents(
-            [
-                link(f"{here}/{QUAD}", "self", title="The tileset"),
-                link(f"{base}/tileMatrixSets/{QUAD}", SCHEME_REL, title="Its tile matrix set"),
-            ]
-        ),
-    }
-    links = [link(here, "self"), link(f"{base}/tileMatrixSets", SCHEMES_REL, title="Tile matrix sets")]
-    return {"attribution": source, "links": link_documents(links), "tilesets": [one]}
-
-
-def _tileset(service: Service, base: str, here: str, layer: str) -> dict[str, Any]:
-    about, settings = ABOUT[layer], service.settings
-    with service.reading() as session:
-        bounds = cached_extent(service, session)
-        source = attribution(dem_names(service, session))
-    lowest = lowest_zoom(settings, layer)
-    template = link(f"{here}/{QUAD}/{{tileMatrix}}/{{tileRow}}/{{tileCol}}", "item", MVT, "The tiles")
-    links = [
-        link(f"{here}/{QUAD}", "self"),
-        link(f"{here}/{QUAD}?f=tilejson", "alternate", TILEJSON_TYPE, "TileJSON 3"),
-        link(f"{base}/tileMatrixSets/{QUAD}", SCHEME_REL, title="Its tile matrix set"),
-        link(f"{base}/collections/{layer}", "http://www.opengis.net/def/rel/ogc/1.0/geodata"),
-        link(OSM_LICENSE_URL, "license", "text/html", OSM_LICENSE),
-    ]
-    document: dict[str, Any] = {
-        "title": about.title,
-        "description": about.description,
-        "attribution": source,
-        "dataType": "vector",
-        "crs": WEB_MERCATOR,
-        "tileMatrixSetURI": QUAD_URI,
-        "tileMatrixSetLimits": [
-            _limits(z, bounds or (-180.0, -_EASE, 180.0, _EASE))
-            for z in range(lowest, settings.tile_max_zoom + 1)
-        ],
-        "layers": [_described(layer, lowest, settings.tile_max_zoom)],
-        "links": [*link_documents(links), {**link_documents([template])[0], "templated": True}],
-    }
-    if bounds is not None:
-        west, south, east, north = bounds
-        document["boundingBox"] = {"lowerLeft": [west, south], "upperRight": [east, north], "crs": CRS84}
-    return document
-
-
-def _described(layer: str, lowest: int, highest: int) -> dict[str, Any]:
-    """The layer as a tileset's metadata have it, its properties as a JSON schema."""
-    about = ABOUT[layer]
-    types = {"Number": "number", "String": "string"}
-    properties = {
-        name: {"title": name, "description": words.partition("; ")[2], "type": types[words.partition(";")[0]]}
-        for name, words in about.fields.items()
-    }
-    return {
-        "id": layer,
-        "title": about.title,
-        "description": about.feature,
-        "dataType": "vector",
-        "geometryDimension": 1,
-        "minTileMatrix": str(lowest),
-        "maxTileMatrix": str(highest),
-        "propertiesSchema": {"type": "object", "properties": properties},
-    }
-
-
-def _matrix(z: int) -> dict[str, Any]:
-    cell_m = 2 * _HALF_M / _PIXELS / 2**z
-    return {
-        "id": str(z),
-        "scaleDenominator": cell_m / _PIXEL_M,
-        "cellSize": cell_m,
-        "cornerOfOrigin": "topLeft",
-        "pointOfOrigin": [-_HALF_M, _HALF_M],
-        "tileWidth": _PIXELS,
-        "tileHeight": _PIXELS,
-        "matrixWidth": 2**z,
-        "matrixHeight": 2**z,
-    }
-
-
-def _limits(z: int, bounds: tuple[float, float, float, float]) -> dict[str, Any]:
-    """The tiles of a zoom that a box (degrees) meets."""
-    west, south, east, north = bounds
-    if west > east:
-        west, east = -180.0, 180.0
-    columns = [_column(z, longitude) for longitude in (west, east)]
-    rows = [_row(z, latitude) for latitude in (north, south)]
-    return {
-        "tileMatrix": str(z),
-        "minTileCol": columns[0],
-        "maxTileCol": columns[1],
-        "minTileRow": rows[0],
-        "maxTileRow": rows[1],
-    }
-
-
-def _column(z: int, longitude: float) -> int:
-    return min((1 << z) - 1, max(0, int((longitude + 180) / 360 * 2**z)))
-
-
-def _row(z: int, latitude: float) -> int:
-    bounded = math.radians(min(_EASE, max(-_EASE, latitude)))
-    return min((1 << z) - 1, max(0, int((1 - math.asinh(math.tan(bounded)) / math.pi) / 2 * 2**z)))

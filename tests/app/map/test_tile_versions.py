@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.roads import imports as roads
+from drawn_support import draw
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
-from drawn_support import draw
 from network_support import drive_over
 from processing_support import carry_out_removals
 
