@@ -146,7 +146,7 @@ class Look(NamedTuple):
 
 
 async def look(connection: Connection, seen: str) -> Look:
-    """The squares that changed since the snapshot ``seen``: one look into an index. The connection looked at all."""
+    """The squares that changed since the snapshot ``seen``: one look into an index."""
     horizon = seen.partition(":")[0]
     found = await execute_prepared(connection, _LOOK_NAME.encode(), [horizon.encode(), seen.encode()])
     epoch, snapshot, squares = (found.get_value(0, k) or b"" for k in range(3))
@@ -154,9 +154,13 @@ async def look(connection: Connection, seen: str) -> Look:
     return Look(epoch.decode(), snapshot.decode(), list(zip(*(numbers[k::4] for k in range(4)), strict=True)))
 
 
-async def look_at_all(connection: Connection) -> Look:
-    """All squares; the connection is good for looks from here on."""
+async def prepare_looks(connection: Connection) -> None:
+    """Once for each connection: it is good for looks from here on."""
     await connection.execute(_LOOK)
+
+
+async def look_at_all(connection: Connection) -> Look:
+    """All squares."""
     cursor = await connection.execute(_ALL)
     rows: list[Any] = await cursor.fetchall()
     return Look(rows[0][0], rows[0][1], [row[2:] for row in rows if row[2] is not None])

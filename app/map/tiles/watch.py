@@ -72,6 +72,8 @@ class Watch:
                 if found.squares:
                     self.changes += self.versions.put(found.squares)
                 return
+        else:
+            await store.prepare_looks(connection)
         found = await store.look_at_all(connection)
         versions = Versions(found.epoch)
         await asyncio.to_thread(versions.put, found.squares)
