@@ -101,9 +101,10 @@ async def answer(
     """
     tiles.count(at)
     known, takes_gzip = _wishes(asked)
-    etag = await tiles.etag(at)
-    tile = None if etag is not None else await wait(tiles.made(at))
-    etag = etag or tile.etag
+    etag, tile = await tiles.etag(at), None
+    if etag is None:
+        tile = await wait(tiles.made(at))
+        etag = tile.etag
     headers = [(b"etag", etag.encode()), *_policy(tiles.settings)]
     if known is not None and _is_known(etag, known):
         return Answer(304, headers, b"")

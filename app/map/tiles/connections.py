@@ -37,14 +37,14 @@ class Connections:
     @asynccontextmanager
     async def one(self) -> AsyncIterator[Connection]:
         """A connection in autocommit mode for the block; after an error in it, it is not used again."""
-        connection = self._idle.pop() if self._idle else await self._connect()
+        connection = self._idle.pop() if self._idle else await self.connect()
         try:
             yield connection
         except BaseException:
-            await _end(connection)
+            await end(connection)
             raise
         if self._closed or len(self._idle) >= self._kept:
-            await _end(connection)
+            await end(connection)
         else:
             self._idle.append(connection)
 
@@ -55,7 +55,7 @@ class Connections:
             async with self.one() as connection:
                 return await work(connection)
         except psycopg.OperationalError as error:
-            if not waited or not _is_broken(error, connection):
+            if not waited or not is_broken(error, connection):
                 raise
         await self.close_idle()
         async with self.one() as connection:
@@ -65,14 +65,15 @@ class Connections:
         """Close those that wait for work."""
         idle, self._idle = self._idle, []
         for connection in idle:
-            await _end(connection)
+            await end(connection)
 
     async def close(self) -> None:
         """Close all, those at work when they are through."""
         self._closed = True
         await self.close_idle()
 
-    async def _connect(self) -> Connection:
+    async def connect(self) -> Connection:
+        """A new connection, which is nobody else's."""
         return await AsyncConnection.connect(
             self._url,
             autocommit=True,
@@ -83,48 +84,64 @@ class Connections:
         )
 
 
-async def execute_prepared(connection: Connection, name: bytes, parameters: list[bytes | None]) -> PGresult:
-    """The result, in text format, of a statement that was prepared on the connection under this name.
+class Asker:
+    """One prepared statement, asked again and again on a connection that is for nothing else meanwhile.
 
-    Without cursors and conversions, which cost three times as much as the statement: for the one look that comes before
-    every answer. Raises ``psycopg.OperationalError`` and what else the database says.
+    Without the driver's cursors, conversions and tasks, which cost several times what the statement does: for the one
+    look that comes before every answer. One question at a time.
     """
-    server, results = connection.pgconn, []
-    loop = asyncio.get_running_loop()
-    ended: asyncio.Future[None] = loop.create_future()
 
-    def readable() -> None:
+    def __init__(
+        self, connection: Connection, name: bytes, answered: Callable[[PGresult | psycopg.Error], None]
+    ) -> None:
+        """``answered`` is called with each answer (in text format), and when the connection breaks."""
+        self._server, self._name, self._answered = connection.pgconn, name, answered
+        self._results: list[PGresult] = []
+        self._socket = self._server.socket
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(self._socket, self._readable)
+
+    def ask(self, parameters: list[bytes | None]) -> None:
+        """Send the question; raises ``psycopg.OperationalError`` where the connection is gone."""
+        self._server.send_query_prepared(self._name, parameters)
+        self._server.flush()
+
+    def stop(self) -> None:
+        """Leave the connection to others."""
+        self._loop.remove_reader(self._socket)
+
+    def _readable(self) -> None:
         try:
-            server.consume_input()
-            while not ended.done() and not server.is_busy():
-                result = server.get_result()
+            self._server.consume_input()
+            while not self._server.is_busy():
+                result = self._server.get_result()
                 if result is None:
-                    ended.set_result(None)
-                else:
-                    results.append(result)
+                    break
+                self._results.append(result)
+            else:
+                return
         except psycopg.Error as error:
-            if not ended.done():
-                ended.set_exception(error)
-
-    server.send_query_prepared(name, parameters)
-    server.flush()
-    loop.add_reader(server.socket, readable)
-    try:
-        await ended
-    finally:
-        loop.remove_reader(connection.pgconn.socket)
-    (result,) = results
-    if result.status != ExecStatus.TUPLES_OK:
-        state = result.error_field(DiagnosticField.SQLSTATE) or b""
-        raise psycopg.errors.lookup(state.decode())(result.error_message.decode(errors="replace"))
-    return result
+            self.stop()
+            self._answered(error)
+            return
+        results, self._results = self._results, []
+        for result in results:
+            self._answered(_told(result))
 
 
-def _is_broken(error: psycopg.Error, connection: Connection) -> bool:
+def _told(result: PGresult) -> PGresult | psycopg.Error:
+    if result.status == ExecStatus.TUPLES_OK:
+        return result
+    state = result.error_field(DiagnosticField.SQLSTATE) or b"XX000"
+    return psycopg.errors.lookup(state.decode())(result.error_message.decode(errors="replace"))
+
+
+def is_broken(error: psycopg.Error, connection: Connection) -> bool:
     """Whether the connection is gone, rather than a statement refused."""
     return error.sqlstate is None or error.sqlstate.startswith(("57P", "08")) or connection.broken
 
 
-async def _end(connection: Connection) -> None:
+async def end(connection: Connection) -> None:
+    """Close it, whatever state it is in."""
     with suppress(psycopg.Error, OSError):
         await connection.close()

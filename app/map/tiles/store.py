@@ -9,11 +9,12 @@ from __future__ import annotations
 import re
 from typing import Any, NamedTuple
 
+from psycopg.pq.abc import PGresult
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
 from app.map.store import FULL_ZOOM
-from app.map.tiles.connections import Connection, execute_prepared
+from app.map.tiles.connections import Connection
 from app.map.tiles.versions import Square
 
 SEGMENTS, WAYS = "segments", "ways"
@@ -111,9 +112,10 @@ _SQUARE = "c.id, c.version, c.drawn_version, CAST(extract(epoch FROM c.changed_a
 _NOW = "CAST(pg_current_snapshot() AS text)"
 # Exact in whatever order transactions end: what the former look has not seen has a number that its snapshot does not
 # hold. Numbers that this server has not given out yet come from another one; all was read when that was noticed.
-_LOOK_NAME = "versant_look"
+LOOK = b"versant_look"
+"""The name of the statement, one look into an index."""
 _LOOK = f"""
-    PREPARE {_LOOK_NAME} (bigint, pg_snapshot) AS
+    PREPARE {LOOK.decode()} (bigint, pg_snapshot) AS
     SELECT {_EPOCH}, {_NOW},
            (SELECT array_agg(ARRAY[{_SQUARE}]) FROM cells AS c
             WHERE c.changed_xid >= $1
@@ -145,11 +147,16 @@ class Look(NamedTuple):
     squares: list[Square]
 
 
-async def look(connection: Connection, seen: str) -> Look:
-    """The squares that changed since the snapshot ``seen``: one look into an index."""
-    horizon = seen.partition(":")[0]
-    found = await execute_prepared(connection, _LOOK_NAME.encode(), [horizon.encode(), seen.encode()])
+def look_question(seen: str) -> list[bytes | None]:
+    """The parameters of a look (``LOOK``) at the squares that changed since the snapshot ``seen``."""
+    return [seen.partition(":")[0].encode(), seen.encode()]
+
+
+def look_answer(found: PGresult) -> Look:
+    """What a look found."""
     epoch, snapshot, squares = (found.get_value(0, k) or b"" for k in range(3))
+    if not squares:
+        return Look(epoch.decode(), snapshot.decode(), [])
     numbers = [int(number) for number in _NUMBER.findall(squares)]
     return Look(epoch.decode(), snapshot.decode(), list(zip(*(numbers[k::4] for k in range(4)), strict=True)))
 
