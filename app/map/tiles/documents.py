@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from app.core.http import Service, link, link_documents
+from app.core.http import Link, Service, link, link_documents
 from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
 from app.map.coverage import cached_extent, dem_names
 from app.map.tiles.answers import MVT, QUAD
@@ -28,6 +28,12 @@ _PIXEL_M = 0.00028
 """Side of a pixel on the screen that scale denominators are stated for (the standard's)."""
 _EASE = 85.0511287798066
 """Latitude at which the square of the map ends, degrees."""
+
+
+def tilesets_link(base: str, layer: str | None = None) -> Link:
+    """The link to vector tilesets that a landing page has, or the document of the collection ``layer``."""
+    here = base if layer is None else f"{base}/collections/{layer}"
+    return link(f"{here}/tiles", VECTOR_REL, title="Vector tiles")
 
 
 def matrix_set_document() -> dict[str, Any]:

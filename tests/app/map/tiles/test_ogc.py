@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from app.map.tiles.documents import tilesets_link
 from app.map.tiles.ogc import TILES_CONFORMANCE
 from mvt_support import layers
 from problem_support import check
@@ -141,6 +142,15 @@ def test_tilesets_list_tsl_op_and_success(reading: Any, base: str) -> None:
     (one,) = get(reading, base)["tilesets"]
     assert (one["dataType"], one["tileMatrixSetURI"]) == ("vector", QUAD_URI)
     assert get(reading, linked(one, "self"))["tileMatrixSetURI"] == QUAD_URI
+
+
+@pytest.mark.parametrize("layer", [None, "segments", "ways"])
+def test_geodata_and_dataset_links(reading: Any, layer: str | None) -> None:
+    """/conf/dataset-tilesets/landingpage, /conf/geodata-tilesets/desc-links: what these documents are given."""
+    found = tilesets_link(reading.base, layer)
+    assert found.rel == "http://www.opengis.net/def/rel/ogc/1.0/tilesets-vector"
+    (one,) = get(reading, found.href)["tilesets"]
+    assert f"/collections/{layer}/" in linked(one, "self") or layer is None
 
 
 # --- what tile matrix sets there are ------------------------------------------------------------------------------
