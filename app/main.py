@@ -43,11 +43,15 @@ from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
-from app.map import segments, tiles
+from app.map import segments
 from app.map.heights import routes as heights
 from app.map.ogc import api, collections, items, landing, schemas
 from app.map.ogc.landing import BIND_NOTE
 from app.map.ogc.parameters import tell_limits
+from app.map.tiles import ogc as ogc_tiles
+from app.map.tiles import routes as tiles
+from app.map.tiles.front import TileFront
+from app.map.tiles.tiles import Tiles
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
@@ -70,6 +74,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     items.router,
     tiles.router,
     heights.router,
+    ogc_tiles.router,
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's
     health.router,
@@ -128,8 +133,9 @@ def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane])
         Middleware(HeadMiddleware),
         Middleware(RequestLog),
         Middleware(MetricsMiddleware, metrics=metrics),
-        Middleware(EndWithClient),
         Middleware(KnownHosts, settings=settings),
+        Middleware(TileFront, max_zoom=settings.tile_max_zoom),
+        Middleware(EndWithClient),
         Middleware(EarlyAnswers),
         Middleware(PublishedCors),
         Middleware(Lanes, lanes=lanes),
@@ -165,13 +171,16 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     app.state.feed = Feed(
         url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, settings.events_max
     )
-    following = asyncio.create_task(app.state.feed.run())
+    app.state.tiles = Tiles(url, settings, app.state.lanes)
+    beside = [asyncio.create_task(one) for one in (app.state.feed.run(), app.state.tiles.run())]
     try:
         yield
     finally:
-        following.cancel()
-        with suppress(asyncio.CancelledError):
-            await following
+        for task in beside:
+            task.cancel()
+            with suppress(asyncio.CancelledError):
+                await task
+        await app.state.tiles.close()
         app.state.drawing.close()
         engine.dispose()
         probing.dispose()

@@ -21,8 +21,9 @@ from app.core.tables import passes as _passes
 from app.core.tables import roads as _roads
 from app.core.tables import served as _served
 from app.core.tables import service as _service
+from app.core.tables import tiles as _tiles
 
-_OF_THE_SAME_BASE = (_batches, _cells, _following, _passes, _roads, _served, _service)
+_OF_THE_SAME_BASE = (_batches, _cells, _following, _passes, _roads, _served, _service, _tiles)
 """They describe the other tables of it."""
 
 

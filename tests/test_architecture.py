@@ -49,6 +49,7 @@ SQL_PLACES = {
         "map/heights/store.py",
         "map/items/store.py",
         "map/store.py",
+        "map/tiles/store.py",
         "map/ways/store.py",
         "ops/admin/store.py",
         "ops/store.py",

@@ -1,6 +1,7 @@
 """Engine and sessions, and what passes between Python and PostgreSQL. Knows no table and no statement.
 
-One style of database access: synchronous SQLAlchemy over psycopg 3.
+One style of database access: synchronous SQLAlchemy over psycopg 3. Vector tiles alone have another one
+(``app.map.tiles.connections``).
 """
 
 from __future__ import annotations
@@ -41,11 +42,13 @@ class Patience:
     connection_s: float
     """For a free connection of the pool, or a new one to the server."""
 
-    @property
-    def server_options(self) -> str:
-        """What the server is told at the start of a connection."""
-        statement_ms, lock_ms = round(1000 * self.statement_s), round(1000 * self.lock_s)
-        return f" -c statement_timeout={statement_ms} -c lock_timeout={lock_ms}"
+
+def server_options(patience: Patience | None) -> str:
+    """What the server is told at the start of a connection."""
+    if patience is None:
+        return _SERVER_OPTIONS
+    statement_ms, lock_ms = round(1000 * patience.statement_s), round(1000 * patience.lock_s)
+    return f"{_SERVER_OPTIONS} -c statement_timeout={statement_ms} -c lock_timeout={lock_ms}"
 
 
 def make_engine(
@@ -61,9 +64,8 @@ def make_engine(
     Without ``patience`` statements and locks take as long as they take: workers and imports have nobody who waits.
     ``behind``: a server on this machine serves those first who have (``standing_back``).
     """
-    options, limits = _SERVER_OPTIONS, {}
+    limits = {}
     if patience is not None:
-        options += patience.server_options
         # libpq takes whole seconds, at least two.
         limits["connect_timeout"] = max(2, math.ceil(patience.connection_s))
     engine = create_engine(
@@ -73,7 +75,7 @@ def make_engine(
         pool_size=pool_size,
         max_overflow=max_overflow,
         pool_timeout=30.0 if patience is None else patience.connection_s,
-        connect_args={"options": options, "application_name": "versant", **limits},
+        connect_args={"options": server_options(patience), "application_name": "versant", **limits},
     )
     if behind:
         event.listen(engine, "connect", lambda connection, _record: let_stand_back(connection))

@@ -24,6 +24,8 @@ LONGEST_WAIT_S = 10.0
 """Then a client is better told to come again."""
 MOST_WAITING = 200
 """In each lane: a map asks for some sixty tiles at once."""
+WIDE_ZOOM = 12
+"""Tiles of lower zooms have a lane of their own."""
 CHANGES = "changes"
 PARTS = "parts"
 
@@ -73,6 +75,11 @@ class Lane:
             yield
         finally:
             self._free.release()
+
+
+def tile_lane(z: int) -> str:
+    """The name of the lane of a tile of a zoom: what shows much of the map may be slow."""
+    return "wide tiles" if z < WIDE_ZOOM else "tiles"
 
 
 def make_lanes(connections: int) -> dict[str, Lane]:

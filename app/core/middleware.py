@@ -54,6 +54,7 @@ PUBLISHED = (
     "/height",
     "/openapi.json",
     "/problems",
+    "/tileMatrixSets",
     "/tiles",
     "/v1/changes",
     "/v1/elevation",

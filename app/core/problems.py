@@ -57,11 +57,11 @@ class Problem(BaseModel):
 def install_error_handlers(app: FastAPI) -> None:
     """Make every error of ``app`` a problem document."""
     for cls, handler in (
-        (ServiceError, _service_error),
+        (ServiceError, service_error),
         (FusionError, _fusion_error),
-        (OperationalError, _database_error),
-        (psycopg.OperationalError, _database_error),
-        (PoolTimeoutError, _database_error),
+        (OperationalError, database_error),
+        (psycopg.OperationalError, database_error),
+        (PoolTimeoutError, database_error),
         (HTTPException, _http_error),
         (RequestValidationError, _invalid_request),
         (ClientDisconnect, _client_gone),
@@ -90,7 +90,8 @@ def problem_response(
     return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
 
 
-async def _service_error(request: Request, error: Exception) -> JSONResponse:
+async def service_error(request: Request, error: Exception) -> JSONResponse:
+    """The answer to an error of the service's own."""
     errors = error.errors if isinstance(error, ServiceError) else ()
     return problem_response(request, kind_of(error), str(error), errors)
 
@@ -101,7 +102,8 @@ async def _fusion_error(request: Request, error: Exception) -> JSONResponse:
     return problem_response(request, kind_of(error), str(error), errors)
 
 
-async def _database_error(request: Request, error: Exception) -> JSONResponse:
+async def database_error(request: Request, error: Exception) -> JSONResponse:
+    """The answer where the database does not do what it is asked for."""
     if client_left():  # its statement was cancelled, or it is the reason why nothing was waited for
         return await _client_gone(request, error)
     kind = kind_of(error)

@@ -188,6 +188,26 @@ class Settings(BaseSettings):
     tile_max_zoom: Zoom = Field(
         18, description="Highest zoom level with tiles; a map enlarges those beyond it."
     )
+    tile_max_age_s: int = Field(
+        0,
+        ge=0,
+        le=31_536_000,
+        description="Seconds for which caches may answer a vector tile unasked; 0: they ask.",
+    )
+    tile_stale_s: int = Field(
+        600,
+        ge=0,
+        le=31_536_000,
+        description="Seconds more in which they may answer it while they fetch the new one, where TILE_MAX_AGE_S is set.",
+    )
+    tile_memory_bytes: int = Field(
+        64 * 2**20, ge=0, description="Compressed vector tiles that one process keeps in memory, bytes."
+    )
+    tiles_stored_bytes: int = Field(
+        2 * _GIB,
+        ge=0,
+        description="Compressed vector tiles in the database, bytes; those asked for last stay.",
+    )
 
     allowed_hosts: str | None = Field(
         None,

@@ -270,37 +270,14 @@ def drive_segment_rows(
     ]
 
 
-LAYER = "segments"
-EXTENT = 4096
-"""Units across a vector tile."""
-BUFFER = 64
-"""Units by which lines go on beyond a tile's edge, so that it does not cut wide strokes short."""
 FULL_ZOOM = 13
-"""From this zoom on all roads are shown; below, only the greater ones and whatever was driven."""
+"""From this zoom on tiles show all roads; below, those of GeoJSON only the greater ones and whatever was driven."""
 
 _MOTORWAYS = ("motorway", "trunk", "motorway_link", "trunk_link")
 _PRIMARY = (*_MOTORWAYS, "primary", "primary_link")
 _TERTIARY = (*_PRIMARY, "secondary", "secondary_link", "tertiary", "tertiary_link")
 
-# The box for the index is wider than the tile by the buffer, else lines just outside it would end at its
-# edge. Only what a map draws is in the tile: each further property costs a tenth of the whole query.
-_MVT = text(
-    """
-    WITH box AS (
-        SELECT ST_TileEnvelope(:z, :x, :y) AS tile,
-               ST_TileEnvelope(:z, :x, :y, margin => CAST(:buffer AS float8) / :extent) AS wide
-    ), feature AS (
-        SELECT s.id, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives, s.highway,
-               s.oneway, ST_AsMVTGeom(s.geom_3857, box.tile, :extent, :buffer, true) AS geom
-        FROM box JOIN segments AS s ON s.geom_3857 && box.wide
-        LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
-        WHERE CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL
-    )
-    SELECT ST_AsMVT(feature, :layer, :extent, 'geom', 'id') FROM feature WHERE geom IS NOT NULL
-    """
-)
-
-# A page of the segments that the vector tile shows, whole.
+# A page of the segments of a tile, whole.
 _TILE = _statement(
     """
     SELECT {columns} FROM {segments}
@@ -309,16 +286,6 @@ _TILE = _statement(
     ORDER BY s.id LIMIT :limit
     """
 )
-
-
-def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM) -> bytes:
-    """The Mapbox vector tile: layer ``segments``, a segment's id as its feature's id; empty without any.
-
-    0 <= x, y < 2**z is the caller's to check. Properties: ``slope_percent``, ``slope_sigma_percent`` (both
-    absent where unknown), ``drives``, ``highway``, ``oneway``. Extent 4096, buffer 64.
-    """
-    values = {"z": z, "x": x, "y": y, "buffer": BUFFER, "extent": EXTENT, "layer": LAYER}
-    return bytes(session.execute(_MVT, {**values, "classes": _classes(z, full_zoom)}).scalar_one() or b"")
 
 
 def geojson_tile(

@@ -150,8 +150,8 @@ def take_unsettled(session: Session, cells: Collection[int]) -> None:
 
 def tile_tag(session: Session, z: int, x: int, y: int) -> str:
     """A short text that is equal for equal data of a tile, across databases too."""
-    x0, x1 = _span(z, x)
-    y0, y1 = _span(z, y)
+    x0, x1 = span(z, x)
+    y0, y1 = span(z, y)
     row: Any = session.execute(_TAG, {"x0": x0, "x1": x1, "y0": y0, "y1": y1}).one()
     return f"{row.version}.{row.changed_us:x}"
 
@@ -197,7 +197,7 @@ def square_bounds(cell: int) -> Bounds:
     return west, south, east, north
 
 
-def _span(z: int, column: int) -> tuple[int, int]:
+def span(z: int, column: int) -> tuple[int, int]:
     """The columns, or rows, of squares that a tile's column and what it draws beyond it meet."""
     scale = 2.0 ** (ZOOM - z)
     low, high = (column - TILE_MARGIN) * scale, (column + 1 + TILE_MARGIN) * scale

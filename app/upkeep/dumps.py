@@ -34,6 +34,7 @@ def dump(url: str, snapshot: str, target: Path, major: int) -> None:
         "--format=custom",
         "--no-owner",
         "--no-privileges",
+        "--no-unlogged-table-data",  # what can be made again: vector tiles
         f"--snapshot={snapshot}",
         f"--file={target}",
     ]

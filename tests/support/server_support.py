@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -27,6 +28,11 @@ _RUNNING = text(
 def sleep(session: Any, *_: object, **__: object) -> Any:
     """In place of a function of a store: a statement that lasts longer than a test."""
     session.execute(text("SELECT pg_sleep(120)"))
+
+
+async def sleep_in_loop(connection: Any, *_: object, **__: object) -> Any:
+    """The same in place of a function that the event loop runs."""
+    await connection.execute("SELECT pg_sleep(120)")
 
 
 def sleeping(web: Any) -> int:
@@ -75,10 +81,23 @@ class Gate:
         self._lock = threading.Lock()
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
-        with self._lock:
-            self.inside += 1
-            self.most = max(self.most, self.inside)
+        self._enter()
         assert self.open.wait(WAIT_S)
         with self._lock:
             self.inside -= 1
         return self._answer(*arguments, **options)
+
+    async def waited_for(self, *arguments: Any, **options: Any) -> Any:
+        """The same in place of a function that the event loop runs."""
+        self._enter()
+        async with asyncio.timeout(WAIT_S):
+            while not self.open.is_set():
+                await asyncio.sleep(0.01)
+        with self._lock:
+            self.inside -= 1
+        return self._answer(*arguments, **options)
+
+    def _enter(self) -> None:
+        with self._lock:
+            self.inside += 1
+            self.most = max(self.most, self.inside)

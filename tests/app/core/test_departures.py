@@ -8,10 +8,14 @@ from typing import Any
 import httpx
 import pytest
 
-from server_support import connected, sleep, sleeping, wait_until
+from server_support import connected, sleep, sleep_in_loop, sleeping, wait_until
 
-TILE = "/tiles/14/8574/5626.mvt"
-WIDE = "/tiles/8/133/87.mvt"
+TILE = "/tiles/14/8574/5626"
+ROWS = "app.map.tiles.routes.geojson_rows"
+MADE = "app.map.tiles.store.kept_or_made"
+
+both = pytest.mark.parametrize("suffix", [".mvt", ".geojson"])
+"""What the event loop runs, and what a thread does."""
 
 
 def counted(web: Any, status: int) -> float:
@@ -24,12 +28,14 @@ def counted(web: Any, status: int) -> float:
 @pytest.fixture
 def slow(filled: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """A service whose tiles take two minutes each."""
-    monkeypatch.setattr("app.map.tiles.tiles.mvt", sleep)
+    monkeypatch.setattr(ROWS, sleep)
+    monkeypatch.setattr(MADE, sleep_in_loop)
     return filled
 
 
-def test_the_statement_of_a_tile_ends_when_its_client_leaves(slow: Any) -> None:
-    with connected(slow, TILE):
+@both
+def test_the_statement_of_a_tile_ends_when_its_client_leaves(slow: Any, suffix: str) -> None:
+    with connected(slow, TILE + suffix):
         wait_until(lambda: sleeping(slow) == 1)
     wait_until(lambda: sleeping(slow) == 0)
     wait_until(lambda: counted(slow, 499) == 1)
@@ -38,44 +44,49 @@ def test_the_statement_of_a_tile_ends_when_its_client_leaves(slow: Any) -> None:
 def test_a_route_that_goes_on_to_another_statement_ends_all_the_same(
     filled: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stubborn(session: Any, *_: object, **__: object) -> bytes:
+    def stubborn(session: Any, *_: object, **__: object) -> list[object]:
         for _ in range(3):
             try:
                 sleep(session)
             except Exception:
                 session.rollback()
-        return b""
+        return []
 
-    monkeypatch.setattr("app.map.tiles.tiles.mvt", stubborn)
-    with connected(filled, TILE):
+    monkeypatch.setattr(ROWS, stubborn)
+    with connected(filled, TILE + ".geojson"):
         wait_until(lambda: sleeping(filled) == 1)
     wait_until(lambda: sleeping(filled) == 0)
     wait_until(lambda: counted(filled, 499) == 1)
 
 
-def test_clients_that_leave_while_they_wait_begin_nothing(slow: Any) -> None:
+@both
+def test_clients_that_leave_while_they_wait_begin_nothing(slow: Any, suffix: str) -> None:
     with ExitStack() as crowd:
-        for _ in range(10):
-            crowd.enter_context(connected(slow, WIDE))
+        for y in range(10):
+            crowd.enter_context(connected(slow, f"/tiles/8/133/{80 + y}{suffix}"))
         wait_until(lambda: sleeping(slow) == 2)  # the lane's places
 
     wait_until(lambda: counted(slow, 499) == 10)
     assert sleeping(slow) == 0
 
 
-def test_the_next_one_on_the_connection_is_not_hit(filled: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+@both
+def test_the_next_one_on_the_connection_is_not_hit(
+    filled: Any, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("app.map.tiles.tiles.mvt", sleep)
+        patch.setattr(ROWS, sleep)
+        patch.setattr(MADE, sleep_in_loop)
         for _ in range(5):
-            with connected(filled, TILE):
+            with connected(filled, TILE + suffix):
                 wait_until(lambda: sleeping(filled) == 1)
     for _ in range(50):
-        assert filled.client.get(TILE).status_code == 200
+        assert filled.client.get(TILE + suffix).status_code == 200
 
 
 def test_a_client_that_stays_is_answered_and_its_connection_kept(filled: Any) -> None:
     with httpx.Client(base_url=filled.base, trust_env=False) as client:
         for _ in range(3):
-            assert client.get(TILE).status_code == 200
+            assert client.get(TILE + ".mvt").status_code == 200
             assert client.request("GET", "/healthz", content=b"a body").status_code == 200
             assert client.head("/v1/drives").status_code == 200

@@ -22,6 +22,10 @@ BAD = {
     "x": ("x", "-1"),
     "y": ("x", "-1"),
     "slug": ("no-such-problem",),
+    "collection": ("roads", "%00"),
+    "tileMatrix": ("x", "-1", "31"),
+    "tileRow": ("x", "-1", "1"),
+    "tileCol": ("x", "-1", "1"),
 }
 
 

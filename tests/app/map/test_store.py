@@ -14,6 +14,7 @@ from shapely.geometry import box
 
 from app.core.db import Sessions
 from app.map import store
+from app.map.tiles import store as tiles
 from app.network import extracts as road_store
 from app.roads import imports as roads
 from fusion.roads.table import RoadTable
@@ -42,7 +43,7 @@ def read(tmp_path: Path) -> Callable[..., object]:
     def decode(data: bytes, z: int, x: int, y: int):  # type: ignore[no-untyped-def]
         path = tmp_path / f"{uuid.uuid4()}.mvt"
         path.write_bytes(data)
-        assert [name for name, _ in pyogrio.list_layers(path)] == [store.LAYER]
+        assert [name for name, _ in pyogrio.list_layers(path)] == [tiles.LAYER]
         return pyogrio.read_dataframe(path, Z=str(z), X=str(x), Y=str(y), CLIP="NO")
 
     return decode
@@ -54,7 +55,7 @@ def test_a_tile_carries_what_a_map_draws(
     add_drive(segment_ids, {2: (-4.25, 0.5)})
     tile = tile_of(8.5025, 49.0, 14)
     with sessions() as session:
-        frame = read(store.mvt(session, *tile), *tile)
+        frame = read(tiles.mvt(session, *tile), *tile)
     assert set(frame.columns) == {  # type: ignore[attr-defined]
         "mvt_id", "slope_percent", "slope_sigma_percent", "drives", "highway", "oneway", "geometry"
     }  # fmt: skip
@@ -72,11 +73,11 @@ def test_a_line_keeps_its_direction_and_place(
 ) -> None:
     tile = tile_of(8.5005, 49.0, 14)
     with sessions() as session:
-        frame = read(store.mvt(session, *tile), *tile)
+        frame = read(tiles.mvt(session, *tile), *tile)
     line = frame.set_index("mvt_id").geometry[segment_ids[0]]  # type: ignore[attr-defined]
     x = np.radians([8.5, 8.501]) * 6_378_137
     y = math.asinh(math.tan(math.radians(49))) * 6_378_137
-    unit_m = EARTH_M / 2**14 / store.EXTENT
+    unit_m = EARTH_M / 2**14 / tiles.EXTENT
     assert np.allclose(line.coords, [(x[0], y), (x[1], y)], atol=unit_m)
 
 
@@ -85,14 +86,14 @@ def test_a_line_just_outside_is_in_the_buffer(
 ) -> None:
     z, x, y = tile_of(8.5, 49.0, 14)
     edge_lon = x / 2**z * 360 - 180
-    unit_deg = 360 / 2**z / store.EXTENT
+    unit_deg = 360 / 2**z / tiles.EXTENT
     west = np.array([20.0, 100.0]) * unit_deg  # within and beyond the 64 units of the buffer
     table = chain(
         2, lon0_deg=edge_lon - west, lon1_deg=edge_lon - west, lat0_deg=[48.9999] * 2, lat1_deg=[49.0] * 2
     )
     with sessions.begin() as session:
         roads.replace_roads(session, table, "x", "0" * 64)
-        frame = read(store.mvt(session, z, x, y), z, x, y)
+        frame = read(tiles.mvt(session, z, x, y), z, x, y)
         near = store.segment_items(session)[0]
         assert store.geojson_tile(session, z, x, y) == []
     assert frame.mvt_id.tolist() == [near.id]  # type: ignore[attr-defined]
@@ -100,7 +101,7 @@ def test_a_line_just_outside_is_in_the_buffer(
 
 def test_a_tile_without_segments_is_empty(sessions: Sessions, segment_ids: Ints) -> None:
     with sessions() as session:
-        assert store.mvt(session, 14, 0, 0) == b""
+        assert tiles.mvt(session, 14, 0, 0) == b""
         assert store.geojson_tile(session, 14, 0, 0) == []
 
 
@@ -146,6 +147,3 @@ def test_far_out_only_driven_or_major_roads_are_shown(
     tile = tile_of(8.5025, 49.0, zoom)
     with sessions() as session:
         assert {row.highway for row in store.geojson_tile(session, *tile, full_zoom=13)} == shown
-        mvt = store.mvt(session, *tile, full_zoom=13)
-    if zoom >= 9:  # further out a segment of 73 m is less than a unit of the tile
-        assert {name for name in classes if name.encode() in mvt} == shown

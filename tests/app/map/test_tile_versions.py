@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from app.roads import imports as roads
+from drawn_support import draw
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import drive_over
@@ -29,6 +30,7 @@ def test_tiles_are_new_where_something_changed_and_only_there(
 
     def statuses() -> dict[str, int]:
         """What each tile answers to who has seen it before."""
+        draw(web.sessions)
         found = {}
         for tile in NEAR | FAR:
             known = {"If-None-Match": tags[tile]} if tile in tags else {}

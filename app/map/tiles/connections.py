@@ -1,0 +1,147 @@
+"""Connections to the database that the event loop itself waits on: a tile needs no thread.
+
+Everything else of the service reads the database in threads. A warm tile is one indexed look of some thirty
+microseconds; the way through a thread and a session costs ten times as much, most of it under Python's lock.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
+from typing import Any, TypeVar
+
+import psycopg
+from psycopg import AsyncConnection
+from psycopg.pq import DiagnosticField, ExecStatus
+from psycopg.pq.abc import PGresult
+
+from app.core.db import Patience, server_options
+from app.core.settings import libpq_url
+
+Found = TypeVar("Found")
+Connection = AsyncConnection[tuple[Any, ...]]
+
+
+class Connections:
+    """Connections that wait for work; as many as are asked for at once, and ``kept`` of them while nobody asks."""
+
+    def __init__(self, url: str, patience: Patience, *, kept: int) -> None:
+        self._url = libpq_url(url)
+        self._patience = patience
+        self._kept = kept
+        self._idle: list[Connection] = []
+        self._closed = False
+
+    @asynccontextmanager
+    async def one(self) -> AsyncIterator[Connection]:
+        """A connection in autocommit mode for the block; after an error in it, it is not used again."""
+        connection = self._idle.pop() if self._idle else await self.connect()
+        try:
+            yield connection
+        except BaseException:
+            await end(connection)
+            raise
+        if self._closed or len(self._idle) >= self._kept:
+            await end(connection)
+        else:
+            self._idle.append(connection)
+
+    async def run(self, work: Callable[[Connection], Awaitable[Found]]) -> Found:
+        """Do the work on a connection; once more on a new one where the server has closed the one that waited here."""
+        waited = bool(self._idle)
+        try:
+            async with self.one() as connection:
+                return await work(connection)
+        except psycopg.OperationalError as error:
+            if not waited or not is_broken(error, connection):
+                raise
+        await self.close_idle()
+        async with self.one() as connection:
+            return await work(connection)
+
+    async def close_idle(self) -> None:
+        """Close those that wait for work."""
+        idle, self._idle = self._idle, []
+        for connection in idle:
+            await end(connection)
+
+    async def close(self) -> None:
+        """Close all, those at work when they are through."""
+        self._closed = True
+        await self.close_idle()
+
+    async def connect(self) -> Connection:
+        """A new connection, which is nobody else's."""
+        return await AsyncConnection.connect(
+            self._url,
+            autocommit=True,
+            prepare_threshold=0,
+            options=server_options(self._patience),
+            application_name="versant",
+            connect_timeout=max(2, math.ceil(self._patience.connection_s)),
+        )
+
+
+class Asker:
+    """One prepared statement, asked again and again on a connection that is for nothing else meanwhile.
+
+    Without the driver's cursors, conversions and tasks, which cost several times what the statement does: for the one
+    look that comes before every answer. One question at a time.
+    """
+
+    def __init__(
+        self, connection: Connection, name: bytes, answered: Callable[[PGresult | psycopg.Error], None]
+    ) -> None:
+        """``answered`` is called with each answer (in text format), and when the connection breaks."""
+        self._server, self._name, self._answered = connection.pgconn, name, answered
+        self._results: list[PGresult] = []
+        self._socket = self._server.socket
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(self._socket, self._readable)
+
+    def ask(self, parameters: list[bytes | None]) -> None:
+        """Send the question; raises ``psycopg.OperationalError`` where the connection is gone."""
+        self._server.send_query_prepared(self._name, parameters)
+        self._server.flush()
+
+    def stop(self) -> None:
+        """Leave the connection to others."""
+        self._loop.remove_reader(self._socket)
+
+    def _readable(self) -> None:
+        try:
+            self._server.consume_input()
+            while not self._server.is_busy():
+                result = self._server.get_result()
+                if result is None:
+                    break
+                self._results.append(result)
+            else:
+                return
+        except psycopg.Error as error:
+            self.stop()
+            self._answered(error)
+            return
+        results, self._results = self._results, []
+        for result in results:
+            self._answered(_told(result))
+
+
+def _told(result: PGresult) -> PGresult | psycopg.Error:
+    if result.status == ExecStatus.TUPLES_OK:
+        return result
+    state = result.error_field(DiagnosticField.SQLSTATE) or b"XX000"
+    return psycopg.errors.lookup(state.decode())(result.error_message.decode(errors="replace"))
+
+
+def is_broken(error: psycopg.Error, connection: Connection) -> bool:
+    """Whether the connection is gone, rather than a statement refused."""
+    return error.sqlstate is None or error.sqlstate.startswith(("57P", "08")) or connection.broken
+
+
+async def end(connection: Connection) -> None:
+    """Close it, whatever state it is in."""
+    with suppress(psycopg.Error, OSError):
+        await connection.close()

@@ -1,0 +1,165 @@
+"""What OGC API Tiles tells of tilesets and of their tile matrix set, as JSON documents."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from app.core.http import Link, Service, link, link_documents
+from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
+from app.map.coverage import cached_extent, dem_names
+from app.map.tiles.answers import MVT, QUAD
+from app.map.tiles.routes import ABOUT, lowest_zoom
+
+CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
+WEB_MERCATOR = "http://www.opengis.net/def/crs/EPSG/0/3857"
+QUAD_URI = f"http://www.opengis.net/def/tilematrixset/OGC/1.0/{QUAD}"
+SCHEME_REL = "http://www.opengis.net/def/rel/ogc/1.0/tiling-scheme"
+SCHEMES_REL = "http://www.opengis.net/def/rel/ogc/1.0/tiling-schemes"
+VECTOR_REL = "http://www.opengis.net/def/rel/ogc/1.0/tilesets-vector"
+TILEJSON_TYPE = "application/vnd.mapbox.tile+json"
+
+DEEPEST_MATRIX = 24
+"""The last zoom level that settings allow."""
+
+_HALF_M = math.pi * 6_378_137
+_PIXELS = 256
+_PIXEL_M = 0.00028
+"""Side of a pixel on the screen that scale denominators are stated for (the standard's)."""
+_EASE = 85.0511287798066
+"""Latitude at which the square of the map ends, degrees."""
+
+
+def tilesets_link(base: str, layer: str | None = None) -> Link:
+    """The link to vector tilesets that a landing page has, or the document of the collection ``layer``."""
+    here = base if layer is None else f"{base}/collections/{layer}"
+    return link(f"{here}/tiles", VECTOR_REL, title="Vector tiles")
+
+
+def matrix_set_document() -> dict[str, Any]:
+    """The definition of the tile matrix set (OGC 17-083r4)."""
+    return {
+        "id": QUAD,
+        "title": "Web Mercator, by quarters",
+        "uri": QUAD_URI,
+        "crs": WEB_MERCATOR,
+        "orderedAxes": ["X", "Y"],
+        "wellKnownScaleSet": "http://www.opengis.net/def/wkss/OGC/1.0/GoogleMapsCompatible",
+        "tileMatrices": [_matrix(z) for z in range(DEEPEST_MATRIX + 1)],
+    }
+
+
+def tilesets_document(service: Service, base: str, here: str, layer: str) -> dict[str, Any]:
+    """The list of tilesets of the whole or of a collection, at the address ``here``."""
+    about = ABOUT[layer]
+    with service.reading() as session:
+        source = attribution(dem_names(service, session))
+    one = {
+        "title": about.title,
+        "dataType": "vector",
+        "crs": WEB_MERCATOR,
+        "tileMatrixSetURI": QUAD_URI,
+        "links": link_documents(
+            [
+                link(f"{here}/{QUAD}", "self", title="The tileset"),
+                link(f"{base}/tileMatrixSets/{QUAD}", SCHEME_REL, title="Its tile matrix set"),
+            ]
+        ),
+    }
+    links = [link(here, "self"), link(f"{base}/tileMatrixSets", SCHEMES_REL, title="Tile matrix sets")]
+    return {"attribution": source, "links": link_documents(links), "tilesets": [one]}
+
+
+def tileset_document(service: Service, base: str, here: str, layer: str) -> dict[str, Any]:
+    """The metadata of a tileset; ``here``: of the list that it is in."""
+    about, settings = ABOUT[layer], service.settings
+    with service.reading() as session:
+        bounds = cached_extent(service, session)
+        source = attribution(dem_names(service, session))
+    lowest = lowest_zoom(settings, layer)
+    template = link(f"{here}/{QUAD}/{{tileMatrix}}/{{tileRow}}/{{tileCol}}", "item", MVT, "The tiles")
+    links = [
+        link(f"{here}/{QUAD}", "self"),
+        link(f"{here}/{QUAD}?f=tilejson", "alternate", TILEJSON_TYPE, "TileJSON 3"),
+        link(f"{base}/tileMatrixSets/{QUAD}", SCHEME_REL, title="Its tile matrix set"),
+        link(f"{base}/collections/{layer}", "http://www.opengis.net/def/rel/ogc/1.0/geodata"),
+        link(OSM_LICENSE_URL, "license", "text/html", OSM_LICENSE),
+    ]
+    document: dict[str, Any] = {
+        "title": about.title,
+        "description": about.description,
+        "attribution": source,
+        "dataType": "vector",
+        "crs": WEB_MERCATOR,
+        "tileMatrixSetURI": QUAD_URI,
+        "tileMatrixSetLimits": [
+            _limits(z, bounds or (-180.0, -_EASE, 180.0, _EASE))
+            for z in range(lowest, settings.tile_max_zoom + 1)
+        ],
+        "layers": [_described(layer, lowest, settings.tile_max_zoom)],
+        "links": [*link_documents(links), {**link_documents([template])[0], "templated": True}],
+    }
+    if bounds is not None:
+        west, south, east, north = bounds
+        document["boundingBox"] = {"lowerLeft": [west, south], "upperRight": [east, north], "crs": CRS84}
+    return document
+
+
+def _described(layer: str, lowest: int, highest: int) -> dict[str, Any]:
+    """The layer as a tileset's metadata have it, its properties as a JSON schema."""
+    about = ABOUT[layer]
+    types = {"Number": "number", "String": "string"}
+    properties = {
+        name: {"title": name, "description": words.partition("; ")[2], "type": types[words.partition(";")[0]]}
+        for name, words in about.fields.items()
+    }
+    return {
+        "id": layer,
+        "title": about.title,
+        "description": about.feature,
+        "dataType": "vector",
+        "geometryDimension": 1,
+        "minTileMatrix": str(lowest),
+        "maxTileMatrix": str(highest),
+        "propertiesSchema": {"type": "object", "properties": properties},
+    }
+
+
+def _matrix(z: int) -> dict[str, Any]:
+    cell_m = 2 * _HALF_M / _PIXELS / 2**z
+    return {
+        "id": str(z),
+        "scaleDenominator": cell_m / _PIXEL_M,
+        "cellSize": cell_m,
+        "cornerOfOrigin": "topLeft",
+        "pointOfOrigin": [-_HALF_M, _HALF_M],
+        "tileWidth": _PIXELS,
+        "tileHeight": _PIXELS,
+        "matrixWidth": 2**z,
+        "matrixHeight": 2**z,
+    }
+
+
+def _limits(z: int, bounds: tuple[float, float, float, float]) -> dict[str, Any]:
+    """The tiles of a zoom that a box (degrees) meets."""
+    west, south, east, north = bounds
+    if west > east:
+        west, east = -180.0, 180.0
+    columns = [_column(z, longitude) for longitude in (west, east)]
+    rows = [_row(z, latitude) for latitude in (north, south)]
+    return {
+        "tileMatrix": str(z),
+        "minTileCol": columns[0],
+        "maxTileCol": columns[1],
+        "minTileRow": rows[0],
+        "maxTileRow": rows[1],
+    }
+
+
+def _column(z: int, longitude: float) -> int:
+    return min((1 << z) - 1, max(0, int((longitude + 180) / 360 * 2**z)))
+
+
+def _row(z: int, latitude: float) -> int:
+    bounded = math.radians(min(_EASE, max(-_EASE, latitude)))
+    return min((1 << z) - 1, max(0, int((1 - math.asinh(math.tan(bounded)) / math.pi) / 2 * 2**z)))

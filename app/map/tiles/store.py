@@ -1,0 +1,260 @@
+"""What vector tiles are made of and where they are kept: every statement about them.
+
+Psycopg's own placeholders: the statements are prepared, and most are executed by the event loop. Only what a map draws
+is in a tile: each further property costs a tenth of the whole query.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+from psycopg.pq.abc import PGresult
+from sqlalchemy.orm import Session
+
+from app.core.db import fetch_binary
+from app.map.store import FULL_ZOOM
+from app.map.tiles.connections import Connection
+from app.map.tiles.versions import Square
+
+SEGMENTS, WAYS = "segments", "ways"
+"""The layers. A tile has one."""
+LAYER = SEGMENTS
+EXTENT = 4096
+"""Units across a vector tile."""
+BUFFER = 64
+"""Units by which lines go on beyond a tile's edge, so that it does not cut wide strokes short."""
+NO_LIMIT = 2_000_000_000
+LOCK_SPACE = 1413
+"""The first half of the numbers of the locks of tiles that are being built."""
+
+_BOX = f"""
+    box AS (
+        SELECT ST_TileEnvelope(%(z)s, %(x)s, %(y)s) AS tile,
+               ST_TileEnvelope(%(z)s, %(x)s, %(y)s, margin => CAST({BUFFER / EXTENT} AS float8)) AS wide
+    )"""
+_GEOM = f"ST_AsMVTGeom({{line}}, box.tile, {EXTENT}, {BUFFER}, true) AS geom"
+_AS_MVT = f"ST_AsMVT(feature, '{{layer}}', {EXTENT}, 'geom', 'id')"
+
+# The box for the index is wider than the tile by the buffer, else lines just outside it would end at its edge.
+_SEGMENT_FEATURES = f"""
+    SELECT s.id, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives, s.highway, s.oneway,
+           {_GEOM.format(line="s.geom_3857")}
+    FROM box JOIN segments AS s ON s.geom_3857 && box.wide
+    LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0"""  # noqa: S608 - constants
+_PIECE_FEATURES = f"""
+    SELECT p.segment_id AS id, p.slope_percent, p.slope_sigma_percent, p.drives, p.highway, p.oneway,
+           {_GEOM.format(line="p.geom_3857")}
+    FROM box JOIN drawn_pieces AS p ON p.level = {{level}} AND p.geom_3857 && box.wide"""  # noqa: S608 - constants
+_PIECES_BY_IMPORTANCE = " ORDER BY p.rank, (p.drives = 0), p.length_m DESC, p.segment_id LIMIT %(most)s"
+_WAY_FEATURES = f"""
+    SELECT w.id, w.slope_percent, w.slope_sigma_percent, w.drives, w.highway, w.oneway, w.steepest_percent,
+           {_GEOM.format(line="w.geom_3857")}
+    FROM box JOIN ways AS w ON w.geom_3857 && box.wide"""  # noqa: S608 - constants
+_WAYS_BY_IMPORTANCE = " ORDER BY (w.drives = 0), w.length_m DESC, w.id LIMIT %(most)s"
+_TILE = f"""
+    SELECT {_AS_MVT} FROM (SELECT * FROM ({{features}}) AS every WHERE geom IS NOT NULL) AS feature"""  # noqa: S608
+_COUNTED = f"""
+    SELECT {_AS_MVT}, count(*) FROM (SELECT * FROM ({{features}}) AS every WHERE geom IS NOT NULL) AS feature"""  # noqa: S608
+
+# Where every road is shorter than the grid is fine, the most important ones are a unit long each.
+_SPECKS = f"""
+    WITH {_BOX}, specks AS (
+        SELECT p.*, ST_StartPoint(p.geom_3857) AS at, (ST_XMax(box.tile) - ST_XMin(box.tile)) / {EXTENT} AS unit_m
+        FROM box JOIN drawn_pieces AS p ON p.level = {{level}} AND p.geom_3857 && box.tile
+        ORDER BY p.rank, (p.drives = 0), p.length_m DESC, p.segment_id LIMIT 100
+    ), feature AS (
+        SELECT p.segment_id AS id, p.slope_percent, p.slope_sigma_percent, p.drives, p.highway, p.oneway,
+               ST_AsMVTGeom(
+                   ST_MakeLine(p.at, ST_Translate(p.at, 1.5 * p.unit_m, 0)), box.tile, {EXTENT}, {BUFFER}, true) AS geom
+        FROM box, specks AS p
+    )
+    SELECT {_AS_MVT.format(layer=SEGMENTS)} FROM feature WHERE geom IS NOT NULL
+"""  # noqa: S608 - constants
+
+_KEPT = """
+    SELECT body FROM stored_tiles WHERE layer = %(layer)s AND z = %(z)s AND x = %(x)s AND y = %(y)s AND tag = %(tag)s
+"""
+# One way to the server: what is kept, or the tile made now, which is not begun where it is kept.
+_KEPT_OR_MADE = f"""
+    WITH {_BOX}, kept AS ({_KEPT})
+    SELECT (SELECT body FROM kept), CASE WHEN NOT EXISTS (SELECT FROM kept) THEN ({{tile}}) END
+"""  # noqa: S608 - constants
+_MADE_AGAIN = f"WITH {_BOX} {{tile}}"
+_LOCK = "SELECT pg_advisory_xact_lock(%s, %s)"
+_KEEP = """
+    INSERT INTO stored_tiles AS t (layer, z, x, y, tag, size_bytes, body)
+    VALUES (%(layer)s, %(z)s, %(x)s, %(y)s, %(tag)s, %(size_bytes)s, %(body)b)
+    ON CONFLICT (layer, z, x, y) DO UPDATE SET tag = excluded.tag, size_bytes = excluded.size_bytes,
+        body = excluded.body, asked_at = excluded.asked_at
+"""
+_ASKED = """
+    UPDATE stored_tiles AS t SET asked = t.asked + told.asked, asked_at = now()
+    FROM unnest(CAST(%s AS text[]), CAST(%s AS integer[]), CAST(%s AS integer[]), CAST(%s AS integer[]),
+        CAST(%s AS bigint[])) AS told (layer, z, x, y, asked)
+    WHERE (t.layer, t.z, t.x, t.y) = (told.layer, told.z, told.x, told.y)
+"""
+# One process at a time; what nobody has asked for longest goes, until a tenth of the room is free.
+_CLEAN = f"""
+    WITH mine AS (SELECT pg_try_advisory_xact_lock({LOCK_SPACE}) AS turn),
+    size AS (SELECT sum(size_bytes) AS bytes FROM mine, stored_tiles WHERE mine.turn),
+    ranked AS (
+        SELECT t.layer, t.z, t.x, t.y, sum(t.size_bytes) OVER (ORDER BY t.asked_at DESC, t.layer, t.z, t.x, t.y) AS upto
+        FROM size, stored_tiles AS t WHERE size.bytes > %(most)s
+    )
+    DELETE FROM stored_tiles AS t USING ranked AS r
+    WHERE r.upto > %(most)s * 0.9 AND (t.layer, t.z, t.x, t.y) = (r.layer, r.z, r.x, r.y)
+"""  # noqa: S608 - a constant
+
+# Who wrote the row is part of the epoch: what a dump brings back was written by another transaction.
+_EPOCH = "(SELECT epoch || CAST(xmin AS text) FROM tile_epoch)"
+_SQUARE = "c.id, c.version, c.drawn_version, CAST(extract(epoch FROM c.changed_at) * 1000000 AS bigint)"
+_NOW = "CAST(pg_current_snapshot() AS text)"
+# Exact in whatever order transactions end: what the former look has not seen has a number that its snapshot does not
+# hold. Numbers that this server has not given out yet come from another one; all was read when that was noticed.
+LOOK = b"versant_look"
+"""The name of the statement, one look into an index."""
+_LOOK = f"""
+    PREPARE {LOOK.decode()} (bigint, pg_snapshot) AS
+    SELECT {_EPOCH}, {_NOW},
+           (SELECT array_agg(ARRAY[{_SQUARE}]) FROM cells AS c
+            WHERE c.changed_xid >= $1
+                AND NOT pg_visible_in_snapshot(CAST(CAST(c.changed_xid AS text) AS xid8), $2)
+                AND c.changed_xid < CAST(CAST(pg_snapshot_xmax(pg_current_snapshot()) AS text) AS bigint))
+"""  # noqa: S608 - constants
+_ALL = f"""
+    SELECT {_EPOCH}, {_NOW}, {_SQUARE} FROM (SELECT 1) AS always LEFT JOIN cells AS c ON true
+"""  # noqa: S608 - constants
+
+
+_NUMBER = re.compile(rb"-?\d+")
+
+
+class Address(NamedTuple):
+    """Of a tile: a layer, and where. 0 <= x, y < 2**z is for whoever makes one to check."""
+
+    layer: str
+    z: int
+    x: int
+    y: int
+
+
+class Look(NamedTuple):
+    """What is new since a former look: in which epoch, the snapshot, and squares as they are now."""
+
+    epoch: str
+    snapshot: str
+    squares: list[Square]
+
+
+def look_question(seen: str) -> list[bytes | None]:
+    """The parameters of a look (``LOOK``) at the squares that changed since the snapshot ``seen``."""
+    return [seen.partition(":")[0].encode(), seen.encode()]
+
+
+def look_answer(found: PGresult) -> Look:
+    """What a look found."""
+    epoch, snapshot, squares = (found.get_value(0, k) or b"" for k in range(3))
+    if not squares:
+        return Look(epoch.decode(), snapshot.decode(), [])
+    numbers = [int(number) for number in _NUMBER.findall(squares)]
+    return Look(epoch.decode(), snapshot.decode(), list(zip(*(numbers[k::4] for k in range(4)), strict=True)))
+
+
+async def prepare_looks(connection: Connection) -> None:
+    """Once for each connection: it is good for looks from here on."""
+    await connection.execute(_LOOK)
+
+
+async def look_at_all(connection: Connection) -> Look:
+    """All squares."""
+    cursor = await connection.execute(_ALL)
+    rows: list[Any] = await cursor.fetchall()
+    return Look(rows[0][0], rows[0][1], [row[2:] for row in rows if row[2] is not None])
+
+
+async def lock_tile(connection: Connection, at: Address) -> None:
+    """Within a transaction: whoever builds the same tile, in whatever process, does so before or after."""
+    number = hash(at[1:]) & 0x3FFFFFFF | (at.layer == WAYS) << 30
+    await connection.execute(_LOCK, (LOCK_SPACE, number))
+
+
+async def kept_or_made(
+    connection: Connection, at: Address, tag: str, full_zoom: int
+) -> tuple[bytes | None, bytes]:
+    """The kept tile, compressed, that was built for this tag; else None, and the tile as it is now, not compressed."""
+    statement = _KEPT_OR_MADE.format(tile=_tile(at, full_zoom))
+    cursor = connection.cursor(binary=True)
+    await cursor.execute(statement, {**at._asdict(), "tag": tag, "most": NO_LIMIT})
+    found: Any = await cursor.fetchone()
+    return found[0], found[1] or b""
+
+
+async def most_important(connection: Connection, at: Address, most: int | None) -> tuple[bytes, int]:
+    """A tile of the most important roads at most (None: of all), and how many there are in it."""
+    features = _features(at, None)
+    if most is not None:
+        features += _WAYS_BY_IMPORTANCE if at.layer == WAYS else _PIECES_BY_IMPORTANCE
+    statement = _MADE_AGAIN.format(tile=_COUNTED.format(layer=at.layer, features=features))
+    cursor = connection.cursor(binary=True)
+    await cursor.execute(statement, {**at._asdict(), "most": most})
+    found: Any = await cursor.fetchone()
+    return found[0] or b"", found[1]
+
+
+async def specks(connection: Connection, at: Address) -> bytes:
+    """The tile of a low zoom in which no road is long enough to be seen; empty where there are none."""
+    cursor = connection.cursor(binary=True)
+    await cursor.execute(_SPECKS.format(level=drawn_level(at.z)), at._asdict())
+    found: Any = await cursor.fetchone()
+    return found[0] or b""
+
+
+async def keep(connection: Connection, at: Address, tag: str, body: bytes) -> None:
+    """Keep a compressed tile in place of a former one."""
+    await connection.execute(_KEEP, {**at._asdict(), "tag": tag, "size_bytes": len(body), "body": body})
+
+
+async def note_asked(connection: Connection, asked: dict[Address, int]) -> None:
+    """Add to how often kept tiles were asked for."""
+    columns = [list(column) for column in zip(*(sorted((*at, n) for at, n in asked.items())), strict=True)]
+    await connection.execute(_ASKED, columns)
+
+
+async def clean(connection: Connection, most_bytes: int) -> int:
+    """Take tiles away where they need more room than this; how many went."""
+    cursor = await connection.execute(_CLEAN, {"most": most_bytes})
+    return cursor.rowcount
+
+
+def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM, layer: str = LAYER) -> bytes:
+    """The Mapbox vector tile as the database makes it now, not compressed; empty without any road.
+
+    0 <= x, y < 2**z is the caller's to check. Properties: ``slope_percent``, ``slope_sigma_percent`` (both
+    absent where unknown), ``drives``, ``highway``, ``oneway``; a segment's id is its feature's id. From ``full_zoom``
+    on its features are the segments, below what is drawn from afar (``drawn_pieces``). Extent 4096, buffer 64.
+    """
+    at = Address(layer, z, x, y)
+    values = {**at._asdict(), "most": NO_LIMIT}
+    ((found,),) = fetch_binary(session, _MADE_AGAIN.format(tile=_tile(at, full_zoom)), values)
+    if not found and layer == SEGMENTS and z < full_zoom:
+        ((found,),) = fetch_binary(session, _SPECKS.format(level=drawn_level(z)), values)
+    return bytes(found or b"")
+
+
+def drawn_level(z: int) -> int:
+    """The level of pieces that a low zoom shows: each is for its own zoom and the one below."""
+    return min(12, max(6, z + z % 2))
+
+
+def _tile(at: Address, full_zoom: int) -> str:
+    return _TILE.format(layer=at.layer, features=_features(at, full_zoom))
+
+
+def _features(at: Address, full_zoom: int | None) -> str:
+    """The features of a tile; ``full_zoom`` None: it is a zoom below."""
+    if at.layer == WAYS:
+        return _WAY_FEATURES
+    if full_zoom is not None and at.z >= full_zoom:
+        return _SEGMENT_FEATURES
+    return _PIECE_FEATURES.format(level=drawn_level(at.z))
