@@ -38,13 +38,20 @@ _IN_BOX_ACROSS = """(
         ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, 180, :north, 4326))
         OR ST_Intersects(s.geom, ST_MakeEnvelope(-180, :south, :east, :north, 4326)))
 """
+_IN_REGION = " AND s.regions @> ARRAY[CAST(:region AS smallint)]"
 
 
 def _statement(
-    template: str, *, gaps: bool = False, driven: bool | None = None, bbox: Bounds | None = None
+    template: str,
+    *,
+    gaps: bool = False,
+    driven: bool | None = None,
+    bbox: Bounds | None = None,
+    region: int | None = None,
 ) -> TextClause:
     """The statement with its parts from the constants above; what a caller gives stays a parameter of it."""
     in_box = _ANYWHERE if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
+    in_box += "" if region is None else _IN_REGION
     segments = _SEGMENTS_AND_GAPS if gaps else _SEGMENTS
     return text(
         template.format(columns=_SEGMENT_COLUMNS, segments=segments, driven=_DRIVEN[driven], in_box=in_box)
@@ -74,25 +81,26 @@ def segment_items(
     limit: int = 100,
     driven: bool | None = None,
     gaps: bool = False,
+    region: int | None = None,
 ) -> list[Segment]:
     """At most ``limit`` segments with an id above ``after_id``, by ascending id.
 
     ``bbox`` keeps those that meet the box (degrees; west > east: across the antimeridian), ``driven`` those
     that were (True) or were not (False) driven. With ``gaps`` undriven segments between driven ones come with
     the slope that the network gives them, else without one, like all undriven segments. Going on from the last
-    id reaches every segment once.
+    id reaches every segment once. ``region`` keeps those of one region, by its number.
     """
-    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox)
-    return [
-        _segment(row)
-        for row in session.execute(page, {"after_id": after_id, "limit": limit, **_corners(bbox)})
-    ]
+    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region)
+    values = {"after_id": after_id, "limit": limit, "region": region, **_corners(bbox)}
+    return [_segment(row) for row in session.execute(page, values)]
 
 
-def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:
+def count_segments(
+    session: Session, *, bbox: Bounds | None = None, driven: bool | None = None, region: int | None = None
+) -> int:
     """How many segments ``segment_items`` reaches with these filters. Reads all of them."""
-    count = _statement(_COUNT, driven=driven, bbox=bbox)
-    return int(session.execute(count, _corners(bbox)).scalar_one())
+    count = _statement(_COUNT, driven=driven, bbox=bbox, region=region)
+    return int(session.execute(count, {"region": region, **_corners(bbox)}).scalar_one())
 
 
 def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> Segment | None:

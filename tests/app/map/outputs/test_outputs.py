@@ -203,7 +203,7 @@ def test_a_place_that_is_taken_by_a_folder_is_named(tmp_path: Path, suffix: str)
 
 
 def test_an_unknown_suffix_names_the_known_ones() -> None:
-    with pytest.raises(UnknownNameError, match=r"\.shp.*\.geojson, \.parquet, \.gpkg, \.csv"):
+    with pytest.raises(UnknownNameError, match=r"\.shp.*\.geojson, \.parquet, \.gpkg, \.fgb, \.csv"):
         output_for(Path("slopes.shp"))
 
 

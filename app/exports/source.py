@@ -1,0 +1,166 @@
+"""What a file is made of: segments, ways and tiles of one moment, as far as an export asks for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import shapely
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.db import Bounds, Sessions
+from app.map.outputs.layer import WAY_COLUMNS, Way
+from app.map.outputs.pmtiles import Tile, tile_number
+from app.map.pages import PAGE, all_segments
+from app.map.segment import Segment
+from app.map.store import count_segments, mvt
+from app.network.cells import ZOOM, square_bounds
+
+PARTS_APART = 1000
+"""Records after which it is looked how far an export is, and whether it is to go on."""
+
+Told = Callable[[float], None]
+"""Takes the share of the work done, 0..1, and raises to end it."""
+
+_WAYS = """
+    SELECT {columns}, ST_AsBinary(w.geom) AS line FROM ways AS w
+    WHERE w.id > :after_id AND {driven} AND {in_box} AND {in_region} ORDER BY w.id LIMIT :limit
+"""
+_BOX = "ST_Intersects(w.geom, ST_MakeEnvelope({west}, :south, {east}, :north, 4326))"
+_IN_REGION = """
+    EXISTS (SELECT FROM segments AS s WHERE s.id = w.id AND s.regions @> ARRAY[CAST(:region AS smallint)])
+"""
+
+# Squares in which anything was ever shown. A tile that turns out to be empty is left out.
+_SQUARES = text("SELECT id FROM cells WHERE version > 0 ORDER BY id")
+_EXTENT = text(
+    "SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e) FROM (SELECT ST_Extent(geom) AS e FROM segments) AS x"
+)
+
+
+@dataclass(frozen=True)
+class Query:
+    """Which part of the map is asked for."""
+
+    bbox: Bounds | None = None
+    """West > east: across the antimeridian."""
+    region: int | None = None
+    """Its number."""
+    driven: bool = False
+    gaps: bool = False
+
+
+def _nothing(share: float) -> None:
+    """Nobody wants to know."""
+
+
+class Source:
+    """The data of a snapshot, for as long as it lasts. Every iterator is consumed once and holds a page at a time."""
+
+    def __init__(self, session: Session, query: Query, told: Told = _nothing, *, full_zoom: int = 13) -> None:
+        """``full_zoom``: from which zoom on tiles hold every road (``Settings.tile_full_zoom``)."""
+        self.session, self.query, self._told, self._full_zoom = session, query, told, full_zoom
+
+    @property
+    def bbox(self) -> Bounds | None:
+        """The box that is asked for; None: everything."""
+        return self.query.bbox
+
+    def segments(self, *, gaps: bool | None = None, driven: bool | None = None) -> Iterator[Segment]:
+        """The segments that are asked for, by ascending id; with or without gaps, driven or all, where that is said."""
+        asked = self.query
+        driven = asked.driven if driven is None else driven
+        gaps = asked.gaps if gaps is None else gaps
+        count = count_segments(
+            self.session, bbox=asked.bbox, driven=True if driven else None, region=asked.region
+        )
+        rows = all_segments(self.session, asked.bbox, driven=driven, gaps=gaps, region=asked.region)
+        yield from self._counted(rows, count)
+
+    def ways(self) -> Iterator[Way]:
+        """The ways that are asked for, by ascending id; driven: any of them is measured."""
+        asked, after = self.query, 0
+        query = text(
+            _WAYS.format(
+                columns=", ".join(f"{column.sql} AS {name}" for name, column in WAY_COLUMNS.items()),
+                driven="w.drives > 0" if asked.driven else "true",
+                in_box=_in_box(asked.bbox),
+                in_region="true" if asked.region is None else _IN_REGION,
+            )
+        )
+        box = {} if asked.bbox is None else dict(zip(("west", "south", "east", "north"), asked.bbox, strict=True))
+        while rows := self.session.execute(
+            query, {"after_id": after, "limit": PAGE, "region": asked.region, **box}
+        ).all():
+            yield from map(_way, rows)
+            after = rows[-1].id
+            self._told(0.0)
+
+    def tiles(self, zooms: tuple[int, int]) -> Iterator[tuple[Tile, bytes]]:
+        """The vector tiles of these zooms that hold anything, in the order of an archive, as the service shows them."""
+        wanted = [
+            (z, *place)
+            for z in range(zooms[0], zooms[1] + 1)
+            for place in sorted(self._places(z), key=lambda place, z=z: tile_number(z, *place))  # type: ignore[misc]
+        ]
+        for done, (z, x, y) in enumerate(wanted):
+            self._told(done / len(wanted))
+            if data := mvt(self.session, z, x, y, full_zoom=self._full_zoom):
+                yield (z, x, y), data
+
+    def extent(self) -> Bounds:
+        """The box that is asked for, or that of all segments; degrees."""
+        if self.bbox is not None:
+            return self.bbox
+        west, south, east, north = self.session.execute(_EXTENT).one()
+        return (0.0, 0.0, 0.0, 0.0) if west is None else (west, south, east, north)
+
+    def _places(self, z: int) -> set[tuple[int, int]]:
+        """Columns and rows of the tiles of a zoom, at most that of squares, in which there may be something."""
+        squares = self.session.execute(_SQUARES).scalars()
+        shift = ZOOM - z
+        return {
+            (square >> ZOOM >> shift, (square & (1 << ZOOM) - 1) >> shift)
+            for square in squares
+            if self.bbox is None or _meet(square_bounds(square), self.bbox)
+        }
+
+    def _counted(self, rows: Iterator[Segment], count: int) -> Iterator[Segment]:
+        for done, row in enumerate(rows):
+            if not done % PARTS_APART:
+                self._told(min(done / max(count, 1), 1.0))
+            yield row
+
+
+@contextmanager
+def snapshot(sessions: Sessions) -> Iterator[Session]:
+    """A session that sees one moment and changes nothing: a drive that ends meanwhile is in it whole or not at all."""
+    with sessions() as session:
+        session.connection(
+            execution_options={"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
+        )
+        yield session
+
+
+def _in_box(bbox: Bounds | None) -> str:
+    if bbox is None:
+        return "true"
+    if bbox[0] <= bbox[2]:
+        return _BOX.format(west=":west", east=":east")
+    return f"({_BOX.format(west=':west', east='180')} OR {_BOX.format(west='-180', east=':east')})"
+
+
+def _meet(one: Bounds, other: Bounds) -> bool:
+    (west, south, east, north), (w, s, e, n) = one, other
+    if w > e:
+        return _meet(one, (w, s, 180.0, n)) or _meet(one, (-180.0, s, e, n))
+    return west <= e and w <= east and south <= n and s <= north
+
+
+def _way(row: Any) -> Way:
+    line = shapely.get_coordinates(shapely.from_wkb(bytes(row.line)))
+    properties = dict(zip(WAY_COLUMNS, row, strict=False))
+    return Way(**properties, coordinates=tuple((float(lon), float(lat)) for lon, lat in line))
