@@ -58,7 +58,13 @@ def data_state(session: Session) -> State:
 
 
 def provenance(
-    session: Session, place: FilePlace, state: State, request: Mapping[str, Any], bbox: Bounds | None, *, driven: bool
+    session: Session,
+    place: FilePlace,
+    state: State,
+    request: Mapping[str, Any],
+    bbox: Bounds | None,
+    *,
+    driven: bool,
 ) -> dict[str, Any]:
     """The document on the origin of what a session sees: state, request, licences, regions, rasters, program."""
     active = current_dem(session, place)

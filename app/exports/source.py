@@ -91,7 +91,11 @@ class Source:
                 in_region="true" if asked.region is None else _IN_REGION,
             )
         )
-        box = {} if asked.bbox is None else dict(zip(("west", "south", "east", "north"), asked.bbox, strict=True))
+        box = (
+            {}
+            if asked.bbox is None
+            else dict(zip(("west", "south", "east", "north"), asked.bbox, strict=True))
+        )
         while rows := self.session.execute(
             query, {"after_id": after, "limit": PAGE, "region": asked.region, **box}
         ).all():

@@ -47,7 +47,7 @@ def _statement(
     gaps: bool = False,
     driven: bool | None = None,
     bbox: Bounds | None = None,
-    region: int | None = None,
+    region: object = None,
 ) -> TextClause:
     """The statement with its parts from the constants above; what a caller gives stays a parameter of it."""
     in_box = _ANYWHERE if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
@@ -68,6 +68,11 @@ _PAGE = """
     SELECT {columns} FROM {segments}
     WHERE s.id > :after_id AND {driven} AND {in_box}
     ORDER BY s.id LIMIT :limit
+"""
+_BY_WAY = """
+    SELECT {columns} FROM {segments}
+    WHERE (s.osm_way_id, s.from_node, s.to_node) > (:way, :from_node, :to_node) AND {driven} AND {in_box}
+    ORDER BY s.osm_way_id, s.from_node, s.to_node LIMIT :limit
 """
 _COUNT = "SELECT count(*) FROM {segments} WHERE {driven} AND {in_box}"
 _ONE = "SELECT {columns} FROM {segments} WHERE s.id = :id"
@@ -93,6 +98,21 @@ def segment_items(
     page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region)
     values = {"after_id": after_id, "limit": limit, "region": region, **_corners(bbox)}
     return [_segment(row) for row in session.execute(page, values)]
+
+
+def segments_by_way(
+    session: Session,
+    *,
+    after: tuple[int, int, int],
+    limit: int,
+    bbox: Bounds | None = None,
+    driven: bool | None = None,
+    gaps: bool = False,
+) -> list[Segment]:
+    """At most ``limit`` segments after a (way, from_node, to_node), in that order; else as ``segment_items``."""
+    page = _statement(_BY_WAY, gaps=gaps, driven=driven, bbox=bbox)
+    values = {"way": after[0], "from_node": after[1], "to_node": after[2], "limit": limit}
+    return [_segment(row) for row in session.execute(page, {**values, **_corners(bbox)})]
 
 
 def count_segments(

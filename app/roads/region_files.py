@@ -43,15 +43,12 @@ def forget_file(place: FilePlace, uri: str) -> None:
     mirror.forget(place, uri)
 
 
-def changed_file(place: FilePlace, region: Region, changes: Path, bounds_deg: Bounds, folder: Path) -> Path:
-    """The region's file with changes, in a folder that the caller clears away.
-
-    ``RoadsError`` where nothing is kept, or what is kept is lost.
-    """
+def kept_file(place: FilePlace, region: Region) -> Path:
+    """Where a region's file is on this machine; ``RoadsError`` where nothing is kept, or what is kept is lost."""
     if region.file_uri is None or region.file_sha256 is None:
         raise RoadsError(
-            f"Of region {region.name!r} no file is kept that changes could be applied to: it was imported by an older "
-            "version. Import its whole file once."
+            f"Of region {region.name!r} no file is kept: it was imported by an older version. Import its whole file "
+            "once."
         )
     try:
         kept = mirror.fetch(place, region.file_uri, region.file_sha256)
@@ -61,6 +58,15 @@ def changed_file(place: FilePlace, region: Region, changes: Path, bounds_deg: Bo
         ) from error
     if not kept.is_file():
         raise RoadsError(f"The file of region {region.name!r} is lost. Import its whole file again.")
+    return kept
+
+
+def changed_file(place: FilePlace, region: Region, changes: Path, bounds_deg: Bounds, folder: Path) -> Path:
+    """The region's file with changes, in a folder that the caller clears away.
+
+    ``RoadsError`` where nothing is kept, or what is kept is lost.
+    """
+    kept = kept_file(place, region)
     target = folder / f"{region.name}.osm.pbf"
     apply_changes(kept, changes, target, bounds_deg)
     return target

@@ -47,6 +47,7 @@ class RegionFigures:
 
 _COLUMNS = "id, name, source_name, sha256, imported_at, segments, file_uri, file_sha256"
 _FIND = text(f"SELECT {_COLUMNS} FROM regions WHERE name = :name")  # noqa: S608 - constants
+_EVERY = text(f"SELECT {_COLUMNS} FROM regions ORDER BY id")  # noqa: S608 - constants
 _NAMES = text("SELECT name FROM regions ORDER BY name")
 _MAKE = text(
     """
@@ -101,6 +102,11 @@ def find_region(session: Session, name: str) -> Region | None:
     """The region of this name."""
     row = session.execute(_FIND, {"name": name}).one_or_none()
     return None if row is None else Region(**row._mapping)
+
+
+def all_regions(session: Session) -> list[Region]:
+    """Every region, the one that was made first in front."""
+    return [Region(**row._mapping) for row in session.execute(_EVERY)]
 
 
 def known_region(session: Session, name: str) -> Region:
