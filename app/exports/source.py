@@ -12,6 +12,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
+from app.core.settings import FilePlace
+from app.map.handover.source import StoredSource
 from app.map.outputs.layer import WAY_COLUMNS, Way
 from app.map.outputs.pmtiles import Tile, tile_number
 from app.map.pages import PAGE, all_segments
@@ -57,28 +59,29 @@ def _nothing(share: float) -> None:
     """Nobody wants to know."""
 
 
-class Source:
+class Source(StoredSource):
     """The data of a snapshot, for as long as it lasts. Every iterator is consumed once and holds a page at a time."""
 
-    def __init__(self, session: Session, query: Query, told: Told = _nothing, *, full_zoom: int = 13) -> None:
-        """``full_zoom``: from which zoom on tiles hold every road (``Settings.tile_full_zoom``)."""
-        self.session, self.query, self._told, self._full_zoom = session, query, told, full_zoom
+    def __init__(
+        self,
+        session: Session,
+        place: FilePlace,
+        query: Query,
+        told: Told = _nothing,
+        *,
+        full_zoom: int = 13,
+    ) -> None:
+        """``place``: of rasters; ``full_zoom``: from which zoom on tiles hold every road (``Settings``)."""
+        super().__init__(session, place, query.bbox)
+        self.query, self._told, self._full_zoom = query, told, full_zoom
 
-    @property
-    def bbox(self) -> Bounds | None:
-        """The box that is asked for; None: everything."""
-        return self.query.bbox
+    def asked_segments(self) -> Iterator[Segment]:
+        """The segments that are asked for, by ascending id."""
+        return self._counted(gaps=self.query.gaps, driven=self.query.driven)
 
-    def segments(self, *, gaps: bool | None = None, driven: bool | None = None) -> Iterator[Segment]:
-        """The segments that are asked for, by ascending id; with or without gaps, driven or all, where that is said."""
-        asked = self.query
-        driven = asked.driven if driven is None else driven
-        gaps = asked.gaps if gaps is None else gaps
-        count = count_segments(
-            self.session, bbox=asked.bbox, driven=True if driven else None, region=asked.region
-        )
-        rows = all_segments(self.session, asked.bbox, driven=driven, gaps=gaps, region=asked.region)
-        yield from self._counted(rows, count)
+    def segments(self, *, gaps: bool = False, driven: bool = False) -> Iterator[Segment]:
+        """Those of the box and the region, for a form that knows itself which others it wants."""
+        return self._counted(gaps=gaps, driven=driven)
 
     def ways(self) -> Iterator[Way]:
         """The ways that are asked for, by ascending id; driven: any of them is measured."""
@@ -132,10 +135,19 @@ class Source:
             if self.bbox is None or _meet(square_bounds(square), self.bbox)
         }
 
-    def _counted(self, rows: Iterator[Segment], count: int) -> Iterator[Segment]:
+    def _counted(self, *, gaps: bool, driven: bool) -> Iterator[Segment]:
+        only = {"bbox": self.query.bbox, "region": self.query.region}
+        count = max(count_segments(self.session, driven=True if driven else None, **only), 1)
+        rows = all_segments(self.session, driven=driven, gaps=gaps, **only)
+        yield from self._looked_after(rows, count)
+
+    def _by_way(self, gaps: bool, driven: bool) -> Iterator[Segment]:
+        yield from self._looked_after(super()._by_way(gaps, driven), None)
+
+    def _looked_after(self, rows: Iterator[Segment], count: int | None) -> Iterator[Segment]:
         for done, row in enumerate(rows):
             if not done % PARTS_APART:
-                self._told(min(done / max(count, 1), 1.0))
+                self._told(0.0 if count is None else min(done / count, 1.0))
             yield row
 
 
