@@ -12,7 +12,6 @@ from anyio import CapacityLimiter
 from fastapi import APIRouter, FastAPI
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
-from starlette.middleware.gzip import GZipMiddleware
 
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
@@ -21,6 +20,7 @@ from app.core.http import Service
 from app.core.lanes import Lane, Lanes, Turnstile, make_lanes
 from app.core.middleware import (
     CollectAfterRequests,
+    Compressed,
     EarlyAnswers,
     HeadMiddleware,
     KnownHosts,
@@ -41,6 +41,7 @@ from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
+from app.exports import routes as exports
 from app.map import features, segments, tiles
 from app.map.features import BIND_NOTE
 from app.ops import health, stats
@@ -57,6 +58,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     segments.router,
     features.router,
     tiles.router,
+    exports.router,
     stats.router,
     health.router,
     metrics_router,
@@ -120,7 +122,7 @@ def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane])
         Middleware(SmallBodies),
         Middleware(SameOriginWrites, public_url=settings.public_url),
         # It leaves event streams and pictures alone, and compresses large answers in a thread.
-        Middleware(GZipMiddleware, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
+        Middleware(Compressed, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
     ]
 
 

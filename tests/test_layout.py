@@ -51,17 +51,19 @@ SERVICE = {
     "terrain": {"core", "network"},
     "network": {"core", "jobs"},
     "map": {"core", "network", "roads", "terrain"},
-    "drives": {"core", "jobs", "map", "network", "roads", "terrain"},
+    "exports": {"core", "jobs", "map", "network", "roads", "terrain"},
+    "drives": {"core", "exports", "jobs", "map", "network", "roads", "terrain"},
     "ops": {"core", "drives", "network", "roads"},
     "upkeep": {"core", "drives", "embedded", "network", "ops", "terrain"},
-    "main": {"core", "drives", "map", "ops"},
-    "cli": {"core", "embedded", "drives", "main", "map", "network", "roads", "terrain", "upkeep"},
+    "main": {"core", "drives", "exports", "map", "ops"},
+    "cli": {"core", "embedded", "drives", "exports", "main", "map", "network", "roads", "terrain", "upkeep"},
     "demo": {"cli", "core", "embedded", "map", "roads", "terrain"},
 }
 """Room -> the rooms of the service that it may import from."""
 
 FRAGMENTS: Mapping[str, str] = {
     "app/drives/outputs/draughtsman.py": "a program of its own",
+    "app/map/outputs/flatgeobuf.py": "one output, one file",
     "fusion/formats/nmea.py": "one log format, one file",
 }
 """Short files with one importer that stay by themselves, each with the reason."""

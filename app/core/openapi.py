@@ -13,6 +13,7 @@ TAGS: list[dict[str, str]] = [
     {"name": "segments", "description": "One road segment, and the drives behind its slope."},
     {"name": "map", "description": "All road segments, as OGC API Features."},
     {"name": "tiles", "description": "Map tiles."},
+    {"name": "exports", "description": "The map, or a part of it, as files."},
     {"name": "operation", "description": "Health, metrics, figures for operators, kinds of problems."},
 ]
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from pydantic import Field, model_validator
 
@@ -58,7 +58,7 @@ class _OfSegments:
 
     def __init__(self, output: Output) -> None:
         self.name, self.media_type, self.description = output.name, output.media_type, output.description
-        self.suffixes = (output.suffix,)
+        self.suffixes: tuple[str, ...] = (output.suffix,)
         self._output = output
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
@@ -152,13 +152,14 @@ class _OfHandover:
         return {} if said is None else {path.with_name(f"{path.name}.provenance.json"): said + "\n"}
 
 
-FORMATS: Registry[Format] = Registry("format of exports")
-for _format in (
+_FORMATS: tuple[Format, ...] = (
     *(_OfSegments(output) for _, output in OUTPUTS.items()),
-    *map(_OfWays, WAY_OUTPUTS),
+    *(_OfWays(output) for output in WAY_OUTPUTS),
     PmTiles(),
     *(_OfHandover(handover) for _, handover in HANDOVERS.items()),
-):
+)
+FORMATS: Registry[Format] = Registry("format of exports")
+for _format in _FORMATS:
     FORMATS.add(_format.name, _format)
 
 
@@ -187,7 +188,7 @@ def checked_options(chosen: Format, given: Mapping[str, Any], *, local: bool) ->
 
     Without ``local``, options that name files of this machine are refused.
     """
-    return options_of(chosen, given, local=local)
+    return options_of(cast("Handover", chosen), given, local=local)  # whose name and options it reads
 
 
 def check_filters(chosen: Format, **asked: bool) -> None:

@@ -21,7 +21,7 @@ from app.exports.source import Query, Source, Told
 from app.map.handover.base import NoOptions
 from app.map.outputs import Stated
 from app.roads.regions import known_region
-from fusion.errors import FusionError
+from fusion.errors import BadOptionsError, FusionError
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,13 @@ class Request:
     region: str | None = None
     driven: bool = False
     gaps: bool = False
+    suffix: str = ""
+    """One of the format's."""
+
+    @property
+    def file_name(self) -> str:
+        """What the file is called where nobody names it."""
+        return f"versant-{self.format.name}{self.suffix}"
 
     def document(self) -> dict[str, Any]:
         """As JSON, complete: what files state, and what ``request_of`` takes. Of files of this machine their names."""
@@ -43,6 +50,7 @@ class Request:
                 options[name] = Path(options[name]).name
         return {
             "format": self.format.name,
+            "suffix": self.suffix,
             "bbox": None if self.bbox is None else list(self.bbox),
             "region": self.region,
             "driven": self.driven,
@@ -68,16 +76,22 @@ def request_of(
     region: str | None = None,
     driven: bool = False,
     gaps: bool = False,
+    suffix: str | None = None,
     local: bool = False,
 ) -> Request:
     """The request, checked as far as that needs no database.
 
     ``UnknownNameError`` lists the formats there are, ``BadOptionsError`` names the option or filter at fault.
+    ``suffix``: one of the format's, by default the usual one.
     ``local``: of a person at this machine, whose files may be named.
     """
     chosen = FORMATS[format_name]
     check_filters(chosen, driven=driven, gaps=gaps, region=region is not None)
-    return Request(chosen, checked_options(chosen, options, local=local), bbox, region, driven, gaps)
+    if suffix is not None and suffix not in chosen.suffixes:
+        known = ", ".join(chosen.suffixes)
+        raise BadOptionsError(f"suffix: {chosen.name} writes files that end in {known}.", where="suffix")
+    checked = checked_options(chosen, options, local=local)
+    return Request(chosen, checked, bbox, region, driven, gaps, suffix or chosen.suffixes[0])
 
 
 def asked_again(document: Mapping[str, Any]) -> Request:
@@ -85,7 +99,7 @@ def asked_again(document: Mapping[str, Any]) -> Request:
     try:
         box = document["bbox"]
         bounds = None if box is None else (box[0], box[1], box[2], box[3])
-        filters = {name: document[name] for name in ("region", "driven", "gaps")}
+        filters = {name: document[name] for name in ("region", "driven", "gaps", "suffix")}
         return request_of(document["format"], document["options"], bbox=bounds, **filters)
     except FusionError as error:
         raise BadRequestError(f"This version of the program cannot make it: {error}") from error

@@ -136,10 +136,10 @@ class Source(StoredSource):
         }
 
     def _counted(self, *, gaps: bool, driven: bool) -> Iterator[Segment]:
-        only = {"bbox": self.query.bbox, "region": self.query.region}
-        count = max(count_segments(self.session, driven=True if driven else None, **only), 1)
-        rows = all_segments(self.session, driven=driven, gaps=gaps, **only)
-        yield from self._looked_after(rows, count)
+        box, region = self.query.bbox, self.query.region
+        count = count_segments(self.session, bbox=box, driven=True if driven else None, region=region)
+        rows = all_segments(self.session, box, driven=driven, gaps=gaps, region=region)
+        yield from self._looked_after(rows, max(count, 1))
 
     def _by_way(self, gaps: bool, driven: bool) -> Iterator[Segment]:
         yield from self._looked_after(super()._by_way(gaps, driven), None)

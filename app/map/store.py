@@ -30,7 +30,6 @@ _SEGMENTS = _SEGMENTS_AND_GAPS + " AND a.drives > 0"
 
 _DRIVEN = {None: "true", True: "a.drives > 0", False: "coalesce(a.drives, 0) = 0"}
 
-_ANYWHERE = "true"
 _IN_BOX = "ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, :east, :north, 4326))"
 
 # A box whose west is east of its east crosses the antimeridian (RFC 7946, section 5.2).
@@ -43,19 +42,20 @@ _IN_REGION = " AND s.regions @> ARRAY[CAST(:region AS smallint)]"
 
 def _statement(
     template: str,
-    *,
     gaps: bool = False,
     driven: bool | None = None,
     bbox: Bounds | None = None,
-    region: object = None,
+    region: int | None = None,
 ) -> TextClause:
     """The statement with its parts from the constants above; what a caller gives stays a parameter of it."""
-    in_box = _ANYWHERE if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
-    in_box += "" if region is None else _IN_REGION
-    segments = _SEGMENTS_AND_GAPS if gaps else _SEGMENTS
-    return text(
-        template.format(columns=_SEGMENT_COLUMNS, segments=segments, driven=_DRIVEN[driven], in_box=in_box)
-    )
+    in_box = "true" if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
+    in_box += _IN_REGION if region else ""
+    parts = {
+        "segments": _SEGMENTS_AND_GAPS if gaps else _SEGMENTS,
+        "driven": _DRIVEN[driven],
+        "in_box": in_box,
+    }
+    return text(template.format(columns=_SEGMENT_COLUMNS, **parts))
 
 
 def _segment(row: Row[Any]) -> Segment:
@@ -112,7 +112,7 @@ def segments_by_way(
     """At most ``limit`` segments after a (way, from_node, to_node), in that order; else as ``segment_items``."""
     page = _statement(_BY_WAY, gaps=gaps, driven=driven, bbox=bbox)
     values = {"way": after[0], "from_node": after[1], "to_node": after[2], "limit": limit}
-    return [_segment(row) for row in session.execute(page, {**values, **_corners(bbox)})]
+    return [_segment(row) for row in session.execute(page, values | _corners(bbox))]
 
 
 def count_segments(

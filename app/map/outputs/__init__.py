@@ -55,7 +55,7 @@ OUTPUTS: Registry[Output] = Registry("output")
 for _output in (GeoJsonOutput(), GeoParquetOutput(), GeoPackageOutput(), FlatGeobufOutput(), CsvOutput()):
     OUTPUTS.add(_output.name, _output)
 
-WAY_OUTPUTS = (WayParquetOutput(), WayCsvOutput())
+WAY_OUTPUTS: tuple[Output, ...] = (WayParquetOutput(), WayCsvOutput())
 """Tables of whole ways, which only a database has (``app.exports.formats``)."""
 
 

@@ -19,7 +19,7 @@ class FlatGeobufOutput:
     description = "FlatGeobuf with a spatial index, layer segments, WGS 84"
 
     def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
-        """Write the layer with what is ``stated`` among the metadata of its header, whose data it is as its description.
+        """Write the layer; what is ``stated`` is in its header, whose data it is as its description.
 
         GDAL keeps some 100 bytes a segment for the index; the segments themselves go through a file beside ``path``.
         """
