@@ -44,12 +44,16 @@ class Source(Protocol):
     def road_files(self) -> Sequence[Path]:
         """The ways with a ``highway`` and their nodes, with all tags, as each region's last import kept them (PBF).
 
-        Sorted; a way may be in several. ``RoadsError`` where a file is missing.
+        Sorted; that of the newest import in front, for a way may be in several. ``RoadsError`` where a file is missing.
         """
         ...
 
     def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
         """Of the ground by the active elevation rasters, m, above their own datum; NaN unknown; shapes (n,)."""
+        ...
+
+    def ground_datum(self) -> str | None:
+        """What these refer to, as it was stated when the rasters were imported; None without any."""
         ...
 
     def note(self, text: str) -> None:
@@ -72,12 +76,19 @@ class Handover(Protocol):
     name: str
     consumer: str
     """The program, and from where its form is known."""
-    suffixes: tuple[str, ...]
-    """With their dots, lower case; the first is the usual one. They may be of two parts; the last part decides."""
     media_type: str
     """Of a file with the first suffix."""
     description: str
-    options: type[NoOptions]
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """With their dots, lower case; the first is the usual one. They may be of two parts; the last part decides."""
+        ...
+
+    @property
+    def options(self) -> type[NoOptions]:
+        """The model of its options, each with a description."""
+        ...
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write ``path`` anew, by its suffix; how many of its main things (nodes, lines, proposals) it holds.

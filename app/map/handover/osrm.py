@@ -14,28 +14,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field
 
 from app.map.handover.base import NoOptions, Source, Stated
+from app.map.handover.best_slope import Unmeasured, directions, slope_of
 from app.map.handover.vehicles import VEHICLES, Kind, Vehicle
 from app.map.segment import Segment
-
-DEM_HEIGHT_SIGMA_M = 1.5
-"""By how much heights of an elevation model at the ends of one segment are off against each other, about."""
-USUAL_SLOPE_PERCENT = 4.0
-"""How steep roads are, about: what a doubtful slope is drawn towards the level by."""
-
-
-class Unmeasured(StrEnum):
-    """What is assumed of segments that nobody measured."""
-
-    DEM = "dem"
-    LEVEL = "level"
-    SKIP = "skip"
 
 
 class SpeedOptions(NoOptions):
@@ -97,21 +84,6 @@ class OsrmSpeeds:
         return count
 
 
-def slope_of(segment: Segment, unmeasured: Unmeasured) -> float | None:
-    """The slope to go by, percent along the way; None where it is unknown.
-
-    By the elevation model it is drawn towards the level, the more the shorter the segment: its heights are off by
-    metres, which is nothing over a kilometre and a wall over ten metres. On bridges and in tunnels it says nothing.
-    """
-    if segment.slope_percent is not None:
-        return segment.slope_percent
-    dem = segment.dem_slope_percent
-    if unmeasured is not Unmeasured.DEM or dem is None or segment.bridge or segment.tunnel:
-        return None
-    error = 100 * math.sqrt(2) * DEM_HEIGHT_SIGMA_M / max(segment.length_m, 1.0)
-    return dem * USUAL_SLOPE_PERCENT**2 / (USUAL_SLOPE_PERCENT**2 + error**2)
-
-
 def _directed(
     source: Source, options: SpeedOptions
 ) -> Iterator[tuple[Segment, list[tuple[int, int, float]]]]:
@@ -120,6 +92,10 @@ def _directed(
         if segment.slope_percent is None and options.unmeasured is Unmeasured.SKIP:
             continue
         slope = slope_of(segment, options.unmeasured) or 0.0
-        ends = [(segment.from_node, segment.to_node, slope), (segment.to_node, segment.from_node, -slope)]
-        allowed = ends[:1] if segment.oneway > 0 else ends[1:] if segment.oneway < 0 else ends
-        yield segment, [(a, b, max(vehicle.speed_kmh(up, segment.highway), lowest)) for a, b, up in allowed]
+        yield (
+            segment,
+            [
+                (a, b, max(vehicle.speed_kmh(sign * slope, segment.highway), lowest))
+                for a, b, sign in directions(segment)
+            ],
+        )

@@ -59,6 +59,11 @@ class StoredSource:
         with open_dem(active) as dem:
             return dem.heights(lon_deg, lat_deg)
 
+    def ground_datum(self) -> str | None:
+        """As ``Source`` says."""
+        active = current_dem(self.session, self._place)
+        return None if active is None else active.datum
+
     def note(self, text: str) -> None:
         """Keep what a person is to be told."""
         self.notes.append(text)
@@ -68,7 +73,8 @@ class StoredSource:
         regions = all_regions(self.session)
         if not regions:
             raise RoadsError("There are no roads yet. Import a file of roads first.")
-        return tuple(kept_file(self._place, region) for region in regions)
+        newest_first = sorted(regions, key=lambda region: (region.imported_at, region.id), reverse=True)
+        return tuple(kept_file(self._place, region) for region in newest_first)
 
     def _by_way(self, gaps: bool, driven: bool) -> Iterator[Segment]:
         after = (-(2**63), 0, 0)
