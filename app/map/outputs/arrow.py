@@ -36,11 +36,11 @@ def schema_of(layer: Layer) -> pa.Schema:
 
 
 def arrow_tables(
-    records: Iterable[Record], rows: int = ROWS_PER_TABLE, layer: Layer = SEGMENTS
+    records: Iterable[Record], rows: int | None = None, layer: Layer = SEGMENTS
 ) -> Iterator[pa.Table]:
-    """Tables of at most ``rows`` rows in order; nothing for no records."""
+    """Tables of at most ``rows`` rows (``ROWS_PER_TABLE``) in order; nothing for no records."""
     source, schema = iter(records), schema_of(layer)
-    while chunk := list(islice(source, rows)):
+    while chunk := list(islice(source, rows or ROWS_PER_TABLE)):
         yield arrow_table(chunk, schema)
 
 
