@@ -14,7 +14,7 @@ from app.core.http import EXAMPLE_ID, Link, link
 from app.core.text import Moment
 
 EXAMPLE_EXPORT = f"http://127.0.0.1:8000/v1/exports/{EXAMPLE_ID}"
-EXAMPLE_REQUEST = {"format": "flatgeobuf", "bbox": [8.46, 48.95, 8.5, 48.99], "driven": True}
+EXAMPLE_REQUEST: dict[str, Any] = {"format": "flatgeobuf", "bbox": [8.46, 48.95, 8.5, 48.99], "driven": True}
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 

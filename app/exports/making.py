@@ -64,7 +64,7 @@ class Request:
 
     def query(self, session: Session) -> Query:
         """The part of the map; ``RoadsError`` for a region that is not there, with those that are."""
-        region = None if self.region is None else known_region(session, self.region).id
+        region = None if self.region is None else known_region(session, self.region)
         return Query(self.bbox, region, self.driven, self.gaps)
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import PlainTextResponse, StreamingResponse
+from fastapi.responses import StreamingResponse
 
 from app.core.blobs import EXPORTS, BlobStore
 from app.core.errors import STATUS_KINDS, BadQueryError, BadRequestError, NotDoneError, NotFoundError
@@ -25,6 +26,7 @@ from app.core.http import (
 )
 from app.core.problems import problem_response
 from app.core.query import cursor_of, parse_bbox, parse_cursor, refuse_unknown
+from app.core.telemetry.logs import tell
 from app.exports import store
 from app.exports.documents import (
     Export,
@@ -43,6 +45,8 @@ from app.exports.provenance import data_state
 from app.exports.ranges import NoSuchRangeError, headers_of, part_of, pieces
 from fusion.errors import BadOptionsError, RoadsError, UnknownNameError
 
+logger = logging.getLogger(__name__)
+
 BLOCK_BYTES = 4 * 2**20
 """What one download holds of a bucket's file."""
 LIST_PARAMETERS = frozenset({"status", "limit", "after"})
@@ -50,7 +54,14 @@ LIST_PARAMETERS = frozenset({"status", "limit", "after"})
 router = APIRouter(prefix="/v1/exports", tags=["exports"])
 
 _LOCATION = {"Location": {"description": "The export.", "schema": {"type": "string", "format": "uri"}}}
-_BYTES = {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}
+_BYTES: dict[str, Any] = {
+    "content": {
+        "application/octet-stream": {
+            "schema": {"type": "string", "format": "binary"},
+            "example": "(the bytes of versant-gpkg.gpkg)",
+        }
+    }
+}
 
 
 @router.post(
@@ -78,7 +89,7 @@ def ask_for_export(
     with service.sessions.begin() as session:
         with _naming("region"):
             asked.query(session)
-        export, _ = store.ask(
+        export, created = store.ask(
             session,
             request=asked.document(),
             request_sha256=asked.sha256(),
@@ -86,6 +97,8 @@ def ask_for_export(
             file_name=asked.file_name,
             media_type=asked.format.media_type,
         )
+    if created:
+        tell(logger, "export asked for", export=export.id, format=asked.format.name)
     response.status_code = 200 if export.status is ExportStatus.DONE else 202
     response.headers["Location"] = export_address(base, export)
     return linked(base, export)
@@ -198,8 +211,14 @@ def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
 @router.get(
     "/{export_id}/beside/{name}",
     summary="A small file that belongs beside it",
-    response_class=PlainTextResponse,
-    responses=problems(404, 409, 503),
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Its text.",
+            "content": {"text/plain": {"schema": {"type": "string"}, "example": '{"generator": "Versant"}'}},
+        },
+        **problems(404, 409, 503),
+    },
 )
 def get_beside(export_id: uuid.UUID, name: str, service: ServiceDep) -> Response:
     """How the file is drawn, or what its format has no place for, under the name that readers look for."""

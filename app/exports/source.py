@@ -20,6 +20,7 @@ from app.map.pages import PAGE, all_segments
 from app.map.segment import Segment
 from app.map.store import count_segments, mvt
 from app.network.cells import ZOOM, square_bounds
+from app.roads.regions import Region
 
 PARTS_APART = 1000
 """Records after which it is looked how far an export is, and whether it is to go on."""
@@ -49,8 +50,7 @@ class Query:
 
     bbox: Bounds | None = None
     """West > east: across the antimeridian."""
-    region: int | None = None
-    """Its number."""
+    region: Region | None = None
     driven: bool = False
     gaps: bool = False
 
@@ -99,8 +99,9 @@ class Source(StoredSource):
             if asked.bbox is None
             else dict(zip(("west", "south", "east", "north"), asked.bbox, strict=True))
         )
+        region = None if asked.region is None else asked.region.id
         while rows := self.session.execute(
-            query, {"after_id": after, "limit": PAGE, "region": asked.region, **box}
+            query, {"after_id": after, "limit": PAGE, "region": region, **box}
         ).all():
             yield from map(_way, rows)
             after = rows[-1].id
@@ -137,8 +138,10 @@ class Source(StoredSource):
 
     def _counted(self, *, gaps: bool, driven: bool) -> Iterator[Segment]:
         box, region = self.query.bbox, self.query.region
-        count = count_segments(self.session, bbox=box, driven=True if driven else None, region=region)
-        rows = all_segments(self.session, box, driven=driven, gaps=gaps, region=region)
+        count = count_segments(self.session, bbox=box, driven=True if driven else None)
+        count = count if region is None else min(count, region.segments)  # at most so many
+        only = None if region is None else region.id
+        rows = all_segments(self.session, box, driven=driven, gaps=gaps, region=only)
         yield from self._looked_after(rows, max(count, 1))
 
     def _by_way(self, gaps: bool, driven: bool) -> Iterator[Segment]:

@@ -41,21 +41,15 @@ _IN_REGION = " AND s.regions @> ARRAY[CAST(:region AS smallint)]"
 
 
 def _statement(
-    template: str,
-    gaps: bool = False,
-    driven: bool | None = None,
-    bbox: Bounds | None = None,
-    region: int | None = None,
+    template: str, gaps: bool = False, driven: bool | None = None, bbox: Bounds | None = None, region: int = 0
 ) -> TextClause:
     """The statement with its parts from the constants above; what a caller gives stays a parameter of it."""
     in_box = "true" if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
     in_box += _IN_REGION if region else ""
-    parts = {
-        "segments": _SEGMENTS_AND_GAPS if gaps else _SEGMENTS,
-        "driven": _DRIVEN[driven],
-        "in_box": in_box,
-    }
-    return text(template.format(columns=_SEGMENT_COLUMNS, **parts))
+    segments = _SEGMENTS_AND_GAPS if gaps else _SEGMENTS
+    return text(
+        template.format(columns=_SEGMENT_COLUMNS, segments=segments, driven=_DRIVEN[driven], in_box=in_box)
+    )
 
 
 def _segment(row: Row[Any]) -> Segment:
@@ -95,7 +89,7 @@ def segment_items(
     the slope that the network gives them, else without one, like all undriven segments. Going on from the last
     id reaches every segment once. ``region`` keeps those of one region, by its number.
     """
-    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region)
+    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region or 0)
     values = {"after_id": after_id, "limit": limit, "region": region, **_corners(bbox)}
     return [_segment(row) for row in session.execute(page, values)]
 
@@ -115,12 +109,10 @@ def segments_by_way(
     return [_segment(row) for row in session.execute(page, values | _corners(bbox))]
 
 
-def count_segments(
-    session: Session, *, bbox: Bounds | None = None, driven: bool | None = None, region: int | None = None
-) -> int:
+def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:
     """How many segments ``segment_items`` reaches with these filters. Reads all of them."""
-    count = _statement(_COUNT, driven=driven, bbox=bbox, region=region)
-    return int(session.execute(count, {"region": region, **_corners(bbox)}).scalar_one())
+    count = _statement(_COUNT, driven=driven, bbox=bbox)
+    return int(session.execute(count, _corners(bbox)).scalar_one())
 
 
 def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> Segment | None:
