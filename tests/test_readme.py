@@ -22,6 +22,7 @@ from app.core.settings import ENV_PREFIX, Settings
 from app.core.telemetry.measures import MEASURES
 from app.exports.formats import FORMATS as EXPORTS
 from app.main import create_app
+from app.map.handover import HANDOVERS
 from app.map.segment import PROPERTIES
 from app.ops.metrics import LABELS, Gauges, Metrics
 from app.ops.store import Squares
@@ -36,7 +37,13 @@ from fusion.terrain.windows import WINDOWS
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 README = REPOSITORY / "README.md"
-PAGES = (README, *(REPOSITORY / ".docs" / name for name in ("methods.md", "positioning.md", "operation.md")))
+PAGES = (
+    README,
+    *(
+        REPOSITORY / ".docs" / name
+        for name in ("methods.md", "positioning.md", "operation.md", "handover.md")
+    ),
+)
 TABLE = re.compile(r"<!-- table: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
@@ -167,6 +174,23 @@ def outputs() -> str:
     return table(("format", "suffix", "what"), rows)
 
 
+def handovers() -> str:
+    rows = [
+        (code(name), item.consumer, " ".join(map(code, item.suffixes)), item.description)
+        for name, item in HANDOVERS.items()
+    ]
+    return table(("name", "for", "suffixes", "what"), rows)
+
+
+def handover_options() -> str:
+    rows = [
+        (code(name), code(option), plain(fact.default), fact.allowed, fact.description)
+        for name, item in HANDOVERS.items()
+        for option, fact in option_facts(item.options).items()
+    ]
+    return table(("name", "option", "default", "allowed", "meaning"), rows)
+
+
 def metrics() -> str:
     """Every metric that a service with a database exposes."""
     nothing = Gauges({}, 0, 0.0, 0, Squares(0, 0), {}, 0, {})
@@ -194,6 +218,8 @@ MAKERS: dict[str, Callable[[], str]] = {
         positionings,
         solver_options,
         outputs,
+        handovers,
+        handover_options,
         metrics,
     )
 }

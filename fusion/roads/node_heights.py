@@ -38,7 +38,7 @@ SHORTEST_M = 0.5
 """Shorter edges count as this long, so that they do not drown the others in rounding."""
 FEWEST_FOR_OFFSET = 20
 """Measured nodes that an area needs to have an offset of its own."""
-_ALMOST_NOTHING = 1e-12
+_ALMOST_NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def node_heights(
     measured = np.isfinite(measured_m)
     inside = _inside_structures(graph)
     known = np.isfinite(ground_m) & ~inside
-    if not known.any() and not measured.any():
+    if not np.isfinite(ground_m).any() and not measured.any():
         raise ValueError("no height is known of any node")
     offset = _offsets(graph, measured_m - np.where(inside, np.nan, ground_m))
     start = np.where(known, ground_m, np.nan)

@@ -82,7 +82,7 @@ class Handover(Protocol):
 
     @property
     def suffixes(self) -> tuple[str, ...]:
-        """With their dots, lower case; the first is the usual one. They may be of two parts; the last part decides."""
+        """With their dots, lower case; the first is the usual one. Of two parts the last one decides."""
         ...
 
     @property
@@ -118,19 +118,3 @@ def options_of(handover: Handover, given: Mapping[str, Any], *, local: bool) -> 
         where = ".".join(str(part) for part in first["loc"]) or None
         said = first["msg"].removeprefix("Value error, ").rstrip(".")
         raise BadOptionsError(f"{handover.name}: {where or 'its options'}: {said}.", where=where) from error
-
-
-def suffix_of(handover: Handover, path: Path) -> str:
-    """Which of the handover's suffixes a file has; ``BadOptionsError`` for one that it does not write."""
-    for suffix in sorted(handover.suffixes, key=len, reverse=True):
-        if path.name.lower().endswith(suffix):
-            return suffix
-    # A file that is written beside its place keeps the last part alone.
-    for suffix in handover.suffixes:
-        if path.suffix.lower() == Path(suffix).suffix:
-            return suffix
-    raise BadOptionsError(
-        f"{handover.name} writes files called {' or '.join('*' + s for s in handover.suffixes)}, "
-        f"not {path.suffix or 'without a suffix'}.",
-        where="out",
-    )

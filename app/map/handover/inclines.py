@@ -135,7 +135,7 @@ def proposals(
     }
     ways, nodes = read_ways(source.road_files(), steep)
     for way in ways:
-        found = [s for s in sections(way, measured, options) if _is_told(s, options)]
+        found = [s for s in sections(way, measured, options) if is_told(s, options)]
         if found and all(node in nodes for node in way.nodes):
             yield way, found, nodes
 
@@ -244,7 +244,7 @@ def conflicts(tag: str, percent: float, tolerance_percent: float) -> bool:
     return {"up": 1, "down": -1}.get(tag.strip().lower(), 0) != (1 if percent > 0 else -1)
 
 
-def _is_told(section: Section, options: InclineOptions) -> bool:
+def is_told(section: Section, options: InclineOptions) -> bool:
     """A tag that says the same is left in peace; one that says the direction alone counts as none."""
     tag = section.tagged
     if tag is None or (

@@ -24,7 +24,7 @@ from app.core.version import code_version
 from app.map.handover.base import NoOptions, Source, Stated
 from app.map.handover.osm_files import FORMATS, RoadNodes, damage_told, merged, only, read_nodes, writing
 from app.map.segment import HEIGHT_DATUM, Segment
-from fusion.errors import RoadsError
+from fusion.errors import BadOptionsError, RoadsError
 from fusion.frames import METRES_PER_DEGREE
 from fusion.roads.node_heights import NodeHeights, node_heights
 from fusion.roads.osm import file_format
@@ -57,6 +57,8 @@ class OsmEle:
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write the file; the number of nodes with ``ele``. ``RoadsError`` where no height is known at all."""
+        if (form := FORMATS.get(path.suffix.lower())) is None:
+            raise BadOptionsError(f"{path.name}: {self.name} writes {', '.join(self.suffixes)}.", where="out")
         files = source.road_files() if options.osm is None else (options.osm,)
         nodes = read_nodes(
             files, source.bbox if options.osm is None else None, roads_only=options.osm is None
@@ -66,7 +68,7 @@ class OsmEle:
         if attribution := stated.get("attribution"):
             said += f"; {attribution}"
         ele = dict(zip(nodes.node.tolist(), np.round(heights.height_m, DIGITS).tolist(), strict=True))
-        with damage_told(files), writing(path, FORMATS[path.suffix.lower()], said) as writer:
+        with damage_told(files), writing(path, form, said) as writer:
             if options.osm is None:
                 had = _write_roads(writer, files, nodes, ele)
             else:

@@ -29,7 +29,7 @@ class SpeedOptions(NoOptions):
     """Which vehicle, and what is written."""
 
     vehicle: Kind = Field(Kind.CAR, description="Whose speeds: car, truck, bicycle or e-bike.")
-    mass_kg: float | None = Field(None, gt=0, le=100_000, description="Instead of the vehicle's usual mass.")
+    mass_kg: float | None = Field(None, gt=0, le=200_000, description="Instead of the vehicle's usual mass.")
     power_kw: float | None = Field(None, gt=0, le=2000, description="At the wheel, instead of the usual.")
     drag_area_m2: float | None = Field(None, ge=0, le=20, description="Drag coefficient times frontal area.")
     rolling: float | None = Field(None, ge=0, le=0.2, description="Coefficient of rolling resistance.")
