@@ -269,9 +269,11 @@ class _Look:
 
 
 def tend(settings: Settings, sessions: Sessions) -> bool:
-    """A worker's part: remove what has expired or is too much, with its files, and what runs left behind."""
+    """A worker's part: remove what has expired or is too much, with its files, and what runs left behind; what waits
+    without a job gets one."""
     desk = ExportDesk(settings, sessions)
     with sessions.begin() as session:
+        store.give_jobs(session)
         removed, keys = store.remove_old(session, settings.exports_max_bytes)
     for key in keys:
         desk.blobs.delete(key)

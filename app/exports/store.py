@@ -120,6 +120,16 @@ _REMOVE = text(
 )
 _BLOBS = text("SELECT blob_key FROM exports WHERE blob_key IS NOT NULL")
 
+# Their job is gone: a worker of a version that knew no exports took it, say.
+_JOBLESS = text(
+    """
+    SELECT id FROM exports AS e WHERE status IN ('queued', 'running') AND NOT EXISTS (
+        SELECT FROM procrastinate_jobs AS j WHERE j.status IN ('todo', 'doing') AND j.task_name = :task
+            AND j.args ->> 'export_id' = CAST(e.id AS text))
+    ORDER BY created_at FOR UPDATE SKIP LOCKED
+    """
+)
+
 # Jobs that go first, and that no lane has taken yet.
 _OTHERS_WAIT = text(
     """
@@ -152,7 +162,7 @@ def ask(
     number = uuid.uuid4()
     new = {"id": number, "request": json.dumps(plain_json(request)), "request_sha256": request_sha256}
     row = session.execute(_ADD, {**new, "file_name": file_name, "media_type": media_type}).one()
-    add_job(session, MAKE_EXPORT, lock=ONE_AT_A_TIME, export_id=str(number))
+    _add_job(session, number)
     return Export.of(row._asdict()), True
 
 
@@ -240,6 +250,14 @@ def remove_old(session: Session, max_bytes: int) -> tuple[int, list[str]]:
     return len(rows), [row.blob_key for row in rows if row.blob_key is not None]
 
 
+def give_jobs(session: Session) -> int:
+    """Give those that wait without a job one; how many."""
+    numbers = list(session.execute(_JOBLESS, {"task": MAKE_EXPORT.name}).scalars())
+    for number in numbers:
+        _add_job(session, number)
+    return len(numbers)
+
+
 def referred_blobs(session: Session) -> set[str]:
     """The blobs of all exports."""
     return set(session.execute(_BLOBS).scalars())
@@ -248,6 +266,10 @@ def referred_blobs(session: Session) -> set[str]:
 def others_wait(session: Session) -> bool:
     """Whether a job waits that goes before exports."""
     return bool(session.execute(_OTHERS_WAIT, {"priority": MAKE_EXPORT.priority}).scalar_one())
+
+
+def _add_job(session: Session, export_id: uuid.UUID) -> None:
+    add_job(session, MAKE_EXPORT, lock=ONE_AT_A_TIME, export_id=str(export_id))
 
 
 def _is_ours(session: Session, statement: Any, export: Export, **values: Any) -> bool:

@@ -294,7 +294,7 @@ _MVT = text(
                s.oneway, ST_AsMVTGeom(s.geom_3857, box.tile, :extent, :buffer, true) AS geom
         FROM box JOIN segments AS s ON s.geom_3857 && box.wide
         LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
-        WHERE CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL
+        WHERE CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL ORDER BY s.id
     )
     SELECT ST_AsMVT(feature, :layer, :extent, 'geom', 'id') FROM feature WHERE geom IS NOT NULL
     """

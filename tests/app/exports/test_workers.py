@@ -20,6 +20,7 @@ from app.cli.children import child_environment
 from app.core.blobs import BlobStore
 from app.core.settings import Settings
 from app.drives.worker import run_worker
+from app.exports.run import tend
 from app.upkeep.backup import back_up
 from web_fixtures import Web
 
@@ -52,6 +53,18 @@ def test_a_worker_makes_what_waits(driven: Web) -> None:
     assert [status(driven, export) for export in asked] == ["done"] * 3
     with driven.sessions() as session:
         assert session.execute(text("SELECT count(*) FROM procrastinate_jobs")).scalar_one() == 0
+
+
+def test_one_whose_job_is_lost_gets_another(driven: Web) -> None:
+    """As where a worker of a version before takes a job that it does not know."""
+    export = ask(driven)
+    with driven.sessions.begin() as session:
+        session.execute(text("UPDATE procrastinate_jobs SET status = 'failed'"))
+    for _ in range(2):
+        tend(driven.settings, driven.sessions)
+    with driven.sessions() as session:
+        query = "SELECT args ->> 'export_id' FROM procrastinate_jobs WHERE status = 'todo'"
+        assert list(session.execute(text(query)).scalars()) == [export]
 
 
 @pytest.mark.slow
