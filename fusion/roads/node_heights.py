@@ -13,9 +13,10 @@ where near is half the length of the roads at the node. It is smooth along roads
 the ground nor what was measured has, and it is between the corrections around it. An edge whose rise was measured, but
 not its height, pulls c towards that rise, stiffly.
 
-On bridges and in tunnels the ground says nothing: g goes on from end to end in proportion to the lengths, and so it
-does where the model has voids. A bridge that leads nowhere takes the ground; what is connected to nothing known takes
-that of the nearest place that is known.
+On bridges and in tunnels the ground says nothing, and within ``APPROACH_M`` of their ends it says what lies beside or
+above the road, since an elevation model knows no cliffs: g goes on from beyond both ends in proportion to the lengths,
+and so it does where the model has voids. A bridge that leads nowhere takes the ground; what is connected to nothing
+known takes that of the nearest place that is known.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
@@ -32,6 +33,8 @@ from fusion.types import Bools, Floats, Ints
 
 REACH_M = 500.0
 """Along roads, within which a measured offset goes over into the usual one."""
+APPROACH_M = 30.0
+"""Along roads from bridges and tunnels, within which the ground is doubtful: a post of the usual elevation models."""
 STIFFNESS = 100.0
 """How much more an edge of known rise counts than one of the ground's."""
 SHORTEST_M = 0.5
@@ -62,7 +65,7 @@ class RoadGraph:
 class NodeHeights:
     """``height_m`` (n,) without a gap, and by what; all (n,).
 
-    ``measured``; ``spanned``: between the ends of bridges, tunnels or voids; ``guessed``: as the nearest known place.
+    ``measured``; ``spanned``: over bridges, tunnels or voids; ``guessed``: as the nearest known place.
     ``offset_m``: measured minus ground, the median; 0 where nothing was measured.
     """
 
@@ -80,11 +83,11 @@ def node_heights(
     second; NaN unknown. Raises ``ValueError`` where nothing is known at all.
     """
     measured = np.isfinite(measured_m)
-    inside = _inside_structures(graph)
-    known = np.isfinite(ground_m) & ~inside
+    doubtful = _doubtful(graph)
+    known = np.isfinite(ground_m) & ~doubtful
     if not np.isfinite(ground_m).any() and not measured.any():
         raise ValueError("no height is known of any node")
-    offset = _offsets(graph, measured_m - np.where(inside, np.nan, ground_m))
+    offset = _offsets(graph, measured_m - np.where(doubtful, np.nan, ground_m))
     start = np.where(known, ground_m, np.nan)
     # Where no ground is in reach, what was measured stands for it, and else what lies below a lonely bridge.
     for other in (measured_m - offset, ground_m):
@@ -94,19 +97,24 @@ def node_heights(
     if guessed.any():
         start[guessed] = _nearest(graph, start, guessed)
     ground = _spanned(graph, start)
-    correction = _correction(graph, ground, measured_m, offset, inside, rise_m)
+    correction = _correction(graph, ground, measured_m, offset, rise_m)
     spanned = np.isnan(start) & ~measured
     usual = float(np.nanmedian(offset)) if measured.any() else 0.0
     return NodeHeights(ground + correction, measured, spanned, guessed, usual)
 
 
-def _inside_structures(graph: RoadGraph) -> Bools:
-    """Nodes all of whose edges are bridges or tunnels."""
-    edges, off = np.zeros(len(graph), np.int64), np.zeros(len(graph), np.int64)
-    for side in (0, 1):
-        np.add.at(edges, graph.edge[:, side], 1)
-        np.add.at(off, graph.edge[:, side], graph.structure)
-    return np.asarray((edges > 0) & (edges == off))
+def _doubtful(graph: RoadGraph) -> Bools:
+    """Nodes of bridges and tunnels, and those that are near one along roads on the ground; (n,)."""
+    doubtful = np.zeros(len(graph), bool)
+    doubtful[graph.edge[graph.structure]] = True
+    if doubtful.any():
+        i, j = graph.edge[~graph.structure].T
+        length = np.maximum(graph.length_m[~graph.structure], SHORTEST_M)
+        roads = sparse.csr_matrix((length, (i, j)), shape=(len(graph), len(graph)))
+        starts = np.flatnonzero(doubtful)
+        away_m = dijkstra(roads, directed=False, indices=starts, limit=APPROACH_M, min_only=True)
+        doubtful |= np.isfinite(away_m)
+    return doubtful
 
 
 def _offsets(graph: RoadGraph, difference_m: Floats) -> Floats:
@@ -167,7 +175,6 @@ def _correction(
     ground: Floats,
     measured_m: Floats,
     offset: Floats,
-    inside: Bools,
     rise_m: Floats | None,
 ) -> Floats:
     """What is added to the ground; see the module."""

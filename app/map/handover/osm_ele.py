@@ -192,7 +192,7 @@ def _told(nodes: RoadNodes, heights: NodeHeights, had: int) -> list[str]:
     spanned, guessed = int(heights.spanned.sum()), int(heights.guessed.sum())
     told = [
         f"{n} nodes of roads have a height: {measured} measured, {n - measured - spanned - guessed} by the elevation "
-        f"model, {spanned} between the ends of bridges, tunnels or voids of the model."
+        f"model, {spanned} spanned over bridges, tunnels and their approaches, and voids of the model."
     ]
     if measured:
         told.append(

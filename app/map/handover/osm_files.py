@@ -190,10 +190,15 @@ def writing(path: Path, file_format_name: str, said: str) -> Iterator[Any]:
 
 @contextmanager
 def damage_told(files: Sequence[Path]) -> Iterator[None]:
-    """What osmium raises within the block, as ``RoadsError``."""
+    """What osmium raises within the block, as ``RoadsError``; so is an import that took a file away meanwhile."""
+    there = [path for path in files if path.is_file()]
     try:
         yield
-    except (RuntimeError, ValueError, UnicodeDecodeError) as error:
+    except (RoadsError, RuntimeError, ValueError, UnicodeDecodeError) as error:
+        if any(not path.is_file() for path in there):
+            raise RoadsError("The roads were imported anew meanwhile. Ask for the file once more.") from error
+        if isinstance(error, RoadsError):
+            raise
         names = ", ".join(path.name for path in files)
         raise RoadsError(f"{names}: damaged: {str(error).rstrip('.')}. Export it again.") from error
 

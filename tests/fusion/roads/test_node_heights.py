@@ -34,12 +34,20 @@ def test_without_anything_measured_heights_are_those_of_the_ground() -> None:
     assert not (found.measured | found.spanned | found.guessed).any() and found.offset_m == 0
 
 
-def test_a_bridge_goes_straight_from_end_to_end_whatever_lies_below() -> None:
-    length = np.array([50.0, 20.0, 60.0, 20.0, 50.0])
-    ground = np.array([100.0, 102.0, 60.0, 55.0, 112.0, 113.0])
-    found = node_heights(chain(length, bridges=(1, 2, 3)), ground, unknown(6))
-    assert found.height_m == pytest.approx([100, 102, 104, 110, 112, 113])
-    assert found.spanned.tolist() == [False, False, True, True, False, False]
+def test_a_bridge_goes_straight_from_beyond_its_ends_whatever_lies_below() -> None:
+    """The nodes at the ends and a stub before them have the valley's side in a raster."""
+    length = np.array([50.0, 20.0, 20.0, 60.0, 20.0, 20.0, 50.0])
+    ground = np.array([100.0, 102.0, 88.0, 60.0, 55.0, 70.0, 112.0, 113.0])
+    found = node_heights(chain(length, bridges=(3,)), ground, unknown(8))
+    assert found.height_m == pytest.approx(
+        [100, 102, 102 + 10 / 7, 102 + 20 / 7, 112 - 20 / 7, 112 - 10 / 7, 112, 113]
+    )
+    assert found.spanned.tolist() == [False, False, True, True, True, True, False, False]
+    # Ground that is farther away along the road counts, however near it lies.
+    far = node_heights(
+        chain(np.array([50.0, 35.0, 60.0, 50.0]), bridges=(2,)), ground[[0, 1, 3, 4, 7]], unknown(5)
+    )
+    assert far.height_m[1] == 102 and far.spanned.tolist() == [False, False, True, True, False]
 
 
 def test_a_bridge_between_measured_ends_is_straight_too_and_a_measured_pier_bends_it() -> None:

@@ -17,8 +17,9 @@ import numpy as np
 import osmium
 import pytest
 
-from app.map.handover.osm_files import read_nodes
+from app.map.handover.osm_files import damage_told, merged, read_nodes
 from fusion.errors import BadOptionsError, RoadsError
+from fusion.roads.node_heights import node_heights
 from fusion.roads.osm import DRIVABLE
 
 ELE = re.compile(r"-?\d+\.\d\d")
@@ -130,6 +131,19 @@ def test_no_step_appears_where_measured_heights_end(
     assert error(h) < 0.5 * error(side_by_side)
 
 
+def test_ends_of_bridges_and_tunnels_are_nearer_to_the_truth_than_the_ground_is(mapped: Mapped) -> None:
+    nodes, town = read_nodes([mapped.osm], roads_only=False), mapped.town
+    truth = dict(zip(town.node_id.tolist(), town.node_height_m.tolist(), strict=True))
+    true_m = np.array([truth[int(node)] for node in nodes.node])
+    with mapped.source() as source:
+        ground = source.ground_heights(nodes.graph.lon_deg, nodes.graph.lat_deg)
+    ends = np.unique(nodes.graph.edge[nodes.graph.structure])
+    assert len(ends) > 10
+    found = node_heights(nodes.graph, ground, np.full(len(ground), np.nan)).height_m
+    off, off_ground = ((h - true_m)[ends] for h in (found, ground))
+    assert np.sqrt(np.mean(off**2)) < 0.6 * np.sqrt(np.mean(off_ground**2))
+
+
 def test_all_suffixes_hold_the_same_and_twice_the_same_bytes(
     mapped: Mapped, written: tuple[Path, int, list[str]], tmp_path: Path
 ) -> None:
@@ -228,3 +242,11 @@ def test_sumo_s_netconvert_makes_edges_with_these_heights(
             rises += any(abs(p - q) > 0.05 for p, q in pairwise(z))
             assert min(heights.values()) - 0.01 <= min(z) and max(z) <= max(heights.values()) + 0.01
     assert rises > 20
+
+
+def test_a_file_that_an_import_replaces_meanwhile_is_told_as_that(tmp_path: Path) -> None:
+    path = tmp_path / "roads.osm"
+    path.write_text("<osm version='0.6'></osm>")
+    with pytest.raises(RoadsError, match="imported anew meanwhile"), damage_told([path]):
+        path.unlink()
+        list(merged([path]))
