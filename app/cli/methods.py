@@ -44,7 +44,7 @@ def methods(
 
 def catalogue() -> dict[str, Any]:
     """Every registry's names; methods with source, needs and options."""
-    from app.exports.formats import FORMATS as EXPORTS
+    from app.map.outputs import OUTPUTS
     from fusion.filters.resampling import RESAMPLERS
     from fusion.filters.triggers import TRIGGERS
     from fusion.formats import FORMATS
@@ -71,9 +71,7 @@ def catalogue() -> dict[str, Any]:
         "resamplers": {name: _first_line(item) for name, item in RESAMPLERS.items()},
         "triggers": {name: item.description for name, item in TRIGGERS.items()},
         "positionings": {name: item.description for name, item in POSITIONINGS.items()},
-        "outputs": {
-            f"{name} ({', '.join(item.suffixes)})": item.description for name, item in EXPORTS.items()
-        },
+        "outputs": {item.suffix: item.description for _, item in OUTPUTS.items()},
         "receivers": {
             name: f"simulated, {item.h_acc_m:g} m stated horizontally" for name, item in RECEIVERS.items()
         },

@@ -6,7 +6,7 @@ import logging
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -38,12 +38,12 @@ from app.exports.documents import (
     export_address,
     linked,
 )
-from app.exports.formats import FORMATS
-from app.exports.making import Request as Asked
-from app.exports.making import request_of
 from app.exports.provenance import data_state
 from app.exports.ranges import NoSuchRangeError, headers_of, part_of, pieces
 from fusion.errors import BadOptionsError, RoadsError, UnknownNameError
+
+if TYPE_CHECKING:
+    from app.exports.making import Request as Asked
 
 logger = logging.getLogger(__name__)
 
@@ -86,17 +86,13 @@ def ask_for_export(
     """
     refuse_unknown(request, (), BadRequestError)
     asked = _asked(body)
-    with service.sessions.begin() as session:
-        with _naming("region"):
-            asked.query(session)
-        export, created = store.ask(
-            session,
-            request=asked.document(),
-            request_sha256=asked.sha256(),
-            data_version=data_state(session).version,
-            file_name=asked.file_name,
-            media_type=asked.format.media_type,
-        )
+    export, created = _found_or_new(service, asked)
+    if export.blob_key is not None and not _blobs(service).exists(
+        export.blob_key
+    ):  # somebody emptied the storage
+        with service.sessions.begin() as session:
+            store.cancel(session, export.id, service.settings.export_keep_days)
+        export, created = _found_or_new(service, asked)
     if created:
         tell(logger, "export asked for", export=export.id, format=asked.format.name)
     response.status_code = 200 if export.status is ExportStatus.DONE else 202
@@ -135,6 +131,9 @@ def list_exports(
 @router.get("/formats", summary="Formats of exports")
 def list_formats() -> ExportFormats:
     """What can be asked for, with the options of each. Options that name files are for `versant export` alone."""
+    # Some formats stand on large libraries: an API that nobody asks for files does without them.
+    from app.exports.formats import FORMATS  # noqa: PLC0415
+
     return ExportFormats(
         formats=[
             ExportFormat(
@@ -198,7 +197,7 @@ def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         file = _blobs(service).open(str(export.blob_key), BLOCK_BYTES)
     except FileNotFoundError:
         raise NotFoundError(
-            f"The file of export {export_id} is gone from the storage. Delete the export and ask for it again."
+            f"The file of export {export_id} is gone from the storage. Ask for it again."
         ) from None
     return StreamingResponse(
         pieces(file, part),
@@ -229,11 +228,27 @@ def get_beside(export_id: uuid.UUID, name: str, service: ServiceDep) -> Response
 
 
 def _asked(body: ExportRequest) -> Asked:
+    from app.exports.making import request_of  # noqa: PLC0415 - as above
+
     with _naming("bbox"):
         box = parse_bbox(body.bbox)
     filters = body.model_dump(include={"region", "driven", "gaps", "suffix"})
     with _naming("format"):
         return request_of(body.format, body.options, bbox=box, **filters)
+
+
+def _found_or_new(service: Service, asked: Asked) -> tuple[Export, bool]:
+    with service.sessions.begin() as session:
+        with _naming("region"):
+            asked.query(session)
+        return store.ask(
+            session,
+            request=asked.document(),
+            request_sha256=asked.sha256(),
+            data_version=data_state(session).version,
+            file_name=asked.file_name,
+            media_type=asked.format.media_type,
+        )
 
 
 @contextmanager

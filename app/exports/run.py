@@ -148,6 +148,7 @@ def _made(desk: ExportDesk, export: Export, folder: Path, look: _Look, computing
     if not _finished(desk, export, path, made, blob):
         desk.blobs.delete(blob.key)
         return "unwanted"
+    _remove_old(desk)
     tell(
         logger,
         "export done",
@@ -274,13 +275,18 @@ def tend(settings: Settings, sessions: Sessions) -> bool:
     desk = ExportDesk(settings, sessions)
     with sessions.begin() as session:
         store.give_jobs(session)
-        removed, keys = store.remove_old(session, settings.exports_max_bytes)
+    _remove_old(desk)
+    _sweep_scratch(desk)
+    return False
+
+
+def _remove_old(desk: ExportDesk) -> None:
+    with desk.sessions.begin() as session:
+        removed, keys = store.remove_old(session, desk.settings.exports_max_bytes)
     for key in keys:
         desk.blobs.delete(key)
     if removed:
         logger.info("%d exports are removed: they have expired, or all together are too large", removed)
-    _sweep_scratch(desk)
-    return False
 
 
 def sweep_files(settings: Settings, sessions: Sessions) -> list[str]:

@@ -199,7 +199,11 @@ def test_what_is_not_there_is_said_so(driven: Web, work: Work) -> None:
     check(driven.client.get(f"/v1/exports/{export['id']}/beside/nothing.qml"), 404)
     for key in files(driven):
         BlobStore(driven.settings.blob_store_url, EXPORTS).delete(key)
-    assert "ask for it again" in check(fetch(driven, export), 404)["detail"]
+    assert "Ask for it again" in check(fetch(driven, export), 404)["detail"]
+    anew = ask(driven)
+    assert anew["id"] != export["id"]
+    work(driven)
+    assert fetch(driven, anew).status_code == 200
 
 
 def test_what_stands_beside_a_file_is_there_too(driven: Web, work: Work) -> None:
@@ -332,3 +336,15 @@ def test_old_exports_go_and_so_do_files_that_nobody_refers_to(
     small = driven.settings.model_copy(update={"exports_max_bytes": 1})
     tend(small, driven.sessions)
     assert files(driven) == []
+
+
+def test_the_newest_stay_where_all_together_are_too_large(driven: Web, work: Work) -> None:
+    """At once, not when somebody looks."""
+    first = ask(driven)
+    work(driven)
+    size = seen(driven, first)["size_bytes"]
+    second = ask(driven, gaps=True)
+    assert work(driven, exports_max_bytes=int(1.5 * size)) == ["done"]
+    check(driven.client.get(f"/v1/exports/{first['id']}"), 404)
+    assert fetch(driven, second).status_code == 200
+    assert len(files(driven)) == 1
