@@ -111,7 +111,9 @@ class PmTiles:
         from app.map.tiles import FIELDS  # noqa: PLC0415 - a module of routes: who exports no tiles need not load it
 
         zooms = (options.min_zoom, options.max_zoom)
-        layer = {"id": LAYER, "fields": FIELDS, "minzoom": zooms[0], "maxzoom": zooms[1]}
+        # GDAL takes a number for one only where this is all that is said of it.
+        fields = {name: said.partition(";")[0] for name, said in FIELDS.items()}
+        layer = {"id": LAYER, "fields": fields, "minzoom": zooms[0], "maxzoom": zooms[1]}
         metadata = {
             "name": "Versant road slopes",
             "description": "Slopes of road segments, measured by vehicles",

@@ -6,6 +6,7 @@ import csv
 import gzip
 import hashlib
 import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -211,8 +212,15 @@ def test_gdal_reads_every_segment_out_of_an_archive(
     path, _ = make(*pair[0], "pmtiles", tmp_path / "out")
     frame = pyogrio.read_dataframe(path, layer="segments", fid_as_index=True)
     column = "mvt_id" if "mvt_id" in frame.columns else "id"
-    found = {int(i) for i in frame[column]}
-    assert found == {row[0] for row in rows_of(pair[0][0], "SELECT id FROM segments")}
+    assert frame.slope_percent.dtype == "float64"
+    found = {
+        (int(i), None if math.isnan(slope) else round(float(slope), 6))
+        for i, slope in zip(frame[column], frame.slope_percent, strict=True)
+    }
+    expected = "SELECT s.id, round(a.slope_percent::numeric, 6)::float8 FROM segments AS s " + (
+        "LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0"
+    )
+    assert found == set(rows_of(pair[0][0], expected))
 
 
 def test_a_box_across_the_antimeridian_has_both_sides(
