@@ -12,7 +12,6 @@ from anyio import CapacityLimiter
 from fastapi import APIRouter, FastAPI
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
-from starlette.middleware.gzip import GZipMiddleware
 
 from app.changes import routes as changes
 from app.changes.webhooks import routes as webhooks
@@ -23,6 +22,7 @@ from app.core.http import Service
 from app.core.lanes import Lane, Lanes, Turnstile, make_lanes
 from app.core.middleware import (
     CollectAfterRequests,
+    Compressed,
     EarlyAnswers,
     HeadMiddleware,
     KnownHosts,
@@ -43,6 +43,7 @@ from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
+from app.exports import routes as exports
 from app.map import segments
 from app.map.heights import routes as heights
 from app.map.ogc import api, collections, items, landing, schemas
@@ -75,6 +76,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     tiles.router,
     heights.router,
     ogc_tiles.router,
+    exports.router,
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's
     health.router,
@@ -142,7 +144,7 @@ def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane])
         Middleware(SmallBodies),
         Middleware(SameOriginWrites, public_url=settings.public_url),
         # It leaves event streams and pictures alone, and compresses large answers in a thread.
-        Middleware(GZipMiddleware, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
+        Middleware(Compressed, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
     ]
 
 

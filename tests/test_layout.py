@@ -51,18 +51,20 @@ SERVICE = {
     "terrain": {"core", "network"},
     "network": {"core", "jobs"},
     "map": {"changes", "core", "network", "roads", "terrain"},
-    "drives": {"changes", "core", "jobs", "map", "network", "roads", "terrain"},
+    "drives": {"changes", "core", "exports", "jobs", "map", "network", "roads", "terrain"},
     "ops": {"core", "drives", "map", "network", "roads"},
     "upkeep": {"changes", "core", "drives", "embedded", "network", "ops", "terrain"},
-    "main": {"changes", "core", "drives", "map", "ops"},
+    "main": {"changes", "core", "drives", "exports", "map", "ops"},
     "changes": {"core", "jobs", "network"},
-    "cli": {"core", "embedded", "drives", "main", "map", "network", "roads", "terrain", "upkeep"},
+    "cli": {"core", "drives", "embedded", "exports", "main", "map", "network", "roads", "terrain", "upkeep"},
+    "exports": {"core", "jobs", "map", "network", "roads", "terrain"},
     "demo": {"cli", "core", "embedded", "map", "roads", "terrain"},
 }
 """Room -> the rooms of the service that it may import from."""
 
 FRAGMENTS: Mapping[str, str] = {
     "app/drives/outputs/draughtsman.py": "a program of its own",
+    "app/map/outputs/flatgeobuf.py": "one output, one file",
     "fusion/formats/nmea.py": "one log format, one file",
 }
 """Short files with one importer that stay by themselves, each with the reason."""

@@ -20,9 +20,9 @@ from app.cli import COMMANDS
 from app.cli import app as cli
 from app.core.settings import ENV_PREFIX, Settings
 from app.core.telemetry.measures import MEASURES
+from app.exports.formats import FORMATS as EXPORTS
 from app.main import create_app
 from app.map.handover import HANDOVERS
-from app.map.outputs import OUTPUTS
 from app.map.segment import PROPERTIES
 from app.ops.metrics import LABELS, Gauges, Metrics
 from app.ops.store import Squares
@@ -168,7 +168,10 @@ def solver_options() -> str:
 
 
 def outputs() -> str:
-    return table(("suffix", "what"), [(code(item.suffix), item.description) for _, item in OUTPUTS.items()])
+    rows = [
+        (code(name), " ".join(map(code, item.suffixes)), item.description) for name, item in EXPORTS.items()
+    ]
+    return table(("format", "suffix", "what"), rows)
 
 
 def handovers() -> str:

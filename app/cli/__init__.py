@@ -71,7 +71,10 @@ COMMANDS = {
     ),
     "restore": Command("app.cli.upkeep.backup", "Bring a backup back into an empty database."),
     "doctor": Command("app.cli.upkeep.doctor", "Look for what is wrong with a service; changes nothing."),
-    "sweep": Command("app.cli.upkeep.storage", "Remove stored logs that no drive refers to any more."),
+    "sweep": Command(
+        "app.cli.upkeep.storage",
+        "Remove stored logs that no drive refers to any more, and files that no export does.",
+    ),
     "fuse": Command(
         "app.cli.fuse",
         "Fuse logs with roads and terrain into segment slopes, without a server or a database.",

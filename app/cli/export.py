@@ -4,24 +4,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import DataDir, JsonFile, MapFile, MapScale, in_a_folder, naming, parse_box, usable_map
+from app.cli.options import (
+    DataDir,
+    JsonFile,
+    MapFile,
+    MapScale,
+    in_a_folder,
+    naming,
+    parse_assignments,
+    parse_box,
+    usable_map,
+)
 
 if TYPE_CHECKING:
-    from sqlalchemy.orm import Session
-
     from app.core.db import Bounds
-    from app.map.segment import Segment
-    from fusion.types import Progress
-
-EACH = 5000
-"""Segments after which progress is told."""
+    from app.exports.making import Request
 
 app = typer.Typer(add_completion=False)
 
@@ -31,10 +34,32 @@ def export(
     ctx: typer.Context,
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", help="File: .geojson, .parquet, .gpkg or .csv.", callback=in_a_folder),
+        typer.Option(
+            "-o",
+            "--out",
+            help="File; its suffix chooses the format, such as .geojson, .parquet, .gpkg, .fgb, .csv or .pmtiles.",
+            callback=in_a_folder,
+        ),
+    ] = None,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--as",
+            metavar="FORMAT",
+            help="The format by its name, where the suffix does not tell it: see README.",
+        ),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--option", metavar="NAME=VALUE", help="Option of the format; may be given several times."
+        ),
     ] = None,
     bbox: Annotated[
         str | None, typer.Option(metavar="W,S,E,N", help="Only segments that meet this box, degrees.")
+    ] = None,
+    region: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only roads of this region (`versant regions list`).")
     ] = None,
     driven: Annotated[bool, typer.Option("--driven", help="Only segments that were driven.")] = False,
     gaps: Annotated[
@@ -47,64 +72,81 @@ def export(
 ) -> None:
     """Write every segment with its slope, as it stands at one moment, to a file, or draw a map of them.
 
-    A map shows the box, or all that was driven; beyond 50,000 segments it leaves undriven roads out.
+    Other formats hold whole ways, vector tiles, or what a routing program reads; each says where its data come from. A
+    map shows the box, or all that was driven; beyond 50,000 segments it leaves undriven roads out.
     """
     from app.cli.database import sessions
+    from app.core.text import whole_file
+    from app.exports.making import make_file
+    from app.exports.source import snapshot
     from app.map.attribution import attribution
-    from app.map.outputs import write
-    from app.terrain import store as dem
+    from app.map.outputs import write_beside
     from app.terrain.coverage import rasters_over
+    from app.terrain.store import current_dem
 
     console: Console = ctx.obj
     box = parse_box(bbox)
-    _usable(out, map_file, scale)
-    figures: dict[str, Any] = {}
-    with sessions(data_dir) as (settings, factory), factory() as session, console.progress() as bars:
-        # One snapshot, so that a drive that ends meanwhile is in it altogether or not at all.
-        session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
-        terrain = dem.current_dem(session, settings.dem_dir)
-        source = attribution(rasters_over(session, terrain, bbox=box, driven=driven))
-        if out is not None:
-            features = _features(session, box, driven, gaps, bars.work(out.name))
-            figures |= {"file": str(out), "segments": write(features, out, source=source)}
+    asked = _asked(out, form, option, box, region, driven, gaps)
+    if asked is None and map_file is None:
+        raise typer.BadParameter(
+            "nothing is asked for: name a file by -o, or a map by --map.", param_hint="-o"
+        )
+    usable_map(map_file, scale)
+    figures, said = dict[str, Any](), list[str]()
+    with (
+        sessions(data_dir) as (settings, factory),
+        snapshot(factory) as session,
+        console.progress() as bars,
+    ):
+        if asked is not None and out is not None:
+            progress = bars.work(out.name)
+            with whole_file(out) as partial:
+                made = make_file(session, settings, asked, partial, lambda share: progress("writing", share))
+            write_beside(asked.format.companions(out, made.stated))
+            figures |= {"file": str(out), "format": asked.format.name, asked.format.holds: made.count}
+            figures |= {"data_version": made.state.version, "notes": list(made.notes)}
+            for note in made.notes:
+                console.note(f"{out}: {note}")
+            said.append(f"{out}: {made.count} {asked.format.holds}.")
         if map_file is not None:
             from app.map.map_file import map_of_store
 
+            terrain = current_dem(session, settings.dem_dir)
+            source = attribution(rasters_over(session, terrain, bbox=box, driven=driven))
             drawn, notes = map_of_store(
                 session, map_file, box, driven=driven, gaps=gaps, source=source, scale=scale
             )
             figures |= {"map": str(map_file), "segments_drawn": drawn}
             for note in notes:
                 console.note(f"{map_file}: {note}")
-    if out is not None:
-        typer.echo(f"{out}: {figures['segments']} segments.")
-    if map_file is not None:
-        typer.echo(f"{map_file}: map of {figures['segments_drawn']} segments.")
+            said.append(f"{map_file}: map of {drawn} segments.")
+    for sentence in said:
+        typer.echo(sentence)
     write_json(json_file, figures)
 
 
-def _usable(out: Path | None, map_file: Path | None, scale: float | None) -> None:
-    """Refuse, before any work, names that say nothing of what to write."""
-    from app.map.outputs import output_for
+def _asked(
+    out: Path | None,
+    form: str | None,
+    option: list[str] | None,
+    box: Bounds | None,
+    region: str | None,
+    driven: bool,
+    gaps: bool,
+) -> Request | None:
+    """What is to be written; refuses, before any work, names that say nothing, and options that there are not."""
+    from app.exports.formats import format_for
+    from app.exports.making import request_of
 
-    if out is None and map_file is None:
-        raise typer.BadParameter(
-            "nothing is asked for: name a file by -o, or a map by --map.", param_hint="-o"
-        )
-    usable_map(map_file, scale)
-    if out is not None:
-        with naming("--out"):
-            output_for(out)
-
-
-def _features(
-    session: Session, box: Bounds | None, driven: bool, gaps: bool, progress: Progress
-) -> Iterator[Segment]:
-    from app.map.pages import all_segments
-    from app.map.store import count_segments
-
-    total = max(count_segments(session, bbox=box, driven=True if driven else None), 1)
-    for done, segment in enumerate(all_segments(session, box, driven=driven, gaps=gaps), 1):
-        yield segment
-        if not done % EACH:
-            progress("writing", done / total)
+    if out is None:
+        if form is not None or option:
+            raise typer.BadParameter(
+                "it is the format of a file, and no file is asked for by -o.", param_hint="--as"
+            )
+        return None
+    with naming("--as" if form is not None else "--out"):
+        chosen = format_for(out, form)
+    filters: dict[str, Any] = {"bbox": box, "region": region, "driven": driven, "gaps": gaps}
+    with naming("--option"):
+        given = parse_assignments(option, "--option")
+        return request_of(chosen.name, given, **filters, local=True)

@@ -30,8 +30,10 @@ UNKNOWN_DATABASE = "unknown"
 NOTED_WITHIN = timedelta(hours=1)
 """The first upload's blob is there before its database is noted."""
 
+LOGS, EXPORTS = "drives", "exports"
+"""The parts of a store: logs of drives, and files that were made for somebody."""
+
 _INCOMING = "incoming"
-_KEPT = "drives"
 _DATABASES = "databases"
 
 
@@ -51,9 +53,11 @@ class StoredBlob:
 class BlobStore:
     """Blobs below ``url`` (any fsspec URL; a plain path is a folder). Safe to share between threads."""
 
-    def __init__(self, url: str) -> None:
-        """The folder is created when the first blob arrives."""
+    def __init__(self, url: str, kept: str = LOGS) -> None:
+        """The folder is created when the first blob arrives. ``kept``: the part of the store, which knows its own blobs
+        alone."""
         self._fs, self._root = file_system(url)
+        self._kept = kept
         self._noted: set[str] = set()
 
     def writer(
@@ -64,7 +68,7 @@ class BlobStore:
         ``StorageFullError`` as soon as less than ``keep_free_bytes`` would stay free, at once where ``expected_bytes``
         are too many already. What unpacks to more than ``max_content_bytes`` counts as its own content.
         """
-        writer = BlobWriter(self._fs, self._root, keep_free_bytes, max_content_bytes)
+        writer = BlobWriter(self._fs, self._root, self._kept, keep_free_bytes, max_content_bytes)
         try:
             writer.require_room(expected_bytes)
         except BaseException:
@@ -90,9 +94,12 @@ class BlobStore:
         found: bool = self._fs.exists(f"{self._root}/{key}")
         return found
 
-    def open(self, key: str) -> BinaryIO:
-        """The blob's bytes as a file; ``FileNotFoundError`` when there is none."""
-        file: BinaryIO = self._fs.open(f"{self._root}/{key}", "rb")
+    def open(self, key: str, block_bytes: int | None = None) -> BinaryIO:
+        """The blob's bytes as a file; ``FileNotFoundError`` when there is none.
+
+        ``block_bytes``: so much is fetched of a bucket at once.
+        """
+        file: BinaryIO = self._fs.open(f"{self._root}/{key}", "rb", block_size=block_bytes)
         return file
 
     def take(self, key: str, path: Path) -> bool:
@@ -105,7 +112,7 @@ class BlobStore:
         part = f"{self._root}/{_INCOMING}/{uuid.uuid4().hex}"
         with full_is_told():
             make_folder(self._fs, f"{self._root}/{_INCOMING}")
-            make_folder(self._fs, f"{self._root}/{_KEPT}")
+            make_folder(self._fs, f"{self._root}/{self._kept}")
             try:
                 self._fs.put_file(str(path), part)
                 self._fs.mv(part, f"{self._root}/{key}")
@@ -120,7 +127,7 @@ class BlobStore:
 
     def keys(self) -> list[str]:
         """The keys of all complete blobs, sorted."""
-        return [f"{_KEPT}/{path.rsplit('/', 1)[-1]}" for path in sorted(self._list(_KEPT))]
+        return [f"{self._kept}/{path.rsplit('/', 1)[-1]}" for path in sorted(self._list(self._kept))]
 
     def sweep(self, older_than: timedelta = timedelta(days=1)) -> int:
         """Remove parts of uploads that began longer ago than ``older_than``; return how many."""
@@ -179,9 +186,10 @@ class BlobWriter:
     How large a blob may become is for whoever writes it to say: ``size_bytes`` is what it has so far.
     """
 
-    def __init__(self, fs: Any, root: str, keep_free_bytes: int, max_content_bytes: int) -> None:
+    def __init__(self, fs: Any, root: str, kept: str, keep_free_bytes: int, max_content_bytes: int) -> None:
         self._fs = fs
         self._root = root
+        self._kept = kept
         self._keep_free_bytes = keep_free_bytes
         self._name = uuid.uuid4().hex
         self._part = f"{root}/{_INCOMING}/{self._name}"
@@ -224,10 +232,10 @@ class BlobWriter:
 
         ``content_sha256`` is for who knows more of the content than ``ContentHash``.
         """
-        key = f"{_KEPT}/{self._name}"
+        key = f"{self._kept}/{self._name}"
         self._close()
         with full_is_told():
-            make_folder(self._fs, f"{self._root}/{_KEPT}")
+            make_folder(self._fs, f"{self._root}/{self._kept}")
             self._fs.mv(self._part, f"{self._root}/{key}")
         self._finished = True
         content = content_sha256 or self._hash.content_sha256()

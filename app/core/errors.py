@@ -12,6 +12,7 @@ ServiceError            a request cannot be answered as asked
 ├── StorageFullError         there is no room for what was sent
 ├── UnknownHostError         the request came under a name that is not the service's
 ├── BusyError                too many ask for the same kind of thing
+├── NotDoneError             what is asked for is still being made
 └── NotReadyError            the service waits for something else
 """
 
@@ -106,6 +107,10 @@ class BusyError(ServiceError):
     """Too many ask for the same kind of thing at once."""
 
 
+class NotDoneError(ServiceError):
+    """What is asked for is still being made."""
+
+
 class NotReadyError(ServiceError):
     """The service waits for something else, such as its database."""
 
@@ -154,6 +159,9 @@ KINDS: Mapping[type[Exception], Kind] = {
     BusyError: Kind(
         503, "busy", "Too busy", "Too many requests of this kind at once; try again in a moment."
     ),
+    NotDoneError: Kind(
+        409, "not-done", "Not done yet", "What is asked for is being made; ask again after a moment."
+    ),
     OperationalError: _UNAVAILABLE,
     psycopg.OperationalError: _UNAVAILABLE,
     PoolTimeoutError: Kind(
@@ -196,6 +204,7 @@ STATUS_KINDS: Mapping[int, Kind] = {
     405: Kind(405, "method-not-allowed", "Method not allowed", "The Allow header lists what is."),
     406: KINDS[NotAcceptableError],
     413: KINDS[BodyTooLargeError],
+    416: Kind(416, "no-such-range", "No such range", "The file ends before the range that is asked for."),
     415: KINDS[UnsupportedBodyError],
     422: KINDS[BadRequestError],
     500: KINDS[Exception],

@@ -20,6 +20,7 @@ from fastapi import Request, Response
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.body_limit import RequestBodyLimitResponder
 from starlette.middleware.cors import CORSMiddleware
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.departures import has_body
@@ -47,6 +48,7 @@ CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 FOR_PROBES = frozenset({"/healthz", "/readyz"})
 """Balancers ask for these under whatever name they know the machine by; the answers tell nothing about anybody."""
 ANY_HOST = "*"
+_IN_PARTS = re.compile(r"/v1/exports/[^/]+/file")
 _HOST = re.compile(r"(\[(?P<literal>[0-9A-Fa-f:.]+)\]|(?P<name>[^:\[\]/@\s]+))(:\d*)?")
 PUBLISHED = (
     "/collections",
@@ -101,6 +103,17 @@ class CollectAfterRequests:
             if self._ended >= COLLECT_AFTER:
                 self._ended = 0
                 gc.collect()
+
+
+class Compressed(GZipMiddleware):
+    """Compresses answers, but for files that are fetched in parts: of their own bytes speak ranges and digests."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Compress the answer where that is wanted."""
+        if _IN_PARTS.fullmatch(scope.get("path", "")):
+            await self.app(scope, receive, send)
+        else:
+            await super().__call__(scope, receive, send)
 
 
 class HeadMiddleware:

@@ -22,6 +22,7 @@ TAGS: list[dict[str, str]] = [
         "name": "heights",
         "description": "Heights of the road at places, as other services give them of the ground.",
     },
+    {"name": "exports", "description": "The map, or a part of it, as files."},
     {"name": "operation", "description": "Health, metrics, figures for operators, kinds of problems."},
 ]
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")

@@ -28,6 +28,7 @@ from app.core.errors import (
     BadRequestError,
     FieldError,
     Kind,
+    NotDoneError,
     NotFoundError,
     ServiceError,
     kind_of,
@@ -86,7 +87,8 @@ def problem_response(
         instance=request.url.path,
         errors=list(errors),
     )
-    waiting = {"Retry-After": str(RETRY_AFTER_S)} if kind.status == 503 else {}
+    again = kind.status == 503 or kind is KINDS[NotDoneError]
+    waiting = {"Retry-After": str(RETRY_AFTER_S)} if again else {}
     return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
 
 

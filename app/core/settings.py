@@ -120,6 +120,17 @@ class Settings(BaseSettings):
         description="Days after which a stored log without a drive, or an elevation raster in no use, is removed. "
         "Longer than the oldest backup of the database that may be restored, so that it finds its files.",
     )
+    export_keep_days: float = Field(
+        7.0,
+        gt=0,
+        le=365,
+        description="Days for which an export that is done is kept; asking again makes it anew.",
+    )
+    exports_max_bytes: int = Field(
+        20 * _GIB,
+        ge=0,
+        description="Room that all exports together may take where logs are kept, bytes; the oldest go first.",
+    )
 
     road_tolerance_m: float = Field(
         2.0,

@@ -24,6 +24,8 @@ from app.drives.batches import enqueuing
 from app.drives.process import Workbench, give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.renewal import HeightFiller, renew
+from app.exports.run import export_task, sweep_files
+from app.exports.run import tend as tend_exports
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
 from app.map import figures
@@ -73,7 +75,7 @@ def run_worker(
     engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, behind=True)
     try:
         bench = Workbench.of(settings, session_factory(engine))
-        worker = Worker(settings, engine, bench.sessions, tasks_of(bench))
+        worker = Worker(settings, engine, bench.sessions, tasks_of(bench, settings))
         with counting(bench.sessions, process) as ledger, closing(Teller(bench.sessions, settings)) as teller:
             written = in_thread(ledger.write, "what was counted could not be written")
             chores = _chores(bench, settings, ledger, teller) if with_chores else ()
@@ -84,9 +86,14 @@ def run_worker(
         engine.dispose()
 
 
-def tasks_of(bench: Workbench) -> tuple[Task, ...]:
+def tasks_of(bench: Workbench, settings: Settings) -> tuple[Task, ...]:
     """Everything that a worker can be asked for: one line a task."""
-    return (_drive_task(bench), _removal_task(bench), _solver_task(bench))
+    return (
+        _drive_task(bench),
+        _removal_task(bench),
+        _solver_task(bench),
+        export_task(settings, bench.sessions),
+    )
 
 
 def _drive_task(bench: Workbench) -> Task:
@@ -151,6 +158,7 @@ def _chores(
         functools.partial(_sweep, bench, settings, orphan_age),
     )
     tended = functools.partial(enqueuing.tend, bench.sessions)
+    expired = functools.partial(tend_exports, settings, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
     figured = functools.partial(figures.renew_one, bench.sessions)
@@ -164,6 +172,7 @@ def _chores(
         (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
+        (in_thread(expired, "old exports could not be removed"), RENEW_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
         (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),
@@ -178,6 +187,8 @@ def _sweep(bench: Workbench, settings: Settings, older_than: timedelta) -> None:
     if gone := changes.prune(bench.sessions, settings.changes_kept_days):
         logger.info("%d segments that went or moved long ago are not told as changes any more", gone)
     telling.prune(bench.sessions)
+    if files := sweep_files(settings, bench.sessions):
+        logger.info("removed %d files that no export refers to", len(files))
     found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)
     if found.removed:
         logger.info("removed %d blobs that no drive refers to", found.removed)

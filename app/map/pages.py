@@ -15,10 +15,18 @@ PAGE = 5000
 
 
 def all_segments(
-    session: Session, bbox: Bounds | None = None, *, driven: bool = False, gaps: bool = False
+    session: Session,
+    bbox: Bounds | None = None,
+    *,
+    driven: bool = False,
+    gaps: bool = False,
+    region: int | None = None,
 ) -> Iterator[Segment]:
-    """Every segment that meets the box, or of them those that were driven; ``gaps`` as in ``segment_items``."""
+    """Every segment that meets the box, or of them those that were driven; ``gaps`` and ``region`` as in
+    ``segment_items``."""
     after, wanted = 0, True if driven else None
-    while rows := segment_items(session, bbox=bbox, after_id=after, limit=PAGE, driven=wanted, gaps=gaps):
+    while rows := segment_items(
+        session, bbox=bbox, after_id=after, limit=PAGE, driven=wanted, gaps=gaps, region=region
+    ):
         yield from rows
         after = rows[-1].stored_id

@@ -30,7 +30,6 @@ _SEGMENTS = _SEGMENTS_AND_GAPS + " AND a.drives > 0"
 
 _DRIVEN = {None: "true", True: "a.drives > 0", False: "coalesce(a.drives, 0) = 0"}
 
-_ANYWHERE = "true"
 _IN_BOX = "ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, :east, :north, 4326))"
 
 # A box whose west is east of its east crosses the antimeridian (RFC 7946, section 5.2).
@@ -38,13 +37,15 @@ _IN_BOX_ACROSS = """(
         ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, 180, :north, 4326))
         OR ST_Intersects(s.geom, ST_MakeEnvelope(-180, :south, :east, :north, 4326)))
 """
+_IN_REGION = " AND s.regions @> ARRAY[CAST(:region AS smallint)]"
 
 
 def _statement(
-    template: str, *, gaps: bool = False, driven: bool | None = None, bbox: Bounds | None = None
+    template: str, gaps: bool = False, driven: bool | None = None, bbox: Bounds | None = None, region: int = 0
 ) -> TextClause:
     """The statement with its parts from the constants above; what a caller gives stays a parameter of it."""
-    in_box = _ANYWHERE if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
+    in_box = "true" if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
+    in_box += _IN_REGION if region else ""
     segments = _SEGMENTS_AND_GAPS if gaps else _SEGMENTS
     return text(
         template.format(columns=_SEGMENT_COLUMNS, segments=segments, driven=_DRIVEN[driven], in_box=in_box)
@@ -79,19 +80,18 @@ def segment_items(
     limit: int = 100,
     driven: bool | None = None,
     gaps: bool = False,
+    region: int | None = None,
 ) -> list[Segment]:
     """At most ``limit`` segments with an id above ``after_id``, by ascending id.
 
     ``bbox`` keeps those that meet the box (degrees; west > east: across the antimeridian), ``driven`` those
     that were (True) or were not (False) driven. With ``gaps`` undriven segments between driven ones come with
     the slope that the network gives them, else without one, like all undriven segments. Going on from the last
-    id reaches every segment once.
+    id reaches every segment once. ``region`` keeps those of one region, by its number.
     """
-    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox)
-    return [
-        _segment(row)
-        for row in session.execute(page, {"after_id": after_id, "limit": limit, **_corners(bbox)})
-    ]
+    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region or 0)
+    values = {"after_id": after_id, "limit": limit, "region": region, **_corners(bbox)}
+    return [_segment(row) for row in session.execute(page, values)]
 
 
 def segments_by_way(
@@ -106,7 +106,7 @@ def segments_by_way(
     """At most ``limit`` segments after a (way, from_node, to_node), in that order; else as ``segment_items``."""
     page = _statement(_BY_WAY, gaps=gaps, driven=driven, bbox=bbox)
     values = {"way": after[0], "from_node": after[1], "to_node": after[2], "limit": limit}
-    return [_segment(row) for row in session.execute(page, {**values, **_corners(bbox)})]
+    return [_segment(row) for row in session.execute(page, values | _corners(bbox))]
 
 
 def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:

@@ -1,7 +1,8 @@
 """A backup of a service that goes on: the database as it is at one moment, then the files that this one refers to.
 
 Blobs never change, and what the dump names stays in the store long enough: only the blob of a drive that is deleted
-meanwhile goes at once. So the files need no moment of their own, and those of the backup before are kept.
+meanwhile goes at once. So the files need no moment of their own, and those of the backup before are kept. Exports and
+their files are left out.
 """
 
 from __future__ import annotations

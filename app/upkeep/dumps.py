@@ -14,6 +14,8 @@ from app.core.settings import libpq_url
 from app.embedded.binaries import find_client
 from fusion.errors import FusionError
 
+LEFT_OUT = ("exports",)
+"""Tables whose rows are of no use elsewhere: their files are made anew by whoever asks for them again."""
 _LINES_QUOTED = 5
 
 
@@ -24,7 +26,7 @@ class BackupError(FusionError):
 
 
 def dump(url: str, snapshot: str, target: Path, major: int) -> None:
-    """Write what the snapshot sees into ``target``, in PostgreSQL's custom format (compressed).
+    """Write what the snapshot sees into ``target``, in PostgreSQL's custom format (compressed), but for ``LEFT_OUT``.
 
     ``major`` is the server's version. Raises ``PostgresMissingError`` or ``BackupError``.
     """
@@ -35,6 +37,7 @@ def dump(url: str, snapshot: str, target: Path, major: int) -> None:
         "--no-owner",
         "--no-privileges",
         "--no-unlogged-table-data",  # what can be made again: vector tiles
+        *(f"--exclude-table-data={table}" for table in LEFT_OUT),
         f"--snapshot={snapshot}",
         f"--file={target}",
     ]

@@ -28,7 +28,7 @@ def sweep(
     data_dir: DataDir = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Remove stored logs that no drive refers to any more.
+    """Remove stored logs that no drive refers to any more, and files that no export does.
 
     Workers do so every hour, for logs older than VERSANT_ORPHAN_DAYS, and for elevation rasters that have been in no
     use for so long. Where other databases have used the store as well nothing is removed and the logs are listed,
@@ -38,12 +38,14 @@ def sweep(
     from app.cli.database import sessions
     from app.core.blobs import BlobStore
     from app.drives.intake import sweep_blobs
+    from app.exports.run import sweep_files
     from app.terrain.files import sweep_rasters
 
     with sessions(data_dir) as (settings, factory):
         blobs = BlobStore(settings.blob_store_url)
         age = timedelta(days=settings.orphan_days)
         found = sweep_blobs(factory, blobs, age, confirmed=only_database)
+        files = sweep_files(settings, factory)
         sure = only_database or (settings.keeps_files_together and not found.strangers)
         rasters = sweep_rasters(factory, settings.dem_dir, age) if sure else []
     if found.strangers:
@@ -55,6 +57,8 @@ def sweep(
         )
     else:
         typer.echo(f"{len(found.orphans)} logs without a drive removed.")
+    if files:
+        typer.echo(f"{len(files)} files without an export removed.")
     for uri in rasters:
         typer.echo(f"{uri.rpartition('/')[2]}: this elevation raster is in no use any more and removed.")
-    write_json(json_file, asdict(found) | {"removed": found.removed, "rasters": rasters})
+    write_json(json_file, asdict(found) | {"removed": found.removed, "rasters": rasters, "exports": files})

@@ -16,7 +16,6 @@ from app.map.segment import Segment
 from app.map.store import segments_by_way
 from app.roads.region_files import kept_file
 from app.roads.regions import all_regions
-from app.terrain.heights import open_dem
 from app.terrain.store import current_dem
 from fusion.errors import RoadsError
 from fusion.types import Floats
@@ -53,6 +52,8 @@ class StoredSource:
 
     def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
         """As ``Source`` says; all unknown without rasters."""
+        from app.terrain.heights import open_dem  # noqa: PLC0415 - with it compilers and rasterio are loaded
+
         active = current_dem(self.session, self._place)
         if active is None or not len(lon_deg):
             return np.full(len(lon_deg), np.nan)

@@ -11,16 +11,18 @@ from typing import Protocol
 
 from app.core.text import whole_file
 from app.map.attribution import attribution
-from app.map.outputs.csv_table import CsvOutput
+from app.map.outputs.csv_table import CsvOutput, WayCsvOutput
+from app.map.outputs.flatgeobuf import FlatGeobufOutput
 from app.map.outputs.geojson import GeoJsonOutput
-from app.map.outputs.geoparquet import GeoParquetOutput
+from app.map.outputs.geoparquet import GeoParquetOutput, WayParquetOutput
 from app.map.outputs.gpkg import GeoPackageOutput
 from app.map.segment import HEIGHT_DATUM, Segment
 from fusion.errors import UnknownNameError
 from fusion.registry import Registry
 
 Stated = Mapping[str, str]
-"""What a file says of all its segments: ``attribution``, whose data it is, and ``height_datum``, where known."""
+"""What a file says of all its segments: ``attribution``, whose data it is, and ``height_datum``, where known; from a
+database ``changed_at`` as well, when its data last changed, and ``provenance``, a JSON text (``app.exports``)."""
 
 
 def stated(source: str, height_datum: str | None) -> dict[str, str]:
@@ -34,6 +36,7 @@ class Output(Protocol):
     name: str
     suffix: str
     """With its dot, lower case; a file's suffix chooses the output."""
+    media_type: str
     description: str
 
     def write(self, segments: Iterable[Segment], path: Path, stated: Stated) -> int:
@@ -49,8 +52,11 @@ class Output(Protocol):
 
 
 OUTPUTS: Registry[Output] = Registry("output")
-for _output in (GeoJsonOutput(), GeoParquetOutput(), GeoPackageOutput(), CsvOutput()):
+for _output in (GeoJsonOutput(), GeoParquetOutput(), GeoPackageOutput(), FlatGeobufOutput(), CsvOutput()):
     OUTPUTS.add(_output.name, _output)
+
+WAY_OUTPUTS: tuple[Output, ...] = (WayParquetOutput(), WayCsvOutput())
+"""Tables of whole ways, which only a database has (``app.exports.formats``)."""
 
 
 def output_for(path: Path) -> Output:
@@ -80,7 +86,12 @@ def write(
     output, said = output_for(path), stated(source or attribution(), height_datum)
     with whole_file(path) as partial:
         count = output.write(segments, partial, said)
-    for place, text in output.companions(path, said).items():
+    write_beside(output.companions(path, said))
+    return count
+
+
+def write_beside(companions: Mapping[Path, str]) -> None:
+    """Write small files, each complete or not at all."""
+    for place, text in companions.items():
         with whole_file(place) as partial:
             partial.write_text(text, encoding="utf-8")
-    return count

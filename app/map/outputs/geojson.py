@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from app.core.text import dumps
+from app.core.text import GEO_JSON, dumps
 from app.map.outputs.qgis_style import style_beside
 from app.map.segment import Segment
 
@@ -30,6 +31,7 @@ class GeoJsonOutput:
 
     name = "geojson"
     suffix = ".geojson"
+    media_type = GEO_JSON
     description = "GeoJSON FeatureCollection (RFC 7946), WGS 84"
 
     def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
@@ -43,9 +45,17 @@ class GeoJsonOutput:
                 yield segment
 
         with path.open("w", encoding="utf-8") as file:
-            file.writelines(collection_chunks(counted(), dict(stated)))
+            file.writelines(collection_chunks(counted(), _members(stated)))
         return count
 
     def companions(self, path: Path, stated: Mapping[str, str]) -> dict[Path, str]:
         """The style for QGIS."""
         return style_beside(path)
+
+
+def _members(stated: Mapping[str, str]) -> dict[str, Any]:
+    """What is stated as members; where the data come from is a document by itself."""
+    members: dict[str, Any] = dict(stated)
+    if "provenance" in members:
+        members["provenance"] = json.loads(members["provenance"])
+    return members

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from app.map.outputs.layer import SEGMENTS, WAYS, Layer, Record
 from app.map.outputs.qgis_style import style_beside
-from app.map.segment import Segment
 from fusion.types import Floats
 
 NO_BOUNDS = np.array([np.inf, np.inf, -np.inf, -np.inf])
@@ -24,18 +24,26 @@ class GeoParquetOutput:
 
     name = "geoparquet"
     suffix = ".parquet"
+    media_type = "application/vnd.apache.parquet"
     description = "GeoParquet 1.1, WKB lines, WGS 84"
+    layer: Layer = SEGMENTS
 
-    def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
+    def write(self, segments: Iterable[Record], path: Path, stated: Mapping[str, str]) -> int:
         """Write the file with what is ``stated`` among its metadata."""
         # Imported where a file is written: every command that only names the outputs would wait for it.
         import pyarrow.parquet as pq  # noqa: PLC0415
 
-        from app.map.outputs.arrow import GEOMETRY, SCHEMA, arrow_tables, bounds_deg  # noqa: PLC0415
+        from app.map.outputs.arrow import (  # noqa: PLC0415
+            GEOMETRY,
+            ROWS_PER_GROUP,
+            arrow_tables,
+            bounds_deg,
+            schema_of,
+        )
 
         count, bounds = 0, NO_BOUNDS
-        with pq.ParquetWriter(path, SCHEMA, compression="zstd") as writer:
-            for table in arrow_tables(segments):
+        with pq.ParquetWriter(path, schema_of(self.layer), compression="zstd") as writer:
+            for table in arrow_tables(segments, ROWS_PER_GROUP, self.layer):
                 writer.write_table(table)
                 count += len(table)
                 bounds = _grown(bounds, bounds_deg(table))
@@ -46,6 +54,14 @@ class GeoParquetOutput:
     def companions(self, path: Path, stated: Mapping[str, str]) -> dict[Path, str]:
         """The style for QGIS."""
         return style_beside(path)
+
+
+class WayParquetOutput(GeoParquetOutput):
+    """The same of whole ways."""
+
+    name = "ways-parquet"
+    description = "GeoParquet 1.1 of whole ways: mean slope by length, steepest 20 m and where"
+    layer = WAYS
 
 
 def _grown(bounds: Floats, more: Floats) -> Floats:

@@ -53,7 +53,7 @@ _WAY_FEATURES = f"""
     FROM box JOIN ways AS w ON w.geom_3857 && box.wide"""  # noqa: S608 - constants
 _WAYS_BY_IMPORTANCE = " ORDER BY (w.drives = 0), w.length_m DESC, w.id LIMIT %(most)s"
 _TILE = f"""
-    SELECT {_AS_MVT} FROM (SELECT * FROM ({{features}}) AS every WHERE geom IS NOT NULL) AS feature"""  # noqa: S608
+    SELECT {_AS_MVT} FROM (SELECT * FROM ({{features}}) AS every WHERE geom IS NOT NULL{{order}}) AS feature"""  # noqa: S608
 _COUNTED = f"""
     SELECT {_AS_MVT}, count(*) FROM (SELECT * FROM ({{features}}) AS every WHERE geom IS NOT NULL) AS feature"""  # noqa: S608
 
@@ -236,7 +236,9 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM,
     """
     at = Address(layer, z, x, y)
     values = {**at._asdict(), "most": NO_LIMIT}
-    ((found,),) = fetch_binary(session, _MADE_AGAIN.format(tile=_tile(at, full_zoom)), values)
+    # In an order, so that equal data make equal bytes.
+    tile = _tile(at, full_zoom, order=" ORDER BY id")
+    ((found,),) = fetch_binary(session, _MADE_AGAIN.format(tile=tile), values)
     if not found and layer == SEGMENTS and z < full_zoom:
         ((found,),) = fetch_binary(session, _SPECKS.format(level=drawn_level(z)), values)
     return bytes(found or b"")
@@ -247,8 +249,8 @@ def drawn_level(z: int) -> int:
     return min(12, max(6, z + z % 2))
 
 
-def _tile(at: Address, full_zoom: int) -> str:
-    return _TILE.format(layer=at.layer, features=_features(at, full_zoom))
+def _tile(at: Address, full_zoom: int, order: str = "") -> str:
+    return _TILE.format(layer=at.layer, features=_features(at, full_zoom), order=order)
 
 
 def _features(at: Address, full_zoom: int | None) -> str:

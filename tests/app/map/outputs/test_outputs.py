@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import geopandas
 import pandas as pd
@@ -22,7 +24,7 @@ from hypothesis import strategies as st
 
 from app.core.text import utc_text
 from app.map.attribution import attribution, attribution_html
-from app.map.outputs import OUTPUTS, output_for, write
+from app.map.outputs import OUTPUTS, arrow, output_for, write
 from app.map.outputs.arrow import arrow_tables
 from app.map.segment import HEIGHT_DATUM, PROPERTIES, Segment
 from fusion.errors import UnknownNameError
@@ -175,6 +177,37 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path, name: str) -> No
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_segments_are_not_held(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of however many, an output has a table at most in memory."""
+    for size in ("ROWS_PER_TABLE", "ROWS_PER_GROUP"):
+        monkeypatch.setattr(arrow, size, 100)
+    alive: WeakSet[Segment] = WeakSet()
+    most = 0
+
+    def many() -> Iterator[Segment]:
+        nonlocal most
+        for number in range(2000):
+            segment = replace(EXAMPLE, id=number, coordinates=((8.0, 49.0), (8.0, 49.0 + number * 1e-5)))
+            alive.add(segment)
+            most = max(most, len(alive))
+            yield segment
+
+    assert write(many(), tmp_path / f"slopes{OUTPUTS[name].suffix}") == 2000
+    assert most <= 300
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_segments_make_the_same_bytes(tmp_path: Path, name: str) -> None:
+    output = OUTPUTS[name]
+    said = {"attribution": "somebody", "changed_at": "2026-11-20T09:13:02.004Z", "provenance": '{"a":[1]}'}
+    files = [tmp_path / f"{number}{output.suffix}" for number in range(2)]
+    for path in files:
+        output.write(iter(SOME), path, said)
+        time.sleep(0.005)  # times in files are of milliseconds
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_an_output_says_what_it_is(name: str) -> None:
     output = OUTPUTS[name]
     assert output.name == name
@@ -203,7 +236,7 @@ def test_a_place_that_is_taken_by_a_folder_is_named(tmp_path: Path, suffix: str)
 
 
 def test_an_unknown_suffix_names_the_known_ones() -> None:
-    with pytest.raises(UnknownNameError, match=r"\.shp.*\.geojson, \.parquet, \.gpkg, \.csv"):
+    with pytest.raises(UnknownNameError, match=r"\.shp.*\.geojson, \.parquet, \.gpkg, \.fgb, \.csv"):
         output_for(Path("slopes.shp"))
 
 
@@ -218,6 +251,10 @@ def test_files_with_a_place_for_it_say_whose_data_they_hold(tmp_path: Path) -> N
     write(SOME, tmp_path / "a.gpkg", source=source)
     about = pyogrio.read_info(tmp_path / "a.gpkg", layer="segments")
     assert about["layer_metadata"]["DESCRIPTION"] == source
+    write(SOME, tmp_path / "a.fgb", source=source)
+    about = pyogrio.read_info(tmp_path / "a.fgb")
+    assert about["layer_metadata"]["DESCRIPTION"] == source
+    assert about["capabilities"]["fast_spatial_filter"]
     write(SOME, tmp_path / "a.csv", source=source)
     assert json.loads((tmp_path / "a.csv-metadata.json").read_text())["dc:rights"] == source
 
@@ -228,17 +265,19 @@ def test_files_with_a_place_for_it_say_what_heights_refer_to(tmp_path: Path) -> 
             write(SOME, tmp_path / f"a{output.suffix}", **stated)
         parquet = pq.read_metadata(tmp_path / "a.parquet").metadata.get(b"height_datum")
         layer = pyogrio.read_info(tmp_path / "a.gpkg", layer="segments")["layer_metadata"]
+        header = pyogrio.read_info(tmp_path / "a.fgb")["layer_metadata"]
         beside = json.loads((tmp_path / "a.csv-metadata.json").read_text()).get("dc:description")
         return [
             json.loads((tmp_path / "a.geojson").read_text()).get("height_datum"),
             parquet and parquet.decode(),
             layer.get("height_datum"),
+            header.get("height_datum"),
             beside and beside.removeprefix("Heights refer to: ").removesuffix("."),
         ]
 
-    assert said() == [HEIGHT_DATUM] * 4
-    assert said(height_datum="the WGS 84 ellipsoid") == ["the WGS 84 ellipsoid"] * 4
-    assert said(height_datum=None) == [None] * 4
+    assert said() == [HEIGHT_DATUM] * 5
+    assert said(height_datum="the WGS 84 ellipsoid") == ["the WGS 84 ellipsoid"] * 5
+    assert said(height_datum=None) == [None] * 5
 
 
 def test_attribution_of_many_rasters_stays_short_and_harmless() -> None:

@@ -1,0 +1,291 @@
+"""Exports over HTTP: asked for, looked at, fetched in parts, removed. Knows no SQL."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import StreamingResponse
+
+from app.core.blobs import EXPORTS, BlobStore
+from app.core.errors import STATUS_KINDS, BadQueryError, BadRequestError, NotDoneError, NotFoundError
+from app.core.http import (
+    UNREADABLE_BODY,
+    BaseUrl,
+    Service,
+    ServiceDep,
+    etag_matches,
+    found,
+    link,
+    problems,
+    with_query,
+)
+from app.core.problems import problem_response
+from app.core.query import cursor_of, parse_bbox, parse_cursor, refuse_unknown
+from app.core.telemetry.logs import tell
+from app.exports import store
+from app.exports.documents import (
+    Export,
+    ExportFormat,
+    ExportFormats,
+    ExportList,
+    ExportRequest,
+    ExportStatus,
+    export_address,
+    linked,
+)
+from app.exports.provenance import data_state
+from app.exports.ranges import NoSuchRangeError, headers_of, part_of, pieces
+from fusion.errors import BadOptionsError, RoadsError, UnknownNameError
+
+if TYPE_CHECKING:
+    from app.exports.making import Request as Asked
+
+logger = logging.getLogger(__name__)
+
+BLOCK_BYTES = 4 * 2**20
+"""What one download holds of a bucket's file."""
+LIST_PARAMETERS = frozenset({"status", "limit", "after"})
+
+router = APIRouter(prefix="/v1/exports", tags=["exports"])
+
+_LOCATION = {"Location": {"description": "The export.", "schema": {"type": "string", "format": "uri"}}}
+_BYTES: dict[str, Any] = {
+    "content": {
+        "application/octet-stream": {
+            "schema": {"type": "string", "format": "binary"},
+            "example": "(the bytes of versant-gpkg.gpkg)",
+        }
+    }
+}
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Ask for a file",
+    response_model=Export,
+    responses={
+        200: {"model": Export, "description": "It is there already.", "headers": _LOCATION},
+        202: {"description": "Queued, or being made.", "headers": _LOCATION},
+        **UNREADABLE_BODY,
+        **problems(403, 413, 422, 503),
+    },
+)
+def ask_for_export(
+    request: Request, service: ServiceDep, base: BaseUrl, response: Response, body: ExportRequest
+) -> Export:
+    """Have the map, or a part of it, written to a file in the background, as it stands at one moment.
+
+    Follow it at `Location`. The same request, while the data are the same, answers with the export that there is. Files
+    of one version of the data are the same bytes, whenever they are made.
+    """
+    refuse_unknown(request, (), BadRequestError)
+    asked = _asked(body)
+    export, created = _found_or_new(service, asked)
+    if export.blob_key is not None and not _blobs(service).exists(
+        export.blob_key
+    ):  # somebody emptied the storage
+        with service.sessions.begin() as session:
+            store.cancel(session, export.id, service.settings.export_keep_days)
+        export, created = _found_or_new(service, asked)
+    if created:
+        tell(logger, "export asked for", export=export.id, format=asked.format.name)
+    response.status_code = 200 if export.status is ExportStatus.DONE else 202
+    response.headers["Location"] = export_address(base, export)
+    return linked(base, export)
+
+
+@router.get("", summary="List exports", responses=problems(422, 503))
+def list_exports(
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    status: Annotated[ExportStatus | None, Query(description="Only exports of this status.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Exports per page.")] = 100,
+    after: Annotated[
+        str | None, Query(description="Where the page begins; only `next` links know what to write here.")
+    ] = None,
+) -> ExportList:
+    """The newest first. Follow the `next` link until there is none; each export comes once."""
+    refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
+    place = None
+    if after is not None:
+        moment, number = parse_cursor(after)
+        place = (moment, uuid.UUID(int=number))
+    with service.reading() as session:
+        listed = store.list_exports(session, status=status, limit=limit + 1, after=place)
+    shown, here = listed[:limit], f"{base}/v1/exports"
+    asked: dict[str, Any] = {"status": status, "limit": limit}
+    links = [link(with_query(here, **asked, after=after), "self")]
+    if len(listed) > limit:
+        following = cursor_of(shown[-1].created_at, shown[-1].id.int)
+        links.append(link(with_query(here, **asked, after=following), "next"))
+    return ExportList(exports=[linked(base, export) for export in shown], links=links)
+
+
+@router.get("/formats", summary="Formats of exports")
+def list_formats() -> ExportFormats:
+    """What can be asked for, with the options of each. Options that name files are for `versant export` alone."""
+    # Some formats stand on large libraries: an API that nobody asks for files does without them.
+    from app.exports.formats import FORMATS  # noqa: PLC0415
+
+    return ExportFormats(
+        formats=[
+            ExportFormat(
+                name=one.name,
+                description=one.description,
+                suffixes=list(one.suffixes),
+                media_type=one.media_type,
+                filters=sorted(one.filters),
+                options=_schema(one.options.model_json_schema(), one.options.local_files),
+            )
+            for _, one in FORMATS.items()
+        ]
+    )
+
+
+@router.get("/{export_id}", summary="One export", responses=problems(404, 503))
+def get_export(export_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Export:
+    """Status, progress, the version and origin of its data, and where its file is."""
+    return linked(base, _found(service, export_id))
+
+
+@router.delete("/{export_id}", status_code=204, summary="Remove an export", responses=problems(403, 404, 503))
+def delete_export(export_id: uuid.UUID, service: ServiceDep) -> None:
+    """Always works, whatever the status: a worker that makes it stops, its file goes at once.
+
+    The export is `cancelled`, and is told as such until it would have expired. Once more changes nothing.
+    """
+    with service.sessions.begin() as session:
+        found(store.get_export(session, export_id), "export", export_id)
+        blob_key = store.cancel(session, export_id, service.settings.export_keep_days)
+    if blob_key is not None:
+        _blobs(service).delete(blob_key)
+
+
+@router.get(
+    "/{export_id}/file",
+    summary="The file of an export",
+    response_class=Response,
+    responses={
+        200: {"description": "The file.", **_BYTES},
+        206: {"description": "The part of it that `Range` asks for.", **_BYTES},
+        304: {"description": "Unchanged since the ETag."},
+        **problems(404, 409, 416, 503),
+    },
+)
+def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Response:
+    """The bytes as they were made, resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the whole file."""
+    export = _done(_found(service, export_id))
+    sha256, size = str(export.sha256), int(export.size_bytes or 0)
+    etag = f'"{sha256}"'
+    if etag_matches(request, etag):
+        return Response(status_code=304, headers={"ETag": etag, "Cache-Control": "no-cache"})
+    try:
+        part = part_of(request.headers.get("range"), request.headers.get("if-range"), etag, size)
+    except NoSuchRangeError:
+        detail = f"The file has {size} bytes, and the range {request.headers['range'][:80]!r} begins beyond its end."
+        return problem_response(
+            request, STATUS_KINDS[416], detail, headers={"Content-Range": f"bytes */{size}", "ETag": etag}
+        )
+    try:
+        file = _blobs(service).open(str(export.blob_key), BLOCK_BYTES)
+    except FileNotFoundError:
+        raise NotFoundError(
+            f"The file of export {export_id} is gone from the storage. Ask for it again."
+        ) from None
+    return StreamingResponse(
+        pieces(file, part),
+        206 if part is not None else 200,
+        headers_of(export.file_name, sha256, size, part),
+        export.media_type,
+    )
+
+
+@router.get(
+    "/{export_id}/beside/{name}",
+    summary="A small file that belongs beside it",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Its text.",
+            "content": {"text/plain": {"schema": {"type": "string"}, "example": '{"generator": "Versant"}'}},
+        },
+        **problems(404, 409, 503),
+    },
+)
+def get_beside(export_id: uuid.UUID, name: str, service: ServiceDep) -> Response:
+    """How the file is drawn, or what its format has no place for, under the name that readers look for."""
+    export = _done(_found(service, export_id))
+    text = found(export.companions.get(name), f"file beside export {export_id} called", name[:80])
+    kind = "application/json" if name.endswith(".json") else "text/plain"
+    return Response(text, media_type=kind, headers={"Cache-Control": "no-cache"})
+
+
+def _asked(body: ExportRequest) -> Asked:
+    from app.exports.making import request_of  # noqa: PLC0415 - as above
+
+    with _naming("bbox"):
+        box = parse_bbox(body.bbox)
+    filters = body.model_dump(include={"region", "driven", "gaps", "suffix"})
+    with _naming("format"):
+        return request_of(body.format, body.options, bbox=box, **filters)
+
+
+def _found_or_new(service: Service, asked: Asked) -> tuple[Export, bool]:
+    with service.sessions.begin() as session:
+        with _naming("region"):
+            asked.query(session)
+        return store.ask(
+            session,
+            request=asked.document(),
+            request_sha256=asked.sha256(),
+            data_version=data_state(session).version,
+            file_name=asked.file_name,
+            media_type=asked.format.media_type,
+        )
+
+
+@contextmanager
+def _naming(field: str) -> Iterator[None]:
+    """Refuse by 422, and name the member of the body at fault, what is refused inside."""
+    try:
+        yield
+    except (BadQueryError, RoadsError, UnknownNameError) as error:
+        raise BadRequestError(str(error), field=field) from error
+    except BadOptionsError as error:
+        at = error.where or "options"
+        inside = at not in ExportRequest.model_fields
+        raise BadRequestError(str(error), field=f"options.{at}" if inside else at) from error
+
+
+def _found(service: Service, export_id: uuid.UUID) -> Export:
+    with service.reading() as session:
+        export: Export = found(store.get_export(session, export_id), "export", export_id)
+    return export
+
+
+def _done(export: Export) -> Export:
+    """The export, which has a file; ``NotDoneError`` and ``NotFoundError`` say why it has none."""
+    if export.status is ExportStatus.DONE:
+        return export
+    if export.status in {ExportStatus.QUEUED, ExportStatus.RUNNING}:
+        raise NotDoneError(
+            f"Export {export.id} is {export.status}: {export.progress:.0%} of it is done. Ask again in a moment."
+        )
+    why = export.failure.reason if export.failure is not None else "It was removed. Ask for it again."
+    raise NotFoundError(f"Export {export.id} is {export.status} and has no file. {why}")
+
+
+def _blobs(service: Service) -> BlobStore:
+    return BlobStore(service.settings.blob_store_url, EXPORTS)
+
+
+def _schema(schema: dict[str, Any], hidden: frozenset[str]) -> dict[str, Any]:
+    properties = {name: of for name, of in schema.get("properties", {}).items() if name not in hidden}
+    return {**schema, "properties": properties}
