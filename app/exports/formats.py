@@ -107,8 +107,9 @@ class PmTiles:
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """As ``Format``; counts tiles."""
-        from app.map.store import LAYER  # noqa: PLC0415
-        from app.map.tiles import FIELDS  # noqa: PLC0415 - a module of routes: who exports no tiles need not load it
+        # A module of routes: who exports no tiles need not load it.
+        from app.map.tiles.routes import FIELDS  # noqa: PLC0415
+        from app.map.tiles.store import LAYER  # noqa: PLC0415
 
         zooms = (options.min_zoom, options.max_zoom)
         # GDAL takes a number for one only where this is all that is said of it.
