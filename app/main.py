@@ -43,6 +43,7 @@ from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
 from app.map import features, segments, tiles
 from app.map.features import BIND_NOTE
+from app.map.style import routes as style
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
@@ -57,6 +58,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     segments.router,
     features.router,
     tiles.router,
+    style.router,
     stats.router,
     health.router,
     metrics_router,

@@ -22,6 +22,9 @@ BAD = {
     "x": ("x", "-1"),
     "y": ("x", "-1"),
     "slug": ("no-such-problem",),
+    "file": ("x", "versant.svg", "%00"),
+    "fontstack": ("Arial", "%00"),
+    "range": ("x", "0-254", "%00"),
 }
 
 
