@@ -41,8 +41,10 @@ from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
-from app.map import features, segments, tiles
-from app.map.features import BIND_NOTE
+from app.map import segments, tiles
+from app.map.ogc import api, collections, items, landing, schemas
+from app.map.ogc.landing import BIND_NOTE
+from app.map.ogc.parameters import tell_limits
 from app.map.style import routes as style
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
@@ -56,13 +58,18 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     drive_parts.router,
     segments.router,
-    features.router,
+    landing.router,
+    api.router,
+    collections.router,
+    schemas.router,
+    items.router,
     tiles.router,
     style.router,
     stats.router,
     health.router,
     metrics_router,
     problem_kinds.router,
+    collections.unknown,  # after all: what no other route of collections answers
 )
 
 
@@ -93,6 +100,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=code_version(),
         openapi_tags=TAGS,
         license_info={"name": "Apache 2.0", "identifier": "Apache-2.0"},
+        openapi_url=None,  # app.map.ogc.api answers, in two versions and as a page
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,
@@ -102,7 +110,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     install_error_handlers(app)
     for router in ROUTERS:
         app.include_router(router)
-    describe(app)
+    describe(app, partial(tell_limits, settings=chosen))
     return app
 
 

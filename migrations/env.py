@@ -16,12 +16,13 @@ from app.core.settings import sqlalchemy_url
 from app.core.tables import Base
 from app.core.tables import batches as _batches
 from app.core.tables import cells as _cells
+from app.core.tables import following as _following
 from app.core.tables import passes as _passes
 from app.core.tables import roads as _roads
 from app.core.tables import served as _served
 from app.core.tables import service as _service
 
-_OF_THE_SAME_BASE = (_batches, _cells, _passes, _roads, _served, _service)
+_OF_THE_SAME_BASE = (_batches, _cells, _following, _passes, _roads, _served, _service)
 """They describe the other tables of it."""
 
 

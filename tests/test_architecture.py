@@ -28,6 +28,7 @@ TOP_LEVEL = {
 SQL_PLACES = {
     Path("app") / place
     for place in (
+        "changes/store.py",
         "core/databases.py",
         "core/schema.py",
         "core/telemetry/ledger.py",
@@ -40,6 +41,7 @@ SQL_PLACES = {
         "drives/store.py",
         "drives/tracks.py",
         "jobs/computations.py",
+        "map/items/store.py",
         "map/store.py",
         "ops/store.py",
         "roads/copy.py",

@@ -2,6 +2,7 @@
 
 ServiceError            a request cannot be answered as asked
 ├── NotFoundError            what the address names does not exist (any more)
+├── GoneError                a version of the map from which nobody can go on any more
 ├── BadRequestError          a parameter or body cannot be used
 │   └── BadQueryError             the same on OGC routes, where the standard wants 400
 ├── BodyTooLargeError        an upload above the limit
@@ -65,6 +66,10 @@ class NotFoundError(ServiceError):
     """What the address names does not exist (any more)."""
 
 
+class GoneError(ServiceError):
+    """A version of the map from which nobody can go on any more."""
+
+
 class BadRequestError(ServiceError):
     """A parameter or body cannot be used."""
 
@@ -119,6 +124,7 @@ _UNAVAILABLE = Kind(503, "database-unavailable", "Database unavailable", "Try ag
 
 KINDS: Mapping[type[Exception], Kind] = {
     NotFoundError: Kind(404, "not-found", "Not found", "The address names nothing that exists (any more)."),
+    GoneError: Kind(410, "gone", "Start anew", "Nobody can go on from that version of the map any more."),
     BadQueryError: Kind(400, "bad-query", "Unusable query", "A query parameter is unknown or out of range."),
     BadRequestError: Kind(422, "invalid-request", "Unusable request", "A parameter or the body is unusable."),
     BodyTooLargeError: Kind(

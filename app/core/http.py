@@ -194,6 +194,9 @@ _PROBLEMS: dict[int, dict[str, Any]] = {
     403: _problem(403, "cross-origin-write", "Change from another site", "Do it from this site."),
     404: _problem(404, "not-found", "Not found", "There is no such thing. It may have been deleted."),
     406: _problem(406, "not-acceptable", "Not acceptable", "Ask for application/json or image/png."),
+    410: _problem(
+        410, "gone", "Start anew", "since: this version is of another database. Read anew.", "since"
+    ),
     413: _problem(413, "too-large", "Upload too large", "The upload is larger than 1073741824 bytes."),
     415: _problem(415, "unsupported-body", "Unsupported body", "Send the log as it is or gzipped."),
     422: _problem(422, "bad-options", "Unusable options", "particles: it must be at least 1.", "particles"),

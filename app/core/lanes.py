@@ -28,7 +28,7 @@ CHANGES = "changes"
 PARTS = "parts"
 
 _KINDS = (
-    ("wide tiles", re.compile(r"/tiles/(\d|1[01])/.*|/collections/segments/items")),
+    ("wide tiles", re.compile(r"/tiles/(\d|1[01])/.*|/collections/[^/]+/items")),
     ("tiles", re.compile(r"/tiles/\d+/.*")),
     (PARTS, re.compile(r"/v1/drives/[^/]+/(track|segments)|/v1/segments/[^/]+/observations")),
     ("figures", re.compile(r"/v1/admin/.*|/metrics")),

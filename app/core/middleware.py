@@ -229,7 +229,7 @@ class PublishedCors:
             app,
             allow_origins=["*"],
             allow_methods=["GET", "HEAD"],
-            expose_headers=["ETag", "Link"],
+            expose_headers=["ETag", "Link", "Content-Crs"],
             max_age=3600,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from fastapi import FastAPI
@@ -19,13 +20,15 @@ FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
 """FastAPI's own models, which no answer follows."""
 
 
-def describe(app: FastAPI) -> None:
-    """Make ``app.openapi`` (and /openapi.json) answer with the corrected document."""
+def describe(app: FastAPI, *completing: Callable[[dict[str, Any]], None]) -> None:
+    """Make ``app.openapi`` answer with the corrected document; ``completing`` add what subjects know."""
     derive = app.openapi
 
     def corrected() -> dict[str, Any]:
         if app.openapi_schema is None:
             app.openapi_schema = _corrected(derive())
+            for complete in completing:
+                complete(app.openapi_schema)
         return app.openapi_schema
 
     app.openapi = corrected  # type: ignore[method-assign]

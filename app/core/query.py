@@ -70,12 +70,25 @@ def parse_bbox(text: str | None) -> Bounds | None:
 
     West may exceed east: the box crosses the antimeridian. Raises ``BadQueryError``.
     """
-    if text is None:
-        return None
+    return None if text is None else box_of(*bbox_numbers(text))
+
+
+def bbox_numbers(text: str) -> Bounds:
+    """The four numbers of a box in the order in which they stand; of six the third and the last, heights, are dropped.
+
+    Raises ``BadQueryError``.
+    """
     numbers = [_number(part) for part in text.split(",")]
-    if len(numbers) not in {4, 6}:
+    if len(numbers) == 6:
+        numbers = [*numbers[:2], *numbers[3:5]]
+    if len(numbers) != 4:
         raise _bad_bbox("it needs 4 numbers: west,south,east,north")
-    west, south, east, north = numbers if len(numbers) == 4 else (*numbers[:2], *numbers[3:5])
+    first, second, third, fourth = numbers
+    return first, second, third, fourth
+
+
+def box_of(west: float, south: float, east: float, north: float) -> Bounds:
+    """The box, with a width and a height; ``BadQueryError`` for one that reaches beyond the world."""
     if not (-180 <= west <= 180 and -180 <= east <= 180):
         raise _bad_bbox("west and east must lie between -180 and 180 degrees")
     if not (-90 <= south <= north <= 90):

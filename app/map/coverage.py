@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from sqlalchemy.orm import Session
 
@@ -27,6 +27,16 @@ def dem_names(service: Service, session: Session, shown: Sequence[Segment] | Non
     """The active elevation rasters that cover a segment that is shown, as attributions name them; None: any segment."""
     active = current_dem(session, service.settings.dem_dir)
     return rasters_over(session, active) if shown is None else names_over(active, [_box(s) for s in shown])
+
+
+def dem_names_at(
+    service: Service, session: Session, places: Iterable[tuple[float, float]]
+) -> tuple[str, ...]:
+    """The same of rasters that cover one of these places, longitude and latitude, which are only looked at if need be."""
+    active = current_dem(session, service.settings.dem_dir)
+    if active is None or not active.sources:
+        return ()
+    return names_over(active, [(lon, lat, lon, lat) for lon, lat in places])
 
 
 def _box(segment: Segment) -> Bounds:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,8 @@ _TAG = text(
     """
 )
 
+_LAST_CHANGE = text("SELECT max(changed_at) FROM cells WHERE version > 0")
+
 
 def cells_over(session: Session, segment_ids: Collection[int]) -> list[int]:
     """The squares in which these segments are shown, sorted."""
@@ -162,6 +165,12 @@ def data_version(session: Session) -> int:
     """How often anything that is shown of any square has changed."""
     values = {"x0": 0, "x1": _SIDE - 1, "y0": 0, "y1": _SIDE - 1}
     return int(session.execute(_TAG, values).one().version)
+
+
+def last_change(session: Session) -> datetime | None:
+    """When anything that is shown of any square changed last; None: nothing ever has."""
+    moment: datetime | None = session.execute(_LAST_CHANGE).scalar_one()
+    return moment
 
 
 def regions_around(cells: Ints) -> list[int]:

@@ -44,11 +44,15 @@ _CELL_TRIGGERS = (
     """,
 )
 
-# One statement, one note: the last change of a segment counts, and whether it is still there when that ends.
+# One statement, one note: the last change of a segment counts, and whether it is still there when that ends. Places are
+# added up: who follows a part of the map is told of what has left it, however often it went on from there.
 _NOTE = """
-    INSERT INTO segment_changes AS c (segment_id, xid, changed_at, gone)
-    SELECT id, CAST(CAST(pg_current_xact_id() AS text) AS bigint), clock_timestamp(), {gone} FROM {which} ORDER BY id
-    ON CONFLICT (segment_id) DO UPDATE SET xid = excluded.xid, changed_at = excluded.changed_at, gone = excluded.gone;
+    INSERT INTO segment_changes AS c (segment_id, xid, changed_at, gone, was)
+    SELECT id, CAST(CAST(pg_current_xact_id() AS text) AS bigint), clock_timestamp(), {gone}, was FROM {which}
+    ORDER BY id
+    ON CONFLICT (segment_id) DO UPDATE SET xid = excluded.xid, changed_at = excluded.changed_at, gone = excluded.gone,
+        was = CASE WHEN excluded.was IS NULL THEN c.was WHEN c.was IS NULL THEN excluded.was
+              ELSE ST_Envelope(ST_Collect(c.was, excluded.was)) END;
 """
 _SHOWN = ("osm_way_id", "from_node", "to_node", "length_m", "highway", "name", "oneway", "bridge", "tunnel")
 _OF_SLOPES = (
@@ -63,6 +67,7 @@ _OF_SLOPES = (
     "steepest_percent",
     "steepest_from_m",
     "steepest_to_m",
+    "updated_at",
 )
 
 
@@ -70,31 +75,49 @@ def _row(name: str, columns: tuple[str, ...]) -> str:
     return ", ".join(f"{name}.{column}" for column in columns)
 
 
+_NOWHERE = "CAST(NULL AS geometry)"
 _SEGMENTS_CHANGED = f"""
-    SELECT n.id FROM new_rows AS n JOIN old_rows AS o ON o.id = n.id
+    SELECT n.id, CASE WHEN n.geom::bytea <> o.geom::bytea THEN o.geom END AS was
+    FROM new_rows AS n JOIN old_rows AS o ON o.id = n.id
     WHERE ({_row("n", (*_SHOWN, "dem_slope_percent"))}) IS DISTINCT FROM ({_row("o", (*_SHOWN, "dem_slope_percent"))})
         OR n.geom::bytea <> o.geom::bytea
 """  # noqa: S608 - constants
 _SLOPES_CHANGED = f"""
-    SELECT n.segment_id AS id FROM new_rows AS n JOIN old_rows AS o ON o.segment_id = n.segment_id
+    SELECT n.segment_id AS id, {_NOWHERE} AS was
+    FROM new_rows AS n JOIN old_rows AS o ON o.segment_id = n.segment_id
     WHERE ({_row("n", _OF_SLOPES)}) IS DISTINCT FROM ({_row("o", _OF_SLOPES)})
 """  # noqa: S608 - constants
 
 # A slope that goes with its segment is noted before or after it: what counts is whether that is there.
 _GONE = "NOT EXISTS (SELECT FROM segments AS s WHERE s.id = which.id)"
+_OF_SLOPE = f"(SELECT segment_id AS id, {_NOWHERE} AS was FROM {{rows}}) AS which"
 
 _FUNCTIONS = {
-    ("segments", "insert"): ("(SELECT id FROM new_rows) AS which", "false"),
+    ("segments", "insert"): (f"(SELECT id, {_NOWHERE} AS was FROM new_rows) AS which", "false"),
     ("segments", "update"): (f"({_SEGMENTS_CHANGED}) AS which", "false"),
-    ("segments", "delete"): ("(SELECT id FROM old_rows) AS which", "true"),
-    ("segment_slopes", "insert"): ("(SELECT segment_id AS id FROM new_rows) AS which", "false"),
+    ("segments", "delete"): ("(SELECT id, geom AS was FROM old_rows) AS which", "true"),
+    ("segment_slopes", "insert"): (_OF_SLOPE.format(rows="new_rows"), "false"),
     ("segment_slopes", "update"): (f"({_SLOPES_CHANGED}) AS which", "false"),
-    ("segment_slopes", "delete"): ("(SELECT segment_id AS id FROM old_rows) AS which", _GONE),
+    ("segment_slopes", "delete"): (_OF_SLOPE.format(rows="old_rows"), _GONE),
 }
 _TABLES = {
     "insert": "REFERENCING NEW TABLE AS new_rows",
     "update": "REFERENCING OLD TABLE AS old_rows NEW TABLE AS new_rows",
     "delete": "REFERENCING OLD TABLE AS old_rows",
+}
+
+# Nobody is handed the rows of a table that is emptied at once. Every segment that is there has a note, and those that
+# are emptied with their slopes go last.
+_EMPTIED = {
+    ("segments", "AFTER"): """
+        UPDATE segment_changes SET xid = CAST(CAST(pg_current_xact_id() AS text) AS bigint),
+            changed_at = clock_timestamp(), gone = true
+        WHERE NOT gone;
+    """,
+    ("segment_slopes", "BEFORE"): _NOTE.format(
+        which=_OF_SLOPE.format(rows="segment_slopes"),
+        gone="false",
+    ),
 }
 
 
@@ -123,6 +146,7 @@ def _changes() -> None:
         sa.Column("xid", sa.BigInteger(), nullable=False),
         sa.Column("changed_at", sa.DateTime(timezone=True), nullable=False),
         sa.Column("gone", sa.Boolean(), nullable=False),
+        sa.Column("was", Geometry("GEOMETRY", srid=SRID_DEGREES, spatial_index=False)),
     )
     op.execute(
         """
@@ -141,6 +165,15 @@ def _changes() -> None:
         )
         op.execute(
             f"CREATE TRIGGER versant_noted_{event} AFTER {event} ON {table} {_TABLES[event]} "
+            f"FOR EACH STATEMENT EXECUTE FUNCTION {name}()"
+        )
+    for (table, when), body in _EMPTIED.items():
+        name = f"versant_{table}_truncate"
+        op.execute(
+            f"CREATE FUNCTION {name}() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN {body} RETURN NULL; END $$"
+        )
+        op.execute(
+            f"CREATE TRIGGER versant_noted_truncate {when} TRUNCATE ON {table} "
             f"FOR EACH STATEMENT EXECUTE FUNCTION {name}()"
         )
 
@@ -209,7 +242,8 @@ def downgrade() -> None:
     """Take back."""
     op.drop_table("drawn_pieces")
     op.drop_table("ways")
-    for table, event in _FUNCTIONS:
+    emptied = [(table, "truncate") for table, _ in _EMPTIED]
+    for table, event in (*_FUNCTIONS, *emptied):
         op.execute(f"DROP TRIGGER versant_noted_{event} ON {table}")
         op.execute(f"DROP FUNCTION versant_{table}_{event}()")
     op.drop_table("segment_changes")

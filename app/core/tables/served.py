@@ -29,6 +29,10 @@ class SegmentChange(Base):
     """The transaction. A snapshot tells all of those below its ``pg_snapshot_xmin``, of later ones perhaps some."""
     changed_at: Mapped[datetime]
     gone: Mapped[bool]
+    was: Mapped[WKBElement | None] = mapped_column(
+        Geometry("GEOMETRY", srid=SRID_DEGREES, spatial_index=False)
+    )
+    """Where it lay before it moved or went, as far back as changes are told: all places in one box."""
 
     __table_args__ = (
         Index("ix_segment_changes_xid", "xid", "segment_id"),

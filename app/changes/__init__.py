@@ -1,0 +1,1 @@
+"""Following the map: what changed since a version, and being told of it."""

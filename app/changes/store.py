@@ -1,0 +1,201 @@
+"""What changed since when: moments, the text of a version, and the SQL of "changed since".
+
+A moment is the 64-bit number of a transaction. Each change is noted with the number of the transaction that made it
+(``segment_changes``, by triggers), and numbers are given out before transactions end, in any order. So what is told
+ends at the *horizon*: every transaction below it has ended, and no change below it can come any more. "Changes from one
+horizon to the next" are each change exactly once, in whatever order transactions commit.
+
+The numbers are one server's. A version names the *epoch* in which its number counts: a random word in a table of one
+row, with the server, the database and the timeline (of recoveries) in which it was written, and the transaction that
+wrote it. Where a dump was brought in, a database copied or a server recovered to an earlier moment, one of these is
+another one: then a new epoch begins, numbers that are not of this server are put before all others, and versions of the
+former epoch are refused.
+"""
+
+from __future__ import annotations
+
+import re
+import secrets
+from typing import NamedTuple
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session, sessionmaker
+
+from app.core.db import Sessions
+from app.core.errors import BadQueryError, GoneError, NotReadyError
+from app.network.locks import own_network
+
+Moment = int
+
+ANEW = "Read everything anew: GET /v1/changes without since gives the version to go on from."
+
+_PARSED = re.compile(r"([a-z0-9]{10})-([0-9]{1,18})(?:\.([0-9]{1,18}))?", re.ASCII)
+_LETTERS = "abcdefghijklmnopqrstuvwxyz234567"
+_LENGTH = 10
+
+_PLACE = """
+    (SELECT CAST(c.system_identifier AS text) || '-' || d.oid || '-' || substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8)
+     FROM pg_control_system() AS c, pg_database AS d WHERE d.datname = current_database())
+"""
+# The number of the transaction that wrote a row stands in the row itself, without its upper half: a row that a dump
+# brought back was written by another.
+_SOUND = f"e.place = {_PLACE} AND CAST(CAST(e.xmin AS text) AS bigint) = e.xid & 4294967295"
+_LOWEST_RUNNING = "CAST(CAST(pg_snapshot_xmin(pg_current_snapshot()) AS text) AS bigint)"
+_NEXT = "CAST(CAST(pg_snapshot_xmax(pg_current_snapshot()) AS text) AS bigint)"
+
+_STATE = text(
+    f"""
+    SELECT e.epoch, e.pruned_xid, {_SOUND} AS sound, {_NEXT} AS next_xid,
+           (SELECT coalesce(max(c.xid), 0) + 1 FROM segment_changes AS c WHERE c.xid < {_LOWEST_RUNNING}) AS horizon
+    FROM change_epoch AS e
+    """  # noqa: S608 - constants
+)
+
+_IS_SOUND = text(f"SELECT {_SOUND} FROM change_epoch AS e")  # noqa: S608 - constants
+# What was noted elsewhere is older than all that this server notes from now on.
+_RENUMBER = (
+    text("UPDATE segment_changes SET xid = 0 WHERE xid >= versant_xid()"),
+    text("UPDATE cells SET changed_xid = 0 WHERE changed_xid >= versant_xid()"),
+)
+_BEGIN = text(
+    f"""
+    INSERT INTO change_epoch (id, epoch, place, xid) SELECT 1, :epoch, {_PLACE}, versant_xid()
+    ON CONFLICT (id) DO UPDATE SET epoch = excluded.epoch, place = excluded.place, xid = excluded.xid,
+        begun_at = excluded.begun_at, pruned_xid = 0
+    """  # noqa: S608 - constants
+)
+
+_CHANGED_SINCE = """{alias}.id IN (
+    SELECT changed.segment_id FROM segment_changes AS changed
+    WHERE changed.xid >= coalesce(CAST(:since_xid AS bigint), 0) AND changed.xid < CAST(:until_xid AS bigint)
+        AND changed.changed_at >= coalesce(CAST(:since_time AS timestamptz), '-infinity') AND NOT changed.gone)"""
+
+
+class State(NamedTuple):
+    """How far what is told goes, as the statement's snapshot sees it."""
+
+    epoch: str
+    pruned_xid: Moment
+    """What was gone before is not told any more."""
+    sound: bool
+    next_xid: Moment
+    """No transaction has had this number or a higher one yet."""
+    horizon: Moment
+
+
+class Since(NamedTuple):
+    """Where somebody goes on: after all changes below ``xid``, and after those of ``xid`` up to ``segment_id``."""
+
+    epoch: str
+    xid: Moment
+    segment_id: int = 0
+
+
+def state(session: Session) -> State:
+    """Epoch and horizon now: two looks into indexes.
+
+    A database that was restored or copied begins its epoch here, at the first question. ``NotReadyError`` where that
+    is under way.
+    """
+    found = _state(session)
+    if found is None:
+        begin_epoch(sessionmaker(session.get_bind()))
+        found = _state(session)
+    if found is None:  # a snapshot from before
+        raise NotReadyError("The database was restored and is being prepared. Try again in a moment.")
+    return found
+
+
+def horizon(session: Session) -> Moment:
+    """The moment up to which everything is told, and to go on from: "since <= xid < horizon" is each change once.
+
+    Ask for it before the data are read, or in one snapshot with them. It is the lowest such moment (one after the last
+    change of any segment that no running transaction can precede), so it stays as it is for as long as nothing
+    changes, and also if the server crashes: numbers of transactions that left nothing behind are given out again then.
+    """
+    return state(session).horizon
+
+
+def version_text(session: Session, xid: Moment) -> str:
+    """A moment as a text that no other database takes for one of its own."""
+    return text_of(Since(state(session).epoch, xid))
+
+
+def parse_version(session: Session, value: str, *, field: str = "since") -> Moment:
+    """The moment that ``version_text`` wrote; in the middle of one, of a version that a page of changes ends with.
+
+    Raises as ``parse_since`` does.
+    """
+    return parse_since(state(session), value, field=field).xid
+
+
+def parse_since(now: State, value: str, *, field: str = "since") -> Since:
+    """The place in the changes that a version names.
+
+    Raises ``BadQueryError`` for what is no version, ``GoneError`` for one of another epoch or from before what is still
+    told.
+    """
+    parsed = _PARSED.fullmatch(value)
+    if parsed is None:
+        raise BadQueryError(
+            f"{field}: {value[:80]!r} is no version. Take it from `version` of an answer, as it stands there.",
+            field=field,
+        )
+    since = Since(parsed[1], int(parsed[2]), int(parsed[3] or 0))
+    if since.epoch != now.epoch or since.xid > now.next_xid:
+        raise GoneError(
+            f"{field}: this version is of another database, or of before this one was restored. {ANEW}",
+            field=field,
+        )
+    if since.xid < now.pruned_xid:
+        raise GoneError(
+            f"{field}: this version is older than the removed segments that are still told "
+            f"(VERSANT_CHANGES_KEPT_DAYS). {ANEW}",
+            field=field,
+        )
+    return since
+
+
+def text_of(since: Since) -> str:
+    """The text of a place in the changes."""
+    return f"{since.epoch}-{since.xid}" + (f".{since.segment_id}" if since.segment_id else "")
+
+
+def changed_since_sql(alias: str) -> str:
+    """An SQL condition on rows ``alias`` of ``segments``: changed since a moment or a time, and told by now.
+
+    Parameters: ``since_xid`` (from ``parse_version``) and ``since_time`` (an aware time), either may be NULL;
+    ``until_xid`` (from ``horizon``, kept over all pages of one listing), whose ``version_text`` is what the answer
+    names to go on from.
+
+    With a version this misses nothing and repeats nothing. A time is for the beginning: a change is noted with the
+    moment at which it was written, and seen when its transaction ends, maybe later; whoever goes on by times has to
+    overlap them, whoever goes on by the version in the answer does not. Segments that are gone are told by
+    ``/v1/changes`` alone. A segment that changes while somebody pages leaves the listing and is in the next one.
+    """
+    return _CHANGED_SINCE.format(alias=alias)
+
+
+def begin_epoch(sessions: Sessions) -> bool:
+    """Begin a new epoch where the database's numbers are not of one history with its present server.
+
+    Whether it was begun. Safe to call at any time and by several at once. Changes of the map wait meanwhile: of a
+    restored database with a million segments some ten seconds, of any other nothing.
+    """
+    with sessions() as session:
+        if session.execute(_IS_SOUND).scalar():
+            return False
+    with sessions.begin() as session:
+        own_network(session)
+        if session.execute(_IS_SOUND).scalar():
+            return False
+        for statement in _RENUMBER:
+            session.execute(statement)
+        epoch = "".join(secrets.choice(_LETTERS) for _ in range(_LENGTH))
+        session.execute(_BEGIN, {"epoch": epoch})
+    return True
+
+
+def _state(session: Session) -> State | None:
+    row = session.execute(_STATE).one_or_none()
+    return State(*row) if row is not None and row.sound else None

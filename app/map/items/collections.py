@@ -1,0 +1,235 @@
+"""What is served as features: segments and ways, each property with how it is read, its type, and what it means.
+
+Queryables, schemas, filters, sorting and the text of features follow from here. Properties of segments are those of
+``app.map.segment``, in its order; how they are read, their types and digits are said there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from app.core.text import LENGTH_DIGITS, SLOPE_DIGITS
+from app.map.segment import COLUMNS, HEIGHT_DATUM, SHARE_DIGITS, Column
+
+GEOMETRY = "geometry"
+"""By this name filters know the line."""
+
+
+@dataclass(frozen=True)
+class Property:
+    """One property of a collection's features."""
+
+    name: str
+    sql: str
+    """The expression that reads it, over the tables of ``Collection.source``."""
+    type: str
+    """In JSON Schema: integer, number, string, boolean."""
+    title: str
+    description: str
+    format: str | None = None
+    """In JSON Schema: int32, int64, date-time; None for others."""
+    unit: str | None = None
+    """UCUM: %, m, 1 (a share)."""
+    nullable: bool = False
+    digits: int | None = None
+    """Decimal places, of numbers."""
+    values: tuple[str | int, ...] = ()
+    """All that there are, where they are few and known."""
+    queryable: bool = True
+    sortable: bool = True
+
+    @property
+    def kind(self) -> str:
+        """What filters compare it with: integer, number, string, boolean, time."""
+        return "time" if self.format == "date-time" else self.type
+
+
+@dataclass(frozen=True)
+class Collection:
+    """Features that are served together."""
+
+    id: str
+    title: str
+    description: str
+    properties: Mapping[str, Property]
+    source: str
+    """The tables, as they stand after FROM."""
+    keys: Mapping[str, str]
+    """The feature's id as each of the tables has it, the first's first."""
+    line: str
+    """The LineString, longitude and latitude."""
+    line_3857: str
+    driven: Mapping[bool, str]
+    """The conditions of features that were driven, and that were not."""
+    source_with_gaps: str | None = None
+    """With what is known of undriven roads between driven ones; None: there is no such difference."""
+    follows_changes: bool = False
+    """Whether what changed since a version is known of each feature."""
+
+    @property
+    def key(self) -> str:
+        """The expression of the feature's id."""
+        return next(iter(self.keys.values()))
+
+    @property
+    def queryables(self) -> dict[str, Property]:
+        """What filters may name, besides the line."""
+        return {name: one for name, one in self.properties.items() if one.queryable}
+
+    @property
+    def sortables(self) -> dict[str, Property]:
+        """What pages may be sorted by."""
+        return {name: one for name, one in self.properties.items() if one.sortable}
+
+
+# Title, description, unit. The order and everything else come from the table that is described.
+_TEXTS: Mapping[str, tuple[str, str, str | None]] = {
+    "id": ("Number", "The service's number, which it keeps over imports of the same road.", None),
+    "osm_way_id": ("OpenStreetMap way", "The number of the way in OpenStreetMap.", None),
+    "from_node": ("First node", "The OpenStreetMap node in which the line begins.", None),
+    "to_node": ("Last node", "The OpenStreetMap node in which the line ends.", None),
+    "segments": ("Segments", "How many segments the way consists of.", None),
+    "length_m": ("Length", "Metres along the ground.", "m"),
+    "highway": ("Class of road", "OpenStreetMap's highway=*.", None),
+    "name": ("Name", "Of the road; null where it has none.", None),
+    "oneway": ("One-way", "1 along the line, -1 against it, 0 both.", None),
+    "bridge": ("Bridge", "Whether it is, or in part is, a bridge.", None),
+    "tunnel": ("Tunnel", "Whether it is, or in part is, a tunnel.", None),
+    "slope_percent": (
+        "Slope",
+        "100 * rise / run, positive uphill from from_node to to_node; of a way the mean over what was measured of "
+        "it, by length. Null where it is not known.",
+        "%",
+    ),
+    "slope_sigma_percent": ("Sigma of the slope", "One standard deviation.", "%"),
+    "drives": ("Drives", "How many drives are behind the slope; 0: none.", None),
+    "observations": ("Observations", "How many epochs of these drives.", None),
+    "dem_slope_percent": ("Slope of the elevation model", "What the elevation model alone says.", "%"),
+    "updated_at": ("Changed", "When what is published of it changed last; null where nothing is.", None),
+    "height_from_m": ("Height of the first node", f"Above {HEIGHT_DATUM}.", "m"),
+    "height_to_m": ("Height of the last node", f"Above {HEIGHT_DATUM}.", "m"),
+    "height_sigma_m": ("Sigma of the heights", "One standard deviation, of the less sure end.", "m"),
+    "steepest_percent": (
+        "Steepest",
+        "Mean grade over the steepest 20 m inside, signed; over all of it where it is shorter.",
+        "%",
+    ),
+    "steepest_from_m": ("Where the steepest begins", "Metres from from_node.", "m"),
+    "steepest_to_m": ("Where the steepest ends", "Metres from from_node.", "m"),
+    "driven_share": ("Share that was driven", "Of the length, 0 to 1.", "1"),
+    "measured_share": ("Share that was measured", "Of the length, 0 to 1, in segments with a slope.", "1"),
+}
+
+_JSON: Mapping[str, tuple[str, str | None]] = {
+    "int64": ("integer", "int64"),
+    "int32": ("integer", "int32"),
+    "int16": ("integer", "int32"),
+    "double": ("number", None),
+    "string": ("string", None),
+    "bool": ("boolean", None),
+    "timestamp[ms, tz=UTC]": ("string", "date-time"),
+}
+"""Arrow's name of a type -> JSON Schema's type and format."""
+
+_ALWAYS = frozenset(
+    {
+        "id",
+        "osm_way_id",
+        "from_node",
+        "to_node",
+        "segments",
+        "length_m",
+        "highway",
+        "oneway",
+        "bridge",
+        "tunnel",
+    }
+    | {"drives", "observations", "measured_share"}
+)
+"""What every feature has."""
+
+
+def _properties(columns: Mapping[str, Column]) -> dict[str, Property]:
+    made = {}
+    for name, column in columns.items():
+        title, description, unit = _TEXTS[name]
+        type_, format_ = _JSON[column.arrow]
+        made[name] = Property(
+            name=name,
+            sql=column.sql,
+            type=type_,
+            format=format_,
+            title=title,
+            description=description,
+            unit=unit,
+            nullable=name not in _ALWAYS,
+            digits=column.digits,
+            values=(-1, 0, 1) if name == "oneway" else (),
+        )
+    return made
+
+
+_WAY_COLUMNS: Mapping[str, Column] = {
+    "id": Column("w.id", "int64"),
+    "osm_way_id": Column("w.osm_way_id", "int64"),
+    "from_node": Column("w.from_node", "int64"),
+    "to_node": Column("w.to_node", "int64"),
+    "segments": Column("w.segments", "int32"),
+    "length_m": Column("w.length_m", "double", LENGTH_DIGITS),
+    "highway": Column("w.highway", "string"),
+    "name": Column("w.name", "string"),
+    "oneway": Column("w.oneway", "int16"),
+    "bridge": Column("w.bridge", "bool"),
+    "tunnel": Column("w.tunnel", "bool"),
+    "slope_percent": Column("w.slope_percent", "double", SLOPE_DIGITS),
+    "slope_sigma_percent": Column("w.slope_sigma_percent", "double", SLOPE_DIGITS),
+    "drives": Column("w.drives", "int32"),
+    "observations": Column("w.observations", "int32"),
+    "dem_slope_percent": Column("w.dem_slope_percent", "double", SLOPE_DIGITS),
+    "updated_at": Column("w.updated_at", "timestamp[ms, tz=UTC]"),
+    "measured_share": Column("w.measured_share", "double", SHARE_DIGITS),
+    "steepest_percent": Column("w.steepest_percent", "double", SLOPE_DIGITS),
+    "steepest_from_m": Column("w.steepest_from_m", "double", LENGTH_DIGITS),
+    "steepest_to_m": Column("w.steepest_to_m", "double", LENGTH_DIGITS),
+}
+
+_JOINED = "segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id"
+
+SEGMENTS = Collection(
+    id="segments",
+    title="Slopes of road segments",
+    description=(
+        "Inclinations of road segments, measured by vehicles. A segment is a pair of consecutive nodes of a drivable "
+        "OpenStreetMap way. slope_percent is positive uphill from from_node to to_node, the direction in which the way "
+        "is drawn; slope_sigma_percent is one standard deviation; unknown is null. dem_slope_percent is what the "
+        "elevation model alone says. height_from_m and height_to_m are heights of the nodes, with one standard "
+        f"deviation height_sigma_m, above {HEIGHT_DATUM}; steepest_percent is the mean grade over the steepest 20 m "
+        "inside, from steepest_from_m to steepest_to_m; driven_share is how much of the segment was driven, 0 to 1."
+    ),
+    properties=_properties(COLUMNS),
+    source=f"{_JOINED} AND a.drives > 0",
+    source_with_gaps=_JOINED,
+    keys={"s": "s.id", "a": "a.segment_id"},
+    line="s.geom",
+    line_3857="s.geom_3857",
+    driven={True: "a.drives > 0", False: "coalesce(a.drives, 0) = 0"},
+    follows_changes=True,
+)
+WAYS = Collection(
+    id="ways",
+    title="Slopes of ways",
+    description=(
+        "Consecutive segments of one OpenStreetMap way, merged. slope_percent is the mean over what was measured of "
+        "it, by length, positive uphill along the line; measured_share is how much that is, 0 to 1; steepest_percent "
+        "is the mean grade over the steepest 20 m, from steepest_from_m to steepest_to_m. A way is derived from its "
+        "segments and follows them after a moment. Unknown is null."
+    ),
+    properties=_properties(_WAY_COLUMNS),
+    source="ways AS w",
+    keys={"w": "w.id"},
+    line="w.geom",
+    line_3857="w.geom_3857",
+    driven={True: "w.drives > 0", False: "w.drives = 0"},
+)
+COLLECTIONS: Mapping[str, Collection] = {one.id: one for one in (SEGMENTS, WAYS)}

@@ -1,0 +1,330 @@
+"""Turns the tree of a CQL2 filter into a condition in SQL: names become the collection's expressions, values parameters.
+
+Nothing of what was sent becomes part of a statement but in these two ways. Comparisons with the unknown are neither
+true nor false, as in SQL.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from app.core.errors import BadQueryError
+from app.map.items.collections import GEOMETRY, Collection
+from app.map.items.cql import EXACT, JSON, parse_filter
+from app.map.items.operators import (
+    ARITHMETIC,
+    COMPARED,
+    FUNCTIONS,
+    NUMBERS,
+    OF_TEXTS,
+    SPATIAL,
+    TEMPORAL,
+    Value,
+    ends_in_escape,
+    told,
+    whole_numbers,
+)
+from app.map.items.paging import MAX_ID, SQL_TYPES
+from app.map.items.places import Condition, Crs, wkb_of
+from app.map.items.times import interval, moment, span
+
+MOST_NODES = 2000
+MOST_LISTED = 1000
+
+
+class _Compiler:
+    """Goes over one tree once; where it is, is kept for what it says of mistakes."""
+
+    def __init__(self, collection: Collection, crs: Crs, text: str, language: str) -> None:
+        self.values: dict[str, Any] = {}
+        self._collection = collection
+        self._crs = crs
+        self._text = text
+        self._language = language
+        self._path: list[str] = []
+        self._nodes = 0
+
+    def condition(self, node: Any) -> str:
+        """A truth value."""
+        value = self._value(node)
+        if value.kind != "boolean":
+            self._refuse(f"a condition must be true or false, not a {value.kind}")
+        return self._sql(value)
+
+    def _refuse(self, reason: str, about: str | None = None) -> NoReturn:
+        raise self._error(reason, about)
+
+    def _error(self, reason: str, about: str | None = None) -> BadQueryError:
+        """Say what is wrong, and where: in JSON the way to it, in text where what it is about stands."""
+        where = ""
+        if self._language == JSON:
+            where = f" (at {''.join(self._path).lstrip('.')})" if self._path else ""
+        elif about is not None and (found := re.search(rf"(?<![\w']){re.escape(about)}(?!\w)", self._text)):
+            where = f" (at character {found.start() + 1})"
+        return BadQueryError(f"filter: {reason}{where}.", field="filter")
+
+    def _parameter(self, value: Any, kind: str) -> str:
+        name = f"f{len(self.values)}"
+        self.values[name] = value
+        return f"CAST(%({name})s AS {SQL_TYPES[kind]})"
+
+    def _at(self, step: str, node: Any, reader: Callable[[Any], Any]) -> Any:
+        self._path.append(step)
+        found = reader(node)
+        self._path.pop()
+        return found
+
+    def _value(self, node: Any) -> Value:
+        self._nodes += 1
+        if self._nodes > MOST_NODES:
+            self._refuse(f"it has more than {MOST_NODES} parts")
+        if isinstance(node, dict):
+            return self._of_object(node)
+        if node is None:
+            return Value("null")
+        if isinstance(node, bool):
+            return Value("boolean", literal=node)
+        if isinstance(node, str):
+            return Value("string", literal=node)
+        if isinstance(node, int | float):
+            return Value("number", literal=self._number(node))
+        raise self._error("a list stands only on the right of IN")
+
+    def _number(self, value: float) -> float:
+        if not math.isfinite(value):
+            self._refuse("a number is too large")
+        if isinstance(value, float) and value.is_integer() and abs(value) <= EXACT:
+            return int(value)
+        if isinstance(value, int) and abs(value) > MAX_ID:
+            return float(value)
+        return value
+
+    def _of_object(self, node: dict[str, Any]) -> Value:
+        if "op" in node:
+            return self._of_operator(str(node["op"]), node.get("args", []))
+        if "property" in node:
+            return self._property(node["property"])
+        if "timestamp" in node:
+            return self._time("timestamp", node["timestamp"])
+        if "date" in node:
+            return self._time("date", node["date"])
+        if "interval" in node:
+            return self._interval(node["interval"])
+        if "type" in node or "bbox" in node:
+            return self._geometry(node)
+        raise self._error("there is an object that is neither operator, property, time nor geometry")
+
+    def _property(self, name: Any) -> Value:
+        if name in {GEOMETRY, "geom"}:
+            return Value("line", self._collection.line)
+        known = self._collection.queryables
+        if name not in known:
+            self._refuse(
+                f"there is no property {name!r}. There are: {', '.join([*known, GEOMETRY])}", str(name)
+            )
+        return Value(known[name].kind, known[name].sql)
+
+    def _time(self, word: str, text: Any) -> Value:
+        try:
+            if not isinstance(text, str) or (word == "date") != (len(text.strip()) == len("2026-11-20")):
+                raise ValueError(f"{text!r} is no {word}")
+            return Value("time", literal=text, sql=self._parameter(moment(text), "time"))
+        except (ValueError, OverflowError) as error:
+            self._refuse(str(error), str(text))
+
+    def _interval(self, ends: Any) -> Value:
+        if not (isinstance(ends, list) and len(ends) == 2):
+            self._refuse("an interval has two ends; an open one is '..'")
+        if all(isinstance(end, str) for end in ends):
+            try:
+                first, last = interval(*ends)
+            except (ValueError, OverflowError) as error:
+                self._refuse(str(error), "INTERVAL")
+            start, end = first or "-infinity", last or "infinity"
+            return Value("span", self._parameter(start, "time"), end=self._parameter(end, "time"))
+        start_sql, end_sql = (self._end(end, n) for n, end in enumerate(ends))
+        return Value("span", start_sql, end=end_sql)
+
+    def _end(self, end: Any, n: int) -> str:
+        if end == "..":
+            return self._parameter(("-infinity", "infinity")[n], "time")
+        value = self._value(end)
+        if value.kind == "string" and value.is_literal:
+            value = self._time("timestamp" if "T" in value.literal.upper() else "date", value.literal)
+        if value.kind != "time":
+            self._refuse(f"an interval is of times, not of a {value.kind}")
+        return value.sql
+
+    def _geometry(self, node: dict[str, Any]) -> Value:
+        try:
+            found = wkb_of(node, self._crs)
+        except (ValueError, BadQueryError) as error:
+            self._refuse(
+                f"a geometry cannot be used: {str(error).removeprefix('bbox: ')}",
+                str(node.get("type", "bbox")),
+            )
+        name = f"f{len(self.values)}"
+        self.values[name] = found
+        return Value("line", f"ST_GeomFromWKB(%({name})s, 4326)")
+
+    def _of_operator(self, written: str, args: Any) -> Value:
+        op = written.lower()
+        if not isinstance(args, list):
+            self._refuse(f"the arguments of {written} must be a list")
+        if op in {"and", "or"}:
+            return self._junction(op, args)
+        for names, count, reader in self._readers():
+            if op in names:
+                if len(args) not in count:
+                    self._refuse(
+                        f"{written} takes {' or '.join(map(str, count))} arguments, not {len(args)}", written
+                    )
+                return reader(op, args)
+        raise self._error(
+            f"there is no function {written!r}. There are: {', '.join(FUNCTIONS).upper()}", written
+        )
+
+    def _readers(self) -> list[tuple[Any, tuple[int, ...], Callable[[str, list[Any]], Value]]]:
+        return [
+            (COMPARED, (2,), self._comparison),
+            ({"not"}, (1,), self._negation),
+            ({"isnull"}, (1,), self._unknown),
+            ({"between"}, (3,), self._between),
+            ({"in"}, (2,), self._in),
+            ({"like"}, (2,), self._like),
+            (ARITHMETIC, (2,), self._computation),
+            (OF_TEXTS, (1,), self._of_text),
+            ({*SPATIAL, "s_disjoint"}, (2,), self._place),
+            (TEMPORAL, (2,), self._moments),
+        ]
+
+    def _arguments(self, args: list[Any]) -> list[Value]:
+        return [self._at(f".args[{n}]", arg, self._value) for n, arg in enumerate(args)]
+
+    def _junction(self, op: str, args: list[Any]) -> Value:
+        if len(args) < 2:
+            self._refuse(f"{op.upper()} takes two conditions or more")
+        parts = [self._at(f".args[{n}]", arg, self.condition) for n, arg in enumerate(args)]
+        return Value("boolean", "(" + f" {op.upper()} ".join(parts) + ")")
+
+    def _negation(self, _op: str, args: list[Any]) -> Value:
+        return Value("boolean", f"(NOT {self._at('.args[0]', args[0], self.condition)})")
+
+    def _unknown(self, _op: str, args: list[Any]) -> Value:
+        (value,) = self._arguments(args)
+        return Value("boolean", f"({self._sql(value)} IS NULL)")
+
+    def _comparison(self, op: str, args: list[Any]) -> Value:
+        left, right = self._alike(op, self._arguments(args))
+        return Value("boolean", f"({left} {COMPARED[op]} {right})")
+
+    def _between(self, op: str, args: list[Any]) -> Value:
+        value, low, high = self._alike(op, self._arguments(args))
+        return Value("boolean", f"({value} BETWEEN {low} AND {high})")
+
+    def _in(self, op: str, args: list[Any]) -> Value:
+        if not (isinstance(args[1], list) and 0 < len(args[1]) <= MOST_LISTED):
+            self._refuse(f"IN takes a list of 1 to {MOST_LISTED} values", "IN")
+        listed = [self._at(f".args[1][{n}]", one, self._value) for n, one in enumerate(args[1])]
+        value, *among = self._alike(op, [*self._arguments(args[:1]), *listed])
+        return Value("boolean", f"({value} IN ({', '.join(among)}))")
+
+    def _like(self, op: str, args: list[Any]) -> Value:
+        value, pattern = self._arguments(args)
+        if {value.kind, pattern.kind} != {"string"}:
+            self._refuse("LIKE compares texts", "LIKE")
+        if pattern.is_literal and ends_in_escape(pattern.literal):
+            self._refuse("a pattern must not end in a lone backslash", "LIKE")
+        return Value("boolean", f"({self._sql(value)} LIKE {self._sql(pattern)})")
+
+    def _computation(self, op: str, args: list[Any]) -> Value:
+        values = self._arguments(args)
+        if not {value.kind for value in values} <= NUMBERS:
+            self._refuse(f"{op} computes with numbers")
+        a, b = (
+            self._parameter(float(v.literal), "number") if v.is_literal else f"CAST({v.sql} AS float8)"
+            for v in values
+        )
+        return Value("number", ARITHMETIC[op].format(a=a, b=b))
+
+    def _of_text(self, op: str, args: list[Any]) -> Value:
+        (value,) = self._arguments(args)
+        if value.kind != "string":
+            self._refuse(f"{op.upper()} takes a text, not a {value.kind}")
+        if value.is_literal and ends_in_escape(value.literal):
+            self._refuse("a text must not end in a lone backslash here")
+        return Value("string", OF_TEXTS[op].format(a=self._sql(value)))
+
+    def _place(self, op: str, args: list[Any]) -> Value:
+        first, second = self._arguments(args)
+        if {first.kind, second.kind} != {"line"}:
+            self._refuse(f"{op.upper()} compares geometries: {GEOMETRY}, or one such as POINT(8.4 49.0)", op)
+        if op == "s_disjoint":
+            return Value("boolean", f"(NOT ST_Intersects({first.sql}, {second.sql}))")
+        return Value("boolean", f"{SPATIAL[op]}({first.sql}, {second.sql})")
+
+    def _moments(self, op: str, args: list[Any]) -> Value:
+        (a0, a1), (b0, b1) = (self._ends(op, value) for value in self._arguments(args))
+        return Value("boolean", f"({TEMPORAL[op].format(a0=a0, a1=a1, b0=b0, b1=b1)})")
+
+    def _ends(self, op: str, value: Value) -> tuple[str, str]:
+        """Beginning and end of a time, as SQL: a date is a day, a timestamp what its digits leave open."""
+        if value.kind == "span":
+            return value.sql, value.end
+        if value.kind == "string" and value.is_literal:
+            value = self._time("timestamp" if "T" in value.literal.upper() else "date", value.literal)
+        if value.kind != "time":
+            self._refuse(f"{op.upper()} compares times: updated_at, or one such as DATE('2026-11-20')", op)
+        if not value.is_literal:
+            return value.sql, value.sql
+        first, last = span(value.literal)
+        return self._parameter(first, "time"), self._parameter(last, "time")
+
+    def _alike(self, op: str, values: list[Value]) -> list[str]:
+        """The SQL of values that are compared with each other, of one kind."""
+        kinds = {value.kind for value in values}
+        if "null" in kinds:
+            self._refuse("nothing equals the unknown: write IS NULL", "NULL")
+        if kinds == {"time", "string"}:
+            values = [self._time_of(value) for value in values]
+            kinds = {"time"}
+        if kinds <= NUMBERS:
+            return [self._sql(value, whole=whole_numbers(values)) for value in values]
+        if (
+            len(kinds) > 1
+            or kinds & {"line", "span"}
+            or (kinds == {"boolean"} and op not in {"=", "<>", "in"})
+        ):
+            self._refuse(f"{op.upper()} cannot compare {' with '.join(told(value) for value in values[:2])}")
+        return [self._sql(value) for value in values]
+
+    def _time_of(self, value: Value) -> Value:
+        if value.kind == "time":
+            return value
+        if not value.is_literal:
+            self._refuse("a time cannot be compared with a text")
+        return self._time("timestamp" if ":" in value.literal else "date", value.literal)
+
+    def _sql(self, value: Value, *, whole: bool = False) -> str:
+        if value.sql or not value.is_literal:
+            return value.sql or "NULL"
+        if value.kind == "number":
+            if isinstance(value.literal, float) and value.literal.is_integer() and whole:
+                self._refuse(f"{value.literal:.0f} is not exact in a text; write the filter in {JSON}")
+            exact = isinstance(value.literal, int) and whole
+            return self._parameter(
+                value.literal if exact else float(value.literal), "integer" if exact else "number"
+            )
+        return self._parameter(value.literal, value.kind)
+
+
+def filter_condition(text: str, language: str, crs: Crs, collection: Collection) -> Condition:
+    """The condition of a filter in ``cql2-text`` or ``cql2-json`` whose geometries are in a reference system.
+
+    Raises ``BadQueryError`` that says what is wrong, where, and what there is.
+    """
+    compiler = _Compiler(collection, crs, text, language)
+    return Condition(compiler.condition(parse_filter(text, language)), compiler.values)

@@ -1,0 +1,137 @@
+"""Places in requests: reference systems, boxes, and the geometries of filters, as conditions on a line in degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from app.core.db import Bounds
+from app.core.errors import BadQueryError
+from app.core.query import bbox_numbers, box_of
+
+RADIUS_M = 6_378_137.0
+EDGE_M = math.pi * RADIUS_M
+"""How far web Mercator reaches."""
+MOST_POINTS = 5000
+"""Of a geometry in a filter."""
+
+
+@dataclass(frozen=True)
+class Crs:
+    """A reference system in which places are asked for and answered."""
+
+    uri: str
+    srid: int
+    digits: int
+    """Decimal places of coordinates."""
+    latitude_first: bool = False
+
+    def to_degrees(self, x: float, y: float) -> tuple[float, float]:
+        """Longitude and latitude of a place in this system's order of axes."""
+        if self.srid == CRS84.srid:
+            return (y, x) if self.latitude_first else (x, y)
+        # What lies a hair beyond the edge was rounded.
+        if not (abs(x) <= EDGE_M * (1 + 1e-9) and abs(y) <= 1.1 * EDGE_M):
+            raise ValueError(f"{x:g},{y:g} lies outside of the map, which ends at {EDGE_M:.2f} m")
+        lon = math.degrees(x / RADIUS_M)
+        return max(-180.0, min(180.0, lon)), math.degrees(math.atan(math.sinh(y / RADIUS_M)))
+
+
+CRS84 = Crs("http://www.opengis.net/def/crs/OGC/1.3/CRS84", 4326, 7)
+EPSG4326 = Crs("http://www.opengis.net/def/crs/EPSG/0/4326", 4326, 7, latitude_first=True)
+EPSG3857 = Crs("http://www.opengis.net/def/crs/EPSG/0/3857", 3857, 3)
+CRSS: Mapping[str, Crs] = {one.uri: one for one in (CRS84, EPSG4326, EPSG3857)}
+"""Address -> system; the first is the default and that of storage."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A condition in SQL with psycopg's placeholders, and their values."""
+
+    sql: str
+    values: Mapping[str, Any]
+
+
+def parse_crs(text: str, field: str) -> Crs:
+    """The system of this address; ``BadQueryError`` that lists them all for any other."""
+    if text not in CRSS:
+        raise BadQueryError(
+            f"{field}: there is no reference system {text!r} here. There are: {', '.join(CRSS)}.", field=field
+        )
+    return CRSS[text]
+
+
+def parse_box(text: str, crs: Crs) -> Bounds:
+    """West, south, east, north in degrees of a box in a system; west > east crosses the antimeridian.
+
+    Raises ``BadQueryError``.
+    """
+    x0, y0, x1, y1 = bbox_numbers(text)
+    try:
+        west, south = crs.to_degrees(x0, y0)
+        east, north = crs.to_degrees(x1, y1)
+    except ValueError as error:
+        raise BadQueryError(f"bbox: {error}.", field="bbox") from None
+    return box_of(west, south, east, north)
+
+
+def in_box(line: str, box: Bounds) -> Condition:
+    """The lines that meet a box."""
+    if box[0] <= box[2]:
+        return Condition(_within(line, "west", "east"), _corners(box))
+    sql = f"({_within(line, 'west', 'edge_east')} OR {_within(line, 'edge_west', 'east')})"
+    return Condition(sql, {**_corners(box), "edge_east": 180.0, "edge_west": -180.0})
+
+
+def _within(line: str, west: str, east: str) -> str:
+    return f"ST_Intersects({line}, ST_MakeEnvelope(%({west})s, %(south)s, %({east})s, %(north)s, 4326))"
+
+
+def _corners(box: Bounds) -> dict[str, float]:
+    return dict(zip(("west", "south", "east", "north"), box, strict=True))
+
+
+def wkb_of(node: Mapping[str, Any], crs: Crs) -> bytes:
+    """A geometry of a filter (GeoJSON, or ``{"bbox": [...]}``) in degrees, longitude first, as well-known binary.
+
+    Raises ``ValueError`` that says what is wrong with it.
+    """
+    import shapely  # noqa: PLC0415 - it costs every start, and few filters have a geometry
+    from shapely.geometry import shape  # noqa: PLC0415
+
+    if "bbox" in node:
+        return bytes(shapely.to_wkb(_boxes(node["bbox"], crs)))
+    if node.get("type") not in _GEOMETRIES:
+        raise ValueError(f"there is no geometry {node.get('type')!r}; there are {', '.join(_GEOMETRIES)}")
+    try:
+        made = shapely.force_2d(shape(node))
+        points = shapely.get_coordinates(made)
+    except (ValueError, TypeError, IndexError, KeyError, AttributeError, shapely.errors.ShapelyError):
+        raise ValueError(f"its coordinates do not make a {node['type']}") from None
+    if not 0 < len(points) <= MOST_POINTS:
+        raise ValueError(f"it has {len(points)} points; there may be 1 to {MOST_POINTS}")
+    placed = [_checked(*crs.to_degrees(float(x), float(y))) for x, y in points]
+    made = shapely.set_coordinates(made, placed)
+    if not made.is_valid:
+        raise ValueError(f"it is not valid: {shapely.is_valid_reason(made)}")
+    return bytes(shapely.to_wkb(made))
+
+
+_GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon")
+
+
+def _checked(lon: float, lat: float) -> tuple[float, float]:
+    if not (abs(lon) <= 180 and abs(lat) <= 90):
+        raise ValueError(f"{lon:g},{lat:g} is no longitude and latitude")
+    return lon, lat
+
+
+def _boxes(numbers: Any, crs: Crs) -> Any:
+    from shapely.geometry import MultiPolygon, box  # noqa: PLC0415
+
+    west, south, east, north = parse_box(",".join(str(number) for number in numbers), crs)
+    if west <= east:
+        return box(west, south, east, north)
+    return MultiPolygon([box(west, south, 180.0, north), box(-180.0, south, east, north)])

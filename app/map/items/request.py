@@ -1,0 +1,289 @@
+"""What a request for items asks for: every parameter is read, checked and turned into a part of a statement here.
+
+Knows no route: parameters come as pairs of name and text, as they stand in the address.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from app.core.errors import BadQueryError
+from app.core.settings import Settings
+from app.map.items.collections import GEOMETRY, Collection, Property
+from app.map.items.cql import LANGUAGES, TEXT
+from app.map.items.filters import filter_condition
+from app.map.items.paging import MAX_ID, SQL_TYPES, Order, Values, digest_of, parse_after, parse_sortby
+from app.map.items.places import CRS84, Condition, Crs, in_box, parse_box, parse_crs
+from app.map.items.times import moment, parse_datetime, span
+
+SHOWN = ("crs", "properties", "skipGeometry", "f")
+"""What says how features are shown, not which."""
+_PLAIN = (
+    "bbox",
+    "bbox-crs",
+    "limit",
+    "datetime",
+    "driven",
+    "filter",
+    "filter-lang",
+    "filter-crs",
+    "sortby",
+    "after",
+)
+_MOST_VALUES = 100
+_TRUE, _FALSE = {"true", "1", "yes", "on"}, {"false", "0", "no", "off"}
+_WHOLE = re.compile(r"[+-]?\d{1,19}", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How a feature is shown."""
+
+    crs: Crs = CRS84
+    properties: tuple[str, ...] = ()
+    """Names, in the collection's order."""
+    with_line: bool = True
+    gaps: bool = False
+
+
+@dataclass(frozen=True)
+class Since:
+    """Only what changed since a time, or a version of the data: one of the two."""
+
+    time: datetime | None = None
+    version: str | None = None
+
+
+@dataclass(frozen=True)
+class ItemRequest:
+    """One page of items that somebody asks for."""
+
+    collection: Collection
+    shape: Shape
+    limit: int
+    conditions: tuple[Condition, ...]
+    order: Order
+    digest: str
+    """Tells the query apart from others, whichever page and shape is asked for."""
+    after: Values | None = None
+    until_xid: int | None = None
+    """Of a listing of changes, where its first page ended it."""
+    since: Since | None = None
+    filtered: bool = False
+    """Whether a filter computes anything."""
+    pairs: tuple[tuple[str, str], ...] = ()
+
+    def query(self, **other: str | None) -> list[tuple[str, str]]:
+        """The parameters as they came with some of them replaced, or left out where they are None."""
+        kept = [(name, text) for name, text in self.pairs if name not in other]
+        return kept + [(name, text) for name, text in other.items() if text is not None]
+
+
+def item_parameters(collection: Collection) -> tuple[str, ...]:
+    """The names of all parameters of a collection's items, those that compare a property last."""
+    more = (
+        *(("gaps",) if collection.source_with_gaps else ()),
+        *(("updated_since",) if collection.follows_changes else ()),
+    )
+    return (*_PLAIN, *more, *SHOWN, *collection.queryables)
+
+
+def parse_items(collection: Collection, params: Iterable[tuple[str, str]], settings: Settings) -> ItemRequest:
+    """What a page of a collection is to be; ``BadQueryError`` names the parameter at fault and what it may be."""
+    pairs = tuple(params)
+    one, many = _sorted_out(pairs, collection, item_parameters(collection))
+    conditions = [_compared(collection.properties[name], texts) for name, texts in many.items()]
+    conditions += _plain_conditions(collection, one)
+    if "filter" in one:
+        conditions.append(_filter(collection, one))
+    order = Order(collection, parse_sortby(one["sortby"], collection) if "sortby" in one else ())
+    said = sorted((n, t) for n, t in pairs if n not in {*SHOWN, "limit", "after", "sortby"})
+    digest = digest_of(collection.id, order.text, said)
+    until_xid, after = parse_after(one["after"], digest, order) if "after" in one else (None, None)
+    return ItemRequest(
+        collection=collection,
+        shape=_shape(collection, one),
+        limit=_limit(one, settings),
+        conditions=tuple(conditions),
+        order=order,
+        digest=digest,
+        after=after,
+        until_xid=until_xid,
+        since=_since(one["updated_since"]) if "updated_since" in one else None,
+        filtered="filter" in one,
+        pairs=pairs,
+    )
+
+
+def parse_item(collection: Collection, params: Iterable[tuple[str, str]]) -> Shape:
+    """How one feature is to be shown. Raises ``BadQueryError``."""
+    names = (*SHOWN, *(("gaps",) if collection.source_with_gaps else ()))
+    one, _ = _sorted_out(tuple(params), collection, names)
+    return _shape(collection, one)
+
+
+def _sorted_out(
+    pairs: Sequence[tuple[str, str]], collection: Collection, names: Sequence[str]
+) -> tuple[dict[str, str], dict[str, list[str]]]:
+    """The parameters that are there once, and those that compare a property, each with its texts."""
+    one: dict[str, str] = {}
+    many: dict[str, list[str]] = {}
+    for name, text in pairs:
+        if name not in names:
+            raise BadQueryError(f"There is no parameter {name!r}. There are: {', '.join(names)}.", field=name)
+        if "\0" in text:
+            raise BadQueryError(f"{name}: there is a NUL in it.", field=name)
+        if name in collection.queryables:
+            many.setdefault(name, []).append(text)
+        elif name in one:
+            raise BadQueryError(f"{name}: it is there twice.", field=name)
+        else:
+            one[name] = text
+    return one, many
+
+
+def _plain_conditions(collection: Collection, one: Mapping[str, str]) -> list[Condition]:
+    conditions = []
+    if "bbox-crs" in one and "bbox" not in one:
+        raise BadQueryError("bbox-crs: there is no bbox that it would be of.", field="bbox-crs")
+    if "bbox" in one:
+        crs = parse_crs(one["bbox-crs"], "bbox-crs") if "bbox-crs" in one else CRS84
+        conditions.append(in_box(collection.line, parse_box(one["bbox"], crs)))
+    if "datetime" in one:
+        first, last = parse_datetime(one["datetime"])
+        # What has no time matches any (OGC 17-069r4, /req/core/fc-time-response).
+        timed = collection.properties["updated_at"].sql
+        then = _between(timed, "datetime", first, last)
+        conditions.append(Condition(f"({timed} IS NULL OR {then.sql})", then.values))
+    if "driven" in one:
+        conditions.append(Condition(collection.driven[_truth(one["driven"], "driven")], {}))
+    return conditions
+
+
+def _between(sql: str, name: str, first: datetime | None, last: datetime | None) -> Condition:
+    parts, values = [], {}
+    for end, operator, suffix in ((first, ">=", "0"), (last, "<=", "1")):
+        if end is not None:
+            parts.append(f"{sql} {operator} CAST(%({name}{suffix})s AS timestamptz)")
+            values[f"{name}{suffix}"] = end
+    return Condition("(" + " AND ".join(parts) + ")", values)
+
+
+def _filter(collection: Collection, one: Mapping[str, str]) -> Condition:
+    language = one.get("filter-lang", TEXT)
+    if language not in LANGUAGES:
+        raise BadQueryError(
+            f"filter-lang: there is no language {language!r}. There are: {', '.join(LANGUAGES)}.",
+            field="filter-lang",
+        )
+    crs = parse_crs(one["filter-crs"], "filter-crs") if "filter-crs" in one else CRS84
+    return filter_condition(one["filter"], language, crs, collection)
+
+
+def _compared(one: Property, texts: Sequence[str]) -> Condition:
+    """``name=a,b``: the features whose property is any of these."""
+    listed = [part for text in texts for part in text.split(",")]
+    if len(listed) > _MOST_VALUES:
+        raise BadQueryError(f"{one.name}: at most {_MOST_VALUES} values.", field=one.name)
+    name = f"p_{one.name}"
+    if one.kind == "time":
+        try:
+            spans = [span(text) for text in listed]
+        except (ValueError, OverflowError) as error:
+            raise BadQueryError(f"{one.name}: {error}.", field=one.name) from None
+        some = [_between(one.sql, f"{name}_{n}_", *ends) for n, ends in enumerate(spans)]
+        values = {key: value for condition in some for key, value in condition.values.items()}
+        return Condition("(" + " OR ".join(condition.sql for condition in some) + ")", values)
+    try:
+        # A name may have a comma in it.
+        read = [_READERS[one.kind](text) for text in dict.fromkeys([*listed, *texts] if one.kind == "string" else listed)]
+    except ValueError:
+        raise BadQueryError(
+            f"{one.name}: {_WANTED[one.kind]}, or several with commas.", field=one.name
+        ) from None
+    return Condition(f"{one.sql} = ANY(CAST(%({name})s AS {SQL_TYPES[one.kind]}[]))", {name: read})
+
+
+def _whole(text: str) -> int:
+    if not _WHOLE.fullmatch(text) or abs(value := int(text)) > MAX_ID:
+        raise ValueError(text)
+    return value
+
+
+def _fraction(text: str) -> float:
+    if not _NUMBER.fullmatch(text) or abs(value := float(text)) == float("inf"):
+        raise ValueError(text)
+    return value
+
+
+def _bool(text: str) -> bool:
+    if text.lower() not in _TRUE | _FALSE:
+        raise ValueError(text)
+    return text.lower() in _TRUE
+
+
+_READERS: Mapping[str, Callable[[str], Any]] = {
+    "integer": _whole,
+    "number": _fraction,
+    "string": str,
+    "boolean": _bool,
+}
+_WANTED = {
+    "integer": "it must be a whole number",
+    "number": "it must be a number",
+    "string": "it must be a text",
+    "boolean": "it must be true or false",
+}
+
+
+def _truth(text: str, field: str) -> bool:
+    try:
+        return _bool(text)
+    except ValueError:
+        raise BadQueryError(f"{field}: it must be true or false.", field=field) from None
+
+
+def _limit(one: Mapping[str, str], settings: Settings) -> int:
+    if "limit" not in one:
+        return settings.items_limit_default
+    text = one["limit"]
+    if not (text.isascii() and text.isdigit()) or not text.strip("0"):
+        raise BadQueryError(
+            f"limit: it must be a whole number from 1; more than {settings.items_limit_max} is reduced to that.",
+            field="limit",
+        )
+    return settings.items_limit_max if len(text) > 18 else min(int(text), settings.items_limit_max)
+
+
+def _shape(collection: Collection, one: Mapping[str, str]) -> Shape:
+    return Shape(
+        crs=parse_crs(one["crs"], "crs") if "crs" in one else CRS84,
+        properties=_names(collection, one["properties"])
+        if "properties" in one
+        else tuple(collection.properties),
+        with_line=not ("skipGeometry" in one and _truth(one["skipGeometry"], "skipGeometry")),
+        gaps="gaps" in one and _truth(one["gaps"], "gaps"),
+    )
+
+
+def _names(collection: Collection, text: str) -> tuple[str, ...]:
+    """Some of the properties, in the collection's order; nothing: none of them."""
+    asked = set(text.split(",")) - {"", GEOMETRY}
+    if unknown := sorted(asked - set(collection.properties)):
+        raise BadQueryError(
+            f"properties: there is no property {unknown[0]!r}. There are: {', '.join(collection.properties)}.",
+            field="properties",
+        )
+    return tuple(name for name in collection.properties if name in asked)
+
+
+def _since(text: str) -> Since:
+    try:
+        return Since(time=moment(text))
+    except (ValueError, OverflowError):
+        return Since(version=text)

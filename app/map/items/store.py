@@ -1,0 +1,154 @@
+"""Pages of features out of the database, as text of GeoJSON.
+
+The statements are put together from constants and from what ``app.map.items.collections`` says; what somebody sent is
+in their parameters only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from psycopg.errors import DataError, InternalError_
+from sqlalchemy.orm import Session
+
+from app.changes.store import changed_since_sql, parse_version, state, version_text
+from app.core.db import fetch_binary
+from app.core.errors import BadQueryError
+from app.map.items.collections import Collection
+from app.map.items.geojson import feature_sql
+from app.map.items.paging import Leg, cursor_text
+from app.map.items.places import Condition
+from app.map.items.request import ItemRequest, Shape
+
+COUNTED_MOST = 10_000
+"""Above, it is not said how many features match."""
+_CHEAP = 30_000.0
+"""What a count may cost in the planner's units, in which a page read in sequence is 1: some 20 ms."""
+
+_PAGE = "SELECT {feature}, {keys} FROM {source} WHERE {where} ORDER BY {order} LIMIT %(size)s"
+_ONE = "SELECT {feature} FROM {source} WHERE {key} = %(id)s"
+_COUNT = "SELECT count(*) FROM (SELECT FROM {source} WHERE {where} LIMIT %(most)s) AS matching"
+_EXPLAIN = "EXPLAIN (FORMAT JSON) "
+_PLACEHOLDER = re.compile(r"(?<!:):(\w+)")
+
+
+@dataclass(frozen=True)
+class Page:
+    """Some features, in order."""
+
+    features: list[str]
+    """Each as text of GeoJSON."""
+    next_cursor: str | None
+    """What ``after`` is on the next page; None: there is none."""
+    matched: int | None
+    """How many match on all pages, where that is known at little cost."""
+    version: str | None = None
+    """Of a listing of changes: what to name in ``updated_since`` the next time. The same on all pages of a listing."""
+
+
+def page(session: Session, request: ItemRequest) -> Page:
+    """The page that is asked for.
+
+    Raises ``BadQueryError`` where a filter computes what has no result, and for a version that is none, ``GoneError``
+    for one that is not this database's.
+    """
+    until_xid, request = _up_to(session, request)
+    rows: list[tuple[Any, ...]] = []
+    try:
+        for leg in request.order.legs(request.after):
+            rows += _rows(session, request, leg, request.limit + 1 - len(rows))
+            if len(rows) > request.limit:
+                break
+        shown, more = rows[: request.limit], len(rows) > request.limit
+        matched = None if request.after else _matched(session, request) if more else len(shown)
+    except (DataError, InternalError_) as error:
+        raise _not_computed(request, error) from error
+    return Page(
+        features=[row[0] for row in shown],
+        next_cursor=cursor_text(request.digest, until_xid, shown[-1][1:]) if more else None,
+        matched=matched,
+        version=None if until_xid is None else version_text(session, until_xid),
+    )
+
+
+def one(session: Session, collection: Collection, feature_id: int, shape: Shape) -> str | None:
+    """The text of one feature, or None."""
+    statement = _ONE.format(
+        feature=_feature(collection, shape), source=_source(collection, shape), key=collection.key
+    )
+    found = fetch_binary(session, statement, {"id": feature_id})
+    return found[0][0] if found else None
+
+
+def _up_to(session: Session, request: ItemRequest) -> tuple[int | None, ItemRequest]:
+    """Where a listing of changes ends, and the request with that as a condition."""
+    since = request.since
+    if since is None:
+        return None, request
+    until_xid = request.until_xid if request.until_xid is not None else state(session).horizon
+    values = {
+        "since_xid": None
+        if since.version is None
+        else parse_version(session, since.version, field="updated_since"),
+        "since_time": since.time,
+        "until_xid": until_xid,
+    }
+    changed = changed_since_sql(request.collection.key.partition(".")[0])
+    condition = Condition(_PLACEHOLDER.sub(r"%(\1)s", changed), values)
+    return until_xid, replace(request, conditions=(*request.conditions, condition))
+
+
+def _rows(session: Session, request: ItemRequest, leg: Leg, size: int) -> list[tuple[Any, ...]]:
+    statement = _PAGE.format(
+        feature=_feature(request.collection, request.shape),
+        keys=request.order.columns,
+        source=_source(request.collection, request.shape),
+        where=_where([leg.condition, *request.conditions]),
+        order=leg.order,
+    )
+    return fetch_binary(session, statement, {"size": size, **_values([leg.condition, *request.conditions])})
+
+
+def _matched(session: Session, request: ItemRequest) -> int | None:
+    """How many features match, where few do and the planner expects the count to be cheap."""
+    statement = _COUNT.format(
+        source=_source(request.collection, request.shape), where=_where(request.conditions)
+    )
+    values = {"most": COUNTED_MOST + 1, **_values(request.conditions)}
+    ((plan,),) = fetch_binary(session, _EXPLAIN + statement, values)
+    top = plan[0]["Plan"]
+    if top["Total Cost"] > _CHEAP:
+        return None
+    ((count,),) = fetch_binary(session, statement, values)
+    return count if count <= COUNTED_MOST else None
+
+
+def _feature(collection: Collection, shape: Shape) -> str:
+    return feature_sql(collection, shape.crs, shape.properties, with_line=shape.with_line)
+
+
+def _source(collection: Collection, shape: Shape) -> str:
+    return collection.source_with_gaps if shape.gaps and collection.source_with_gaps else collection.source
+
+
+def _where(conditions: Sequence[Condition]) -> str:
+    return " AND ".join(condition.sql for condition in conditions) or "true"
+
+
+def _values(conditions: Sequence[Condition]) -> Mapping[str, Any]:
+    return {name: value for condition in conditions for name, value in condition.values.items()}
+
+
+def _not_computed(request: ItemRequest, error: Exception) -> Exception:
+    """What of somebody's making the database could not compute; anything else is a fault of ours."""
+    reason = str(error).partition("\n")[0]
+    if request.filtered:
+        return BadQueryError(f"filter: it cannot be computed for every feature: {reason}.", field="filter")
+    if request.after:
+        return BadQueryError(
+            "after: this is no place in the items. Begin again without after.", field="after"
+        )
+    return error

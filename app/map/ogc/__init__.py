@@ -1,0 +1,1 @@
+"""OGC API Features: its documents in every form that is asked for, and the routes to them. ``app.map.items`` answers."""

@@ -1,0 +1,122 @@
+"""The API's own document: OpenAPI 3.1 as it is derived, 3.0 for clients that want that, and a page for people."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Any
+
+from fastapi import APIRouter, FastAPI, Request, Response
+
+from app.core.errors import NotAcceptableError
+from app.core.http import JSON, BaseUrl, json_answer, link, problems
+from app.core.query import refuse_unknown
+from app.core.text import dumps
+from app.map.ogc.negotiation import AS_HTML, HTML, Form, FormatQuery, Wanted, answered, wanted
+from app.map.ogc.openapi30 import openapi_30
+from app.map.ogc.pages import PAGE_HEADERS, page
+
+_OPENAPI = "application/vnd.oai.openapi+json"
+OPENAPI_31 = Form(("json", "openapi-3.1"), (f"{_OPENAPI};version=3.1", JSON), "OpenAPI 3.1")
+OPENAPI_30 = Form(("openapi-3.0",), (f"{_OPENAPI};version=3.0",), "OpenAPI 3.0")
+_FORMS = (OPENAPI_31, OPENAPI_30)
+
+router = APIRouter(tags=["map"])
+
+
+@router.get(
+    "/openapi.json",
+    summary="The API's description",
+    response_class=Response,
+    responses={200: json_answer("OpenAPI 3.1, or 3.0.", {"openapi": "3.1.0"}), **problems(400, 406)},
+)
+def openapi(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
+    """Everything that can be asked, with examples: OpenAPI 3.1.
+
+    With `f=openapi-3.0`, or `Accept: application/vnd.oai.openapi+json;version=3.0`, the same in OpenAPI 3.0.
+    """
+    refuse_unknown(request, {"f"})
+    form = _version(request, f)
+    links = [*form.links(f"{base}/openapi.json"), link(f"{base}/docs", "alternate", HTML)]
+    return answered(request, _text(request.app, form.form), form.media_type, links=links)
+
+
+@router.get(
+    "/docs",
+    summary="The API's description for people",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "A page that loads nothing from elsewhere.",
+            "content": {HTML: {"schema": {"type": "string"}, "example": "<!doctype html>"}},
+        },
+        **problems(400, 406),
+    },
+)
+def docs(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
+    """All routes with their parameters and answers, on one page."""
+    refuse_unknown(request, {"f"})
+    form = wanted(request, f, AS_HTML)
+    document = request.app.openapi()
+    links = [
+        *form.links(f"{base}/docs"),
+        link(f"{base}/openapi.json", "alternate", OPENAPI_31.media_types[0], OPENAPI_31.title),
+        link(f"{base}/openapi.json?f=openapi-3.0", "alternate", OPENAPI_30.media_types[0], OPENAPI_30.title),
+    ]
+    text = page(
+        "api.html",
+        title="The API",
+        crumbs=[("Versant", f"{base}/")],
+        links=links,
+        information=document["info"],
+        groups=_groups(document),
+    )
+    return answered(request, text, HTML, links=links, headers=PAGE_HEADERS)
+
+
+def _version(request: Request, f: str | None) -> Wanted:
+    """As ``wanted``, but by the version too, which is a parameter of the media type."""
+    accept = request.headers.get("accept", "").strip() or "*/*"
+    if f is not None:
+        return wanted(request, f, *_FORMS)
+    asked = sorted((_range(item) for item in accept.split(",")), key=lambda one: -one[2])
+    for name, version, weight in asked:
+        if weight > 0 and name in {_OPENAPI, "application/openapi+json"}:
+            form = OPENAPI_30 if version.startswith("3.0") else OPENAPI_31
+            return Wanted(form, form.media_types[0], _FORMS, None)
+        if weight > 0 and name in {JSON, "application/*", "*/*"}:
+            return Wanted(OPENAPI_31, JSON, _FORMS, None)
+    offered = ", ".join(media_type for form in _FORMS for media_type in form.media_types)
+    raise NotAcceptableError(f"There is no such form of this document. There are: {offered}.")
+
+
+def _range(item: str) -> tuple[str, str, float]:
+    """Media type, version and weight of one part of an Accept header."""
+    name, *rest = (part.strip().lower() for part in item.split(";"))
+    parameters = dict(part.split("=", 1) for part in rest if "=" in part)
+    try:
+        return name, parameters.get("version", ""), float(parameters.get("q", "1"))
+    except ValueError:
+        return name, "", 0.0
+
+
+def _text(app: FastAPI, form: Form) -> str:
+    """The document's text, made once in an application's life."""
+    if not hasattr(app.state, "openapi_texts"):
+        app.state.openapi_texts = {}
+    texts: dict[str, str] = app.state.openapi_texts
+    if form.title not in texts:
+        document = app.openapi()
+        texts[form.title] = dumps(openapi_30(document) if form is OPENAPI_30 else document)
+    return texts[form.title]
+
+
+def _groups(document: dict[str, Any]) -> list[tuple[str, str, list[dict[str, Any]]]]:
+    """Tag, what it is for, and its operations, each with method and path."""
+    by_tag: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for path, item in document["paths"].items():
+        for method, operation in item.items():
+            for tag in operation.get("tags", []):
+                by_tag[tag].append({"method": method.upper(), "path": path, **operation})
+    described = {tag["name"]: tag["description"] for tag in document.get("tags", [])}
+    order = [*described, *(tag for tag in by_tag if tag not in described)]
+    return [(tag, described.get(tag, ""), by_tag[tag]) for tag in order if tag in by_tag]

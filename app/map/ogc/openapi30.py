@@ -1,0 +1,211 @@
+"""The API's document in OpenAPI 3.0, which many clients still want: made from the one in 3.1.
+
+A schema of 3.1 is JSON Schema; one of 3.0 is an older dialect of its own. What the older one cannot say (names of
+properties by pattern, conditions) is left out: it then allows more, never less. Sources: OpenAPI 3.0.3 and 3.1.0.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+Json = dict[str, Any]
+
+VERSION = "3.0.3"
+_LICENSES = {"Apache-2.0": "https://www.apache.org/licenses/LICENSE-2.0"}
+"""3.0 wants an address where 3.1 takes an identifier."""
+
+_ONLY_31 = frozenset(
+    {"$schema", "$id", "$anchor", "$comment", "$defs", "$dynamicRef", "$dynamicAnchor", "$vocabulary", "if", "then"}
+    | {"else", "contains", "minContains", "maxContains", "patternProperties", "propertyNames", "dependentSchemas"}
+    | {"dependentRequired", "unevaluatedItems", "unevaluatedProperties", "contentEncoding", "contentSchema"}
+)
+_LISTS = ("allOf", "anyOf", "oneOf")
+_NULL = {"type": "null"}
+_METHODS = frozenset({"get", "put", "post", "delete", "options", "head", "patch", "trace"})
+
+
+def openapi_30(document: Mapping[str, Any]) -> Json:
+    """The document in 3.0.3; ``document``, in 3.1, stays as it is."""
+    made: Json = json.loads(json.dumps(document))
+    made["openapi"] = VERSION
+    for name in ("webhooks", "jsonSchemaDialect"):
+        made.pop(name, None)
+    _information(made["info"])
+    components = made.setdefault("components", {})
+    components.pop("pathItems", None)
+    components["schemas"] = {
+        name: schema_30(schema) for name, schema in components.get("schemas", {}).items()
+    }
+    made["paths"] = {path: _place(item) for path, item in made.get("paths", {}).items()}
+    _share_parameters(made)
+    return made
+
+
+def schema_30(schema: Any) -> Json:
+    """A schema of 3.1 as one of 3.0."""
+    if isinstance(schema, bool):
+        return {} if schema else {"not": {}}
+    made: Json = {name: value for name, value in schema.items() if name not in _ONLY_31}
+    _values(made)
+    _limits(made)
+    _lists_of_items(made)
+    _parts(made)
+    _choices(made)
+    _types(made)
+    return _reference(made)
+
+
+def _information(info: Json) -> None:
+    info.pop("summary", None)
+    identifier = info.get("license", {}).pop("identifier", None)
+    if identifier in _LICENSES:
+        info["license"]["url"] = _LICENSES[identifier]
+
+
+def _place(value: Any) -> Any:
+    """A part of the document that is no schema, with the schemas in it made anew; examples stay as they are."""
+    if isinstance(value, list):
+        return [_place(one) for one in value]
+    if not isinstance(value, dict):
+        return value
+    return {
+        name: part if name in {"example", "examples"} else schema_30(part) if name == "schema" else _place(part)
+        for name, part in value.items()
+    }
+
+
+def _values(schema: Json) -> None:
+    if "const" in schema:
+        schema["enum"] = [schema.pop("const")]
+    examples = schema.pop("examples", None)
+    if examples:
+        schema.setdefault("example", examples[0])
+    if schema.pop("contentMediaType", None):
+        schema.setdefault("format", "binary")
+
+
+def _limits(schema: Json) -> None:
+    for limit in ("minimum", "maximum"):
+        exclusive = "exclusive" + limit.capitalize()
+        bound = schema.get(exclusive)
+        if bound is None or isinstance(bound, bool):
+            continue
+        inner = schema.get(limit)
+        tighter = max if limit == "minimum" else min
+        if inner is None or tighter(inner, bound) == bound:
+            schema[limit], schema[exclusive] = bound, True
+        else:
+            del schema[exclusive]
+
+
+def _lists_of_items(schema: Json) -> None:
+    """A list whose items differ by their place becomes one of so many items of any of these kinds."""
+    first = schema.pop("prefixItems", None)
+    if first is None:
+        return
+    rest = schema.pop("items", True)
+    kinds = [*first, *([rest] if isinstance(rest, dict) else [])]
+    if rest is False:
+        schema["maxItems"] = min(len(first), schema.get("maxItems", len(first)))
+    schema["items"] = {} if rest is True else kinds[0] if _all_equal(kinds) else {"anyOf": kinds}
+
+
+def _all_equal(values: list[Any]) -> bool:
+    return all(value == values[0] for value in values)
+
+
+def _parts(schema: Json) -> None:
+    if "properties" in schema:
+        schema["properties"] = {name: schema_30(part) for name, part in schema["properties"].items()}
+    for name in ("items", "not"):
+        if name in schema:
+            schema[name] = schema_30(schema[name])
+    if isinstance(schema.get("additionalProperties"), dict):
+        schema["additionalProperties"] = schema_30(schema["additionalProperties"])
+    if _is_list(schema.get("type")) or schema.get("type") == "array":
+        schema.setdefault("items", {})
+
+
+def _is_list(type_: Any) -> bool:
+    return isinstance(type_, list) and "array" in type_
+
+
+def _choices(schema: Json) -> None:
+    for name in _LISTS:
+        if name not in schema:
+            continue
+        kinds = [kind for kind in schema[name] if kind != _NULL]
+        if len(kinds) < len(schema[name]):
+            schema["nullable"] = True
+        made = [schema_30(kind) for kind in kinds]
+        del schema[name]
+        if len(made) == 1 and "$ref" not in made[0] and not made[0].keys() & schema.keys():
+            schema.update(made[0])
+        elif len(made) == 1:
+            schema["allOf"] = [*schema.get("allOf", []), *made]
+        elif made:
+            schema[name] = made
+
+
+def _types(schema: Json) -> None:
+    types = schema.get("type")
+    kinds = types if isinstance(types, list) else [] if types is None else [types]
+    if "null" in kinds:
+        kinds = [kind for kind in kinds if kind != "null"]
+        schema["nullable"] = True
+        if not kinds:  # nothing but null
+            schema["enum"] = [None]
+    if types is None:
+        return
+    del schema["type"]
+    if len(kinds) == 1:
+        schema["type"] = kinds[0]
+    elif kinds:
+        schema["anyOf"] = [{"type": kind, **({"items": {}} if kind == "array" else {})} for kind in kinds]
+        schema.pop("items", None)
+
+
+def _reference(schema: Json) -> Json:
+    """In 3.0 nothing that stands beside a reference counts."""
+    if "$ref" in schema and len(schema) > 1:
+        return {"allOf": [{"$ref": schema.pop("$ref")}], **schema}
+    return schema
+
+
+def _share_parameters(document: Json) -> None:
+    """Parameters of several operations that are the same become components.
+
+    That is shorter, and GDAL looks for the size of a page only in a parameter that is a reference.
+    """
+    lists = [
+        operation["parameters"]
+        for item in document["paths"].values()
+        for method, operation in item.items()
+        if method in _METHODS and "parameters" in operation
+    ]
+    times = Counter(_text(parameter) for parameters in lists for parameter in parameters)
+    shared: dict[str, Json] = document["components"].setdefault("parameters", {})
+    names: dict[str, str] = {}
+    for parameters in lists:
+        for index, parameter in enumerate(parameters):
+            text = _text(parameter)
+            if times[text] > 1 and "$ref" not in parameter:
+                if text not in names:
+                    names[text] = _free_name(parameter["name"], shared)
+                    shared[names[text]] = parameter
+                parameters[index] = {"$ref": f"#/components/parameters/{names[text]}"}
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, sort_keys=True)
+
+
+def _free_name(name: str, taken: Mapping[str, Any]) -> str:
+    number, free = 1, name
+    while free in taken:
+        number += 1
+        free = f"{name}-{number}"
+    return free
