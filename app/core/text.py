@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -20,14 +19,21 @@ COORDINATE_DIGITS = 7  # degrees: OpenStreetMap's own resolution, about 1 cm
 LENGTH_DIGITS = 3  # metres: a millimetre
 SLOPE_DIGITS = 4  # percent: 1 mm per kilometre, far below any sigma
 
+LARGEST = 1e15
+"""Below, numbers are written without an exponent."""
+
 _AT_ONCE = 1000  # values of a column that are written in one call, well below a millisecond
 
 
 def rounded(value: float | None, digits: int) -> float | None:
-    """``value`` rounded; None where it is None, NaN or infinite."""
-    if value is None or not math.isfinite(value):
+    """``value`` rounded; None where it is None, NaN, infinite, or no figure of anything on earth (from 1e15 on).
+
+    By these steps and no others: PostgreSQL and numpy take the same, so that all outputs agree on ties.
+    """
+    if value is None or not abs(value) < LARGEST:
         return None
-    return round(float(value), digits) + 0.0  # -0.0 would print as such
+    power = 10.0**digits
+    return round(float(value) * power) / power + 0.0  # -0.0 would print as such
 
 
 def utc_text(moment: datetime | None) -> str | None:

@@ -146,6 +146,9 @@ class Segment(Base):
         Index("ix_segments_geom", "geom", postgresql_using="gist"),
         Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
         Index("ix_segments_cell", "cell"),
+        # What items are asked for by. Equal values share an entry, so these are small.
+        Index("ix_segments_highway", "highway"),
+        Index("ix_segments_name", "name", postgresql_where=text("name IS NOT NULL")),
         # What an update left without heights is found at once, and that nothing is left, too.
         Index("ix_segments_without_heights", "id", postgresql_where=text(WITHOUT_HEIGHTS)),
     )
@@ -303,6 +306,13 @@ class SegmentSlope(_OfNetwork, Base):
     drives: Mapped[int]
     observations: Mapped[int]
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+    # What items are asked for and sorted by.
+    __table_args__ = (
+        Index("ix_segment_slopes_slope_percent", "slope_percent"),
+        Index("ix_segment_slopes_steepest_percent", "steepest_percent"),
+        Index("ix_segment_slopes_updated_at", "updated_at"),
+    )
 
 
 class ControlPoint(Base):

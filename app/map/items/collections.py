@@ -55,6 +55,8 @@ class Collection:
     properties: Mapping[str, Property]
     source: str
     """The tables, as they stand after FROM."""
+    table: str
+    """The first of them, which has a row of each feature."""
     keys: Mapping[str, str]
     """The feature's id as each of the tables has it, the first's first."""
     line: str
@@ -62,8 +64,15 @@ class Collection:
     line_3857: str
     driven: Mapping[bool, str]
     """The conditions of features that were driven, and that were not."""
+    quick: tuple[str, ...]
+    """The properties by which an index finds and sorts features, however many there are."""
     source_with_gaps: str | None = None
     """With what is known of undriven roads between driven ones; None: there is no such difference."""
+    beside: Mapping[bool, str] | None = None
+    """The second table looked up row by row, without gaps (False) and with them; None where there is none.
+
+    So a page costs what its own features cost: the planner would rather read the whole table for a thousand of them.
+    """
     follows_changes: bool = False
     """Whether what changed since a version is known of each feature."""
 
@@ -195,6 +204,10 @@ _WAY_COLUMNS: Mapping[str, Column] = {
 }
 
 _JOINED = "segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id"
+# Without the offset the planner would make a join of it.
+_LOOKED_UP = (
+    "LEFT JOIN LATERAL (SELECT * FROM segment_slopes WHERE segment_id = s.id{} OFFSET 0) AS a ON true"
+)
 
 SEGMENTS = Collection(
     id="segments",
@@ -210,10 +223,13 @@ SEGMENTS = Collection(
     properties=_properties(COLUMNS),
     source=f"{_JOINED} AND a.drives > 0",
     source_with_gaps=_JOINED,
+    table="segments AS s",
+    beside={False: _LOOKED_UP.format(" AND drives > 0"), True: _LOOKED_UP.format("")},
     keys={"s": "s.id", "a": "a.segment_id"},
     line="s.geom",
     line_3857="s.geom_3857",
     driven={True: "a.drives > 0", False: "coalesce(a.drives, 0) = 0"},
+    quick=("id", "osm_way_id", "highway", "name", "slope_percent", "steepest_percent", "updated_at"),
     follows_changes=True,
 )
 WAYS = Collection(
@@ -227,9 +243,11 @@ WAYS = Collection(
     ),
     properties=_properties(_WAY_COLUMNS),
     source="ways AS w",
+    table="ways AS w",
     keys={"w": "w.id"},
     line="w.geom",
     line_3857="w.geom_3857",
     driven={True: "w.drives > 0", False: "w.drives = 0"},
+    quick=("id", "osm_way_id"),
 )
 COLLECTIONS: Mapping[str, Collection] = {one.id: one for one in (SEGMENTS, WAYS)}

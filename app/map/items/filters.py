@@ -1,4 +1,4 @@
-"""Turns the tree of a CQL2 filter into a condition in SQL: names become the collection's expressions, values parameters.
+"""Turns the tree of a CQL2 filter into a condition in SQL: names become expressions, values parameters.
 
 Nothing of what was sent becomes part of a statement but in these two ways. Comparisons with the unknown are neither
 true nor false, as in SQL.

@@ -7,7 +7,7 @@ What ``Segment.geojson`` writes, ten times as fast: the values are the same, dig
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from app.map.items.collections import Collection, Property
 from app.map.items.places import Crs
@@ -83,7 +83,7 @@ def _number(one: Property) -> str:
     return f"CASE WHEN {_known(one)} THEN {text} END" if one.nullable else text
 
 
-_SQL = {
+_SQL: Mapping[str, Callable[[Property], str]] = {
     "integer": lambda one: one.sql,
     "number": _number,
     "string": lambda one: f"to_json({one.sql})",

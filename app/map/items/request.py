@@ -74,6 +74,8 @@ class ItemRequest:
     until_xid: int | None = None
     """Of a listing of changes, where its first page ended it."""
     since: Since | None = None
+    patience_s: float | None = None
+    """How long a statement may take; None: as long as any other."""
     filtered: bool = False
     """Whether a filter computes anything."""
     pairs: tuple[tuple[str, str], ...] = ()
@@ -115,6 +117,9 @@ def parse_items(collection: Collection, params: Iterable[tuple[str, str]], setti
         after=after,
         until_xid=until_xid,
         since=_since(one["updated_since"]) if "updated_since" in one else None,
+        patience_s=min(settings.items_timeout_s, settings.statement_timeout_s)
+        if conditions or order.keys or "updated_since" in one
+        else None,
         filtered="filter" in one,
         pairs=pairs,
     )

@@ -6,16 +6,18 @@ in their parameters only.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from psycopg.errors import DataError, InternalError_
+from psycopg.errors import DataError, InternalError_, QueryCanceled
 from sqlalchemy.orm import Session
 
 from app.changes.store import changed_since_sql, parse_version, state, version_text
 from app.core.db import fetch_binary
+from app.core.departures import client_left
 from app.core.errors import BadQueryError
 from app.map.items.collections import Collection
 from app.map.items.geojson import feature_sql
@@ -25,12 +27,20 @@ from app.map.items.request import ItemRequest, Shape
 
 COUNTED_MOST = 10_000
 """Above, it is not said how many features match."""
-_CHEAP = 30_000.0
-"""What a count may cost in the planner's units, in which a page read in sequence is 1: some 20 ms."""
+_CHEAP = 5_000.0
+_CHEAP_OF_PLACES = 60_000.0
+"""What a count may cost by the planner's estimate, which is far too high for comparisons of places: a few ms each."""
 
 _PAGE = "SELECT {feature}, {keys} FROM {source} WHERE {where} ORDER BY {order} LIMIT %(size)s"
+# Where the page is known by the first table alone, the second is looked up for its features only.
+_PAGE_FIRST = """
+    SELECT {feature}, {keys}
+    FROM (SELECT {alias}.* FROM {table} WHERE {where} ORDER BY {order} LIMIT %(size)s) AS {alias} {beside}
+    ORDER BY {order}
+"""
 _ONE = "SELECT {feature} FROM {source} WHERE {key} = %(id)s"
 _COUNT = "SELECT count(*) FROM (SELECT FROM {source} WHERE {where} LIMIT %(most)s) AS matching"
+_PATIENCE = "SELECT set_config('statement_timeout', %(ms)s, true)"
 _EXPLAIN = "EXPLAIN (FORMAT JSON) "
 _PLACEHOLDER = re.compile(r"(?<!:):(\w+)")
 
@@ -52,10 +62,12 @@ class Page:
 def page(session: Session, request: ItemRequest) -> Page:
     """The page that is asked for.
 
-    Raises ``BadQueryError`` where a filter computes what has no result, and for a version that is none, ``GoneError``
-    for one that is not this database's.
+    Raises ``BadQueryError`` where a filter computes what has no result, where looking takes longer than the request's
+    patience, and for a version that is none; ``GoneError`` for a version that is not this database's.
     """
     until_xid, request = _up_to(session, request)
+    if request.patience_s is not None:
+        fetch_binary(session, _PATIENCE, {"ms": str(math.ceil(1000 * request.patience_s))})
     rows: list[tuple[Any, ...]] = []
     try:
         for leg in request.order.legs(request.after):
@@ -66,6 +78,10 @@ def page(session: Session, request: ItemRequest) -> Page:
         matched = None if request.after else _matched(session, request) if more else len(shown)
     except (DataError, InternalError_) as error:
         raise _not_computed(request, error) from error
+    except QueryCanceled as error:
+        if request.patience_s is None or client_left():
+            raise
+        raise _too_long(request) from error
     return Page(
         features=[row[0] for row in shown],
         next_cursor=cursor_text(request.digest, until_xid, shown[-1][1:]) if more else None,
@@ -102,12 +118,19 @@ def _up_to(session: Session, request: ItemRequest) -> tuple[int | None, ItemRequ
 
 
 def _rows(session: Session, request: ItemRequest, leg: Leg, size: int) -> list[tuple[Any, ...]]:
-    statement = _PAGE.format(
-        feature=_feature(request.collection, request.shape),
+    collection, shape = request.collection, request.shape
+    where = _where([leg.condition, *request.conditions])
+    alias, *others = collection.keys
+    alone = not any(re.search(rf"\b{other}\.", f"{where} {leg.order}") for other in others)
+    statement = (_PAGE_FIRST if alone and collection.beside else _PAGE).format(
+        feature=_feature(collection, shape),
         keys=request.order.columns,
-        source=_source(request.collection, request.shape),
-        where=_where([leg.condition, *request.conditions]),
+        source=_source(collection, shape),
+        where=where,
         order=leg.order,
+        alias=alias,
+        table=collection.table,
+        beside=collection.beside[shape.gaps] if collection.beside else "",
     )
     return fetch_binary(session, statement, {"size": size, **_values([leg.condition, *request.conditions])})
 
@@ -119,11 +142,19 @@ def _matched(session: Session, request: ItemRequest) -> int | None:
     )
     values = {"most": COUNTED_MOST + 1, **_values(request.conditions)}
     ((plan,),) = fetch_binary(session, _EXPLAIN + statement, values)
-    top = plan[0]["Plan"]
-    if top["Total Cost"] > _CHEAP:
+    whole = plan[0]["Plan"]
+    if whole["Total Cost"] > (_CHEAP_OF_PLACES if "ST_" in statement else _CHEAP) or _most_likely_too_many(
+        whole
+    ):
         return None
     ((count,),) = fetch_binary(session, statement, values)
     return count if count <= COUNTED_MOST else None
+
+
+def _most_likely_too_many(plan: Mapping[str, Any]) -> bool:
+    """Whether the planner expects twice as many as are counted: so it says of what stands below the limit."""
+    limit = plan["Plans"][0]
+    return any(below["Plan Rows"] > 2 * COUNTED_MOST for below in limit.get("Plans", ()))
 
 
 def _feature(collection: Collection, shape: Shape) -> str:
@@ -140,6 +171,14 @@ def _where(conditions: Sequence[Condition]) -> str:
 
 def _values(conditions: Sequence[Condition]) -> Mapping[str, Any]:
     return {name: value for condition in conditions for name, value in condition.values.items()}
+
+
+def _too_long(request: ItemRequest) -> BadQueryError:
+    quick = ", ".join(request.collection.quick)
+    return BadQueryError(
+        f"Finding these items takes longer than {request.patience_s:g} s here. Ask for less: add a bbox, or filter and "
+        f"sort by {quick}, which are found at once."
+    )
 
 
 def _not_computed(request: ItemRequest, error: Exception) -> Exception:
