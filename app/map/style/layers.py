@@ -19,13 +19,13 @@ from app.map.slope_map import (
     UNSURE_SIGMA_PERCENT,
     UNSURE_WIDTH_PT,
 )
-from app.map.store import LAYER
 from app.map.style.scale import ColourScale
 from app.map.style.sprites import UPHILL
 
 Expression = list[Any]
 
-SOURCE = "slopes"
+SOURCE, LAYER = "slopes", "segments"
+"""Name of the tiles in the style, and of their layer of segments; at low zooms it holds merged roads."""
 LABEL_FONTS = ["DejaVu Sans"]
 
 MAJOR = ("motorway", "motorway_link", "trunk", "trunk_link", "primary", "primary_link")

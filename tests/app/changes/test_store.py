@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-from sqlalchemy import text
-
 from app.changes import store
 from app.core.db import Sessions
-from app.core.errors import BadQueryError, GoneError
 
 
 def test_a_database_begins_its_epoch_at_the_first_question_and_keeps_it(sessions: Sessions) -> None:
