@@ -49,6 +49,7 @@ from app.map.heights import routes as heights
 from app.map.ogc import api, collections, items, landing, schemas
 from app.map.ogc.landing import BIND_NOTE
 from app.map.ogc.parameters import tell_limits
+from app.map.style import routes as style
 from app.map.tiles import ogc as ogc_tiles
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
@@ -77,6 +78,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     heights.router,
     ogc_tiles.router,
     exports.router,
+    style.router,
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's
     health.router,

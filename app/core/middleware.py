@@ -53,9 +53,12 @@ _HOST = re.compile(r"(\[(?P<literal>[0-9A-Fa-f:.]+)\]|(?P<name>[^:\[\]/@\s]+))(:
 PUBLISHED = (
     "/collections",
     "/conformance",
+    "/glyphs",
     "/height",
     "/openapi.json",
     "/problems",
+    "/sprites",
+    "/style.json",
     "/tileMatrixSets",
     "/tiles",
     "/v1/changes",

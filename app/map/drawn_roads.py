@@ -15,13 +15,13 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 
 from app.map.map_key import CASE_PT, INK
 from app.map.slope_map import MapSegments, arrow_choice, line_widths
+from app.map.style.scale import UNKNOWN_COLOUR
 from fusion.types import Floats
 
 # Lightness falls steadily with steepness, so that colour-blind people and grey printers see the order; the flat end,
 # without viridis' palest tenth, is well visible on white: flat is a measurement, and must not look like the grey of
 # an unknown road.
 STEEPNESS = LinearSegmentedColormap.from_list("steepness", colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
-UNKNOWN_COLOUR = "#a9a9a9"
 UNKNOWN_WIDTH_PT, UNKNOWN_DASHES = 0.8, (0, (3, 2.5))
 ARROW_COLOUR = "white"
 ARROWS_ACROSS = 28  # at most, over the longer side of the map

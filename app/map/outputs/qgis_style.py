@@ -10,17 +10,15 @@ from pathlib import Path
 from uuid import NAMESPACE_URL, uuid5
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from app.map.style.scale import BREAKS_PERCENT, COLOURS, UNKNOWN_COLOUR
+
 STYLE_NAME = "Slopes"
 STYLE_DESCRIPTION = "Colour is steepness, width is certainty, dashed grey is unknown"
 MARK = "Written by Versant with its exports, which renew it. Without this line it is left as it is."
 """A comment in the file: QGIS leaves it out where a person saves a style of their own."""
 
-BREAKS_PERCENT = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0)
-"""Steepness from which on each class begins; the last has no end."""
-COLOURS = ("#bddf26", "#73d056", "#38b977", "#1f9f88", "#25838e", "#31688e", "#3e4989", "#482878", "#440154")
-"""One a class, evenly taken from the map's colours, of which the lightness falls steadily."""
 STEEPEST_PERCENT = 1000.0
-UNKNOWN, UNKNOWN_COLOUR = -1.0, "#a9a9a9"
+UNKNOWN = -1.0
 """What the expression yields for a slope that is not known, since NULL would not be drawn."""
 STEEPNESS = f'coalesce(abs("slope_percent"), {UNKNOWN:g})'
 WIDEST_MM, NARROWEST_MM, UNKNOWN_MM = 1.8, 0.42, 0.26

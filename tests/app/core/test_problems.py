@@ -28,6 +28,9 @@ BAD = {
     "tileMatrix": ("x", "-1", "31"),
     "tileRow": ("x", "-1", "1"),
     "tileCol": ("x", "-1", "1"),
+    "file": ("x", "versant.svg", "%00"),
+    "fontstack": ("Arial", "%00"),
+    "range": ("x", "0-254", "%00"),
 }
 
 

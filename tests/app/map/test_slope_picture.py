@@ -15,9 +15,10 @@ from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
 from app.map.attribution import OSM_ATTRIBUTION, attribution
-from app.map.drawn_roads import STEEPNESS, UNKNOWN_COLOUR
+from app.map.drawn_roads import STEEPNESS
 from app.map.slope_map import MapError, MapSegments, line_widths
 from app.map.slope_picture import MAP_IN, slope_figure
+from app.map.style.scale import UNKNOWN_COLOUR
 from fusion.types import Floats
 from map_support import LAT, LON, street
 

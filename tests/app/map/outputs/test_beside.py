@@ -19,10 +19,10 @@ import pytest
 from matplotlib.colors import to_hex, to_rgb
 
 from app.map.drawn_roads import STEEPNESS
-from app.map.drawn_roads import UNKNOWN_COLOUR as ON_THE_MAP
 from app.map.outputs import OUTPUTS, write
-from app.map.outputs.qgis_style import BREAKS_PERCENT, COLOURS, MARK, UNKNOWN_COLOUR, WIDTH_MM, classes, qml
+from app.map.outputs.qgis_style import MARK, WIDTH_MM, classes, qml
 from app.map.segment import PROPERTIES, Segment
+from app.map.style.scale import BREAKS_PERCENT, COLOURS, UNKNOWN_COLOUR
 
 SEGMENT = Segment(
     id=None,
@@ -71,12 +71,12 @@ def test_the_style_is_what_qgis_writes_and_draws_as_the_map_does() -> None:
     assert [r.get("symbol") for r in ranges] == [str(k) for k in range(len(COLOURS) + 1)]
     assert len({r.get("uuid") for r in ranges}) == len(ranges)
     assert [to_hex(STEEPNESS(x)) for x in np.linspace(0, 1, len(COLOURS))] == list(COLOURS)
-    assert UNKNOWN_COLOUR == ON_THE_MAP
     for k, colour in enumerate(COLOURS):
         drawn = symbol(root, str(k))
         assert drawn["line_color"] == ",".join(str(round(255 * c)) for c in to_rgb(colour)) + ",255"
         assert drawn["use_custom_dash"] == "0"
     unknown = symbol(root, str(len(COLOURS)))
+    assert UNKNOWN_COLOUR == "#a9a9a9"
     assert (unknown["line_color"], unknown["use_custom_dash"]) == ("169,169,169,255", "1")
     widths = [o.get("value") for o in root.iter("Option") if o.get("name") == "expression"]
     assert widths == [WIDTH_MM] * (len(COLOURS) + 1), "every class and the source symbol"

@@ -1,0 +1,201 @@
+"""Letters of labels, as maps in a browser read them: signed distance fields of 256 characters in one protobuf message.
+
+The font is DejaVu, which matplotlib brings along, under a free licence of its own (Bitstream Vera, and public domain).
+Nothing of it is copied: its outlines are read where they are installed.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from fontTools.pens.basePen import BasePen
+from fontTools.ttLib import TTFont
+
+from app.core.errors import NotFoundError
+from app.map.style.outlines import distance_field
+
+FONTS = {
+    "DejaVu Sans": "DejaVuSans.ttf",
+    "DejaVu Sans Bold": "DejaVuSans-Bold.ttf",
+    "DejaVu Sans Oblique": "DejaVuSans-Oblique.ttf",
+}
+"""Names that a style may ask for, and their files."""
+FONT_CREDIT = "DejaVu fonts: Bitstream Vera and DejaVu changes, free licence"
+
+EM_PX = 24
+BORDER_PX = 3
+"""Around each letter, for halos; sizes in the message leave it out."""
+BASELINE_PX = 26
+"""From the line that a renderer puts a letter's top against down to the baseline: renderers centre text as if it were
+17 px above, so that figures, which are 18 px high, stand in the middle of what they label."""
+PER_RANGE = 256
+MOST_CHARACTER = 0x10FFFF
+MOST_KEPT = 500
+"""Messages: of three fonts all that are not empty are some two hundred, one after the other."""
+_STEPS = 4
+"""Straight lines that a curve of an outline becomes, at 24 px to the em: nowhere off by more than 0.05 px."""
+_RANGE = re.compile(r"(\d{1,7})-(\d{1,7})", re.ASCII)
+
+
+def fonts_of(stack: str) -> tuple[str, ...]:
+    """Those of the fonts, separated by commas, that there are; the first that has a letter draws it.
+
+    Raises ``NotFoundError`` that lists the fonts where there is none of them.
+    """
+    known = tuple(dict.fromkeys(name for part in stack.split(",") if (name := part.strip()) in FONTS))
+    if not known:
+        raise NotFoundError(
+            f"There is no font {stack[:100]!r}. There are: {', '.join(FONTS)}.", field="fontstack"
+        )
+    return known
+
+
+def first_of_range(text: str) -> int:
+    """The first character of a range such as 0-255; ``NotFoundError`` for anything else."""
+    found = _RANGE.fullmatch(text)
+    if found is not None:
+        first, last = int(found[1]), int(found[2])
+        if first % PER_RANGE == 0 and last == first + PER_RANGE - 1 and last <= MOST_CHARACTER:
+            return first
+    raise NotFoundError(
+        f"{text[:40]!r} is no range of characters. They come by {PER_RANGE}: 0-255, 256-511 and so on.",
+        field="range",
+    )
+
+
+_made: dict[tuple[tuple[str, ...], int], bytes] = {}
+_making = Lock()
+
+
+def glyphs(fonts: tuple[str, ...], first: int) -> bytes:
+    """The message of characters ``first`` to ``first`` + 255; those that no font has are not in it.
+
+    Kept once made. Fonts have few characters beside those that there are, so that what is kept stays small.
+    """
+    found = _made.get((fonts, first))
+    if found is None:
+        with _making:  # one at a time: who asks for the same meanwhile gets what the first one made
+            found = _made.get((fonts, first)) or _message(fonts, first)
+            if len(_made) < MOST_KEPT:
+                _made[fonts, first] = found
+    return found
+
+
+def _message(fonts: tuple[str, ...], first: int) -> bytes:
+    opened = [_font(FONTS[name]) for name in fonts]
+    drawn = []
+    for character in range(first, first + PER_RANGE):
+        font = next((one for one in opened if character in one.names), None)
+        if font is not None:
+            drawn.append(_tagged(3, font.glyph(character)))
+    name = _tagged(1, ",".join(fonts).encode())
+    span = _tagged(2, f"{first}-{first + PER_RANGE - 1}".encode())
+    return _tagged(1, b"".join((name, span, *drawn)))
+
+
+class _Font:
+    """One file's outlines, in pixels at ``EM_PX`` to the em."""
+
+    def __init__(self, path: Path) -> None:
+        font = TTFont(path, lazy=True)
+        self.names: dict[int, str] = font.getBestCmap()
+        self._outlines = font.getGlyphSet()
+        self._scale = EM_PX / font["head"].unitsPerEm
+        self._drawn: dict[int, bytes] = {}
+
+    def glyph(self, character: int) -> bytes:
+        """The message of one letter; one without ink, such as a space, has no picture. Drawn once."""
+        if character not in self._drawn:
+            self._drawn[character] = self._draw(character)
+        return self._drawn[character]
+
+    def _draw(self, character: int) -> bytes:
+        name = self.names[character]
+        pen = _Lines(self._outlines, self._scale)
+        self._outlines[name].draw(pen)
+        advance = max(round(self._outlines[name].width * self._scale), 0)
+        if not pen.contours:
+            return _letter(character, b"", 0, 0, 0, 0, advance)
+        contours = [np.array(line) for line in pen.contours]
+        least, most = np.vstack(contours).min(axis=0), np.vstack(contours).max(axis=0)
+        left, bottom = (int(v) for v in np.floor(least))
+        right, top = (int(v) for v in np.ceil(most))
+        width, height = right - left, top - bottom
+        picture = distance_field(
+            contours, left - BORDER_PX, top + BORDER_PX, width + 2 * BORDER_PX, height + 2 * BORDER_PX
+        )
+        return _letter(character, picture.tobytes(), width, height, left, top - BASELINE_PX, advance)
+
+
+@lru_cache
+def _font(file: str) -> _Font:
+    found = find_spec("matplotlib")  # where it is, without loading it
+    assert found is not None  # noqa: S101 - the package depends on it
+    assert found.origin is not None  # noqa: S101
+    return _Font(Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / file)
+
+
+class _Lines(BasePen):  # type: ignore[misc]
+    """Takes an outline as closed lines of pixels."""
+
+    def __init__(self, outlines: Any, scale: float) -> None:
+        super().__init__(outlines)
+        self.contours: list[list[tuple[float, float]]] = []
+        self._scale = scale
+
+    def _moveTo(self, pt: tuple[float, float]) -> None:  # noqa: N802 - the pen's protocol
+        self.contours.append([self._pixel(pt)])
+
+    def _lineTo(self, pt: tuple[float, float]) -> None:  # noqa: N802
+        self.contours[-1].append(self._pixel(pt))
+
+    def _qCurveToOne(self, pt1: tuple[float, float], pt2: tuple[float, float]) -> None:  # noqa: N802
+        start, handle, end = self.contours[-1][-1], self._pixel(pt1), self._pixel(pt2)
+        for t in np.arange(1, _STEPS + 1) / _STEPS:
+            a, b, c = (1 - t) ** 2, 2 * t * (1 - t), t**2
+            self.contours[-1].append(
+                (a * start[0] + b * handle[0] + c * end[0], a * start[1] + b * handle[1] + c * end[1])
+            )
+
+    def _closePath(self) -> None:  # noqa: N802
+        pass
+
+    def _pixel(self, point: tuple[float, float]) -> tuple[float, float]:
+        return point[0] * self._scale, point[1] * self._scale
+
+
+def _letter(
+    character: int, picture: bytes, width: int, height: int, left: int, top: int, advance: int
+) -> bytes:
+    numbers = ((3, width), (4, height), (5, _zigzag(left)), (6, _zigzag(top)), (7, advance))
+    parts = [_key(1, 0), _varint(character), *([_tagged(2, picture)] if picture else [])]
+    for field, value in numbers:
+        parts += [_key(field, 0), _varint(value)]
+    return b"".join(parts)
+
+
+def _tagged(field: int, content: bytes) -> bytes:
+    return b"".join((_key(field, 2), _varint(len(content)), content))
+
+
+def _key(field: int, kind: int) -> bytes:
+    return _varint(field << 3 | kind)
+
+
+def _zigzag(value: int) -> int:
+    return value << 1 if value >= 0 else (-value << 1) - 1
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    out.append(value)
+    return bytes(out)

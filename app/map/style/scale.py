@@ -1,0 +1,65 @@
+"""The colours of slopes, for every map that is drawn by classes: files for QGIS and the style of web maps.
+
+What is steep, or sure, stands out most: darkest on light ground, brightest on dark ground. The numbers are taken from
+matplotlib's viridis (steepness) and plasma (certainty), of which the lightness rises steadily, so that colour-blind
+people see the order; tests hold them equal, and nothing that serves a map has to load matplotlib.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from itertools import pairwise
+
+BREAKS_PERCENT = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0)
+"""Steepness from which on each class begins; the last has no end."""
+COLOURS = ("#bddf26", "#73d056", "#38b977", "#1f9f88", "#25838e", "#31688e", "#3e4989", "#482878", "#440154")
+"""One a class on light ground, evenly taken from the map's colours, of which the lightness falls steadily."""
+COLOURS_ON_DARK = (
+    "#355f8d", "#2b758e", "#238a8d", "#1fa088", "#2fb47c", "#56c667", "#8bd646", "#c5e021", "#fde725",
+)  # fmt: skip
+UNKNOWN_COLOUR = "#a9a9a9"
+
+SIGMA_BREAKS_PERCENT = (0.0, 0.2, 0.3, 0.5, 1.0, 2.0)
+"""Sigma from which on each class of certainty begins; the last has no end."""
+SIGMA_COLOURS = ("#0d0887", "#5e01a6", "#9e199d", "#cd4a76", "#ef7e50", "#feba2c")
+SIGMA_COLOURS_ON_DARK = ("#f0f921", "#feba2c", "#f2844b", "#d6556d", "#b12a90", "#7e03a8")
+
+
+@dataclass(frozen=True)
+class ColourScale:
+    """Classes of a figure in percent, each from its break up to the next, and their colours."""
+
+    title: str
+    breaks_percent: tuple[float, ...]
+    colours: tuple[str, ...]
+
+    def colour_of(self, value_percent: float) -> str:
+        """The colour of a value, 0 or more."""
+        return self.colours[bisect_right(self.breaks_percent, value_percent) - 1]
+
+    def classes(self) -> list[tuple[str, str]]:
+        """Label and colour of each class: what a legend says."""
+        labels = [f"{low:g} to {high:g} %" for low, high in pairwise(self.breaks_percent)]
+        return list(zip([*labels, f"{self.breaks_percent[-1]:g} % and more"], self.colours, strict=True))
+
+
+def scale_of(colour: str, *, dark: bool) -> ColourScale:
+    """The scale of ``steepness`` or of ``certainty``; KeyError for anything else."""
+    return _SCALES[colour][dark]
+
+
+_STEEPNESS = "Steepness"
+_SIGMA = "Uncertainty of the slope, one standard deviation"
+_SCALES = {
+    "steepness": (
+        ColourScale(_STEEPNESS, BREAKS_PERCENT, COLOURS),
+        ColourScale(_STEEPNESS, BREAKS_PERCENT, COLOURS_ON_DARK),
+    ),
+    "certainty": (
+        ColourScale(_SIGMA, SIGMA_BREAKS_PERCENT, SIGMA_COLOURS),
+        ColourScale(_SIGMA, SIGMA_BREAKS_PERCENT, SIGMA_COLOURS_ON_DARK),
+    ),
+}
+COLOUR_NAMES = tuple(_SCALES)
+"""What the colour of a web map can stand for."""
