@@ -95,11 +95,15 @@ def get(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> WebhookWit
     responses={**UNREADABLE_BODY, **problems(403, 404, 422, 503)},
 )
 def change(
-    webhook_id: WebhookId, service: ServiceDep, base: BaseUrl, asked: Annotated[WebhookChange, Body()]
+    webhook_id: WebhookId,
+    service: ServiceDep,
+    base: BaseUrl,
+    body: Annotated[WebhookChange | None, Body()] = None,
 ) -> Webhook:
     """Change what is named; the secret stays. Switched off it misses what happens to drives; of segments it is told all
     at once when it is switched on again.
     """
+    asked = body or WebhookChange()
     wanted = asked.model_dump(exclude_unset=True)
     for name in ("url", "events", "active"):
         if name in wanted and wanted[name] is None:

@@ -161,6 +161,7 @@ _WENT_WRONG = text(
     """
 )
 _SWITCH_OFF = text("UPDATE webhooks SET active = false, off_reason = :reason WHERE id = :id")
+_SWITCH_ALL_OFF = text("UPDATE webhooks SET active = false, off_reason = :reason WHERE active")
 _GIVE_UP = text(
     """
     UPDATE webhook_deliveries SET state = 'given up', ended_at = clock_timestamp()
@@ -309,6 +310,11 @@ def note_failure(
     session.execute(_SWITCH_OFF, {"id": due.webhook_id, "reason": problem})
     session.execute(_GIVE_UP, {"id": due.webhook_id})
     return True
+
+
+def switch_all_off(session: Session, reason: str) -> None:
+    """Tell nobody any more, until somebody switches each on again."""
+    session.execute(_SWITCH_ALL_OFF, {"reason": reason})
 
 
 def prune_messages(session: Session) -> None:

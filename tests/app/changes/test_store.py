@@ -13,7 +13,7 @@ from app.changes import store
 from app.changes.pages import LOOKED_AT, count_since, page_since, prune
 from app.changes.store import Since
 from app.core.db import Sessions, make_engine, session_factory
-from app.core.errors import BadQueryError, GoneError
+from app.core.errors import BadQueryError, GoneError, NotReadyError
 from app.embedded.cluster import EmbeddedPostgres
 
 TURN = text("UPDATE segments SET name = :name WHERE id = ANY(:ids)")
@@ -232,6 +232,20 @@ def test_numbers_of_another_server_are_put_before_all_others(
         assert session.execute(text("SELECT changed_xid FROM cells WHERE id = 77")).scalar_one() == 0
         with pytest.raises(GoneError):
             store.parse_since(store.state(session), store.text_of(first))
+
+
+def test_much_that_is_to_be_numbered_anew_is_left_to_a_worker(
+    mapped: Sessions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = here(mapped)
+    moved(mapped)
+    with mapped.begin() as session:
+        session.execute(text("UPDATE segment_changes SET xid = 1000000000000"))
+    monkeypatch.setattr(store, "MOST_AT_ONCE", 20)
+    with pytest.raises(NotReadyError, match="worker"):
+        here(mapped)
+    assert store.begin_epoch(mapped)
+    assert here(mapped).epoch != first.epoch
 
 
 def test_a_copy_of_a_database_has_an_epoch_of_its_own(

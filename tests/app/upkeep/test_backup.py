@@ -13,6 +13,7 @@ from sqlalchemy import text
 from typer.testing import CliRunner
 
 from app.changes import store as changes
+from app.changes.webhooks.store import add_webhook, list_webhooks
 from app.cli import app
 from app.core import databases
 from app.core.blobs import BlobStore
@@ -107,6 +108,8 @@ def test_the_same_slopes_come_back_and_the_queue_goes_on(
     before = said_of(settings, tmp_path / "before.geojson", monkeypatch)
     with sessions() as session:
         version = changes.version_text(session, changes.horizon(session))
+    with sessions.begin() as session:
+        add_webhook(session, "https://example.org/", "whsec_", ["drive.done"], None, None)
     manifest = back_up(settings, sessions, copy)
     assert (manifest.drives, len(manifest.files), manifest.missing, manifest.damaged) == (3, 5, (), ())
     assert manifest.versions["postgres_major"] >= 13
@@ -122,6 +125,10 @@ def test_the_same_slopes_come_back_and_the_queue_goes_on(
     run_worker(where, wait=False)
     assert statuses(there) == ["done", "done", "done"], waiting.id
     with there() as session:
+        (webhook,) = list_webhooks(session)
+        assert not webhook.active, (
+            "a copy tells nobody before it is said that it takes the former one's place"
+        )
         with pytest.raises(GoneError):
             changes.parse_version(session, version)
         identity = databases.database_identity(session)
