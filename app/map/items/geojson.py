@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 
 from app.core.text import WHOLE
 from app.map.items.collections import Collection, Property
@@ -18,7 +19,8 @@ _LARGEST = sys.float_info.max
 _WITH_DEFAULT = re.compile(r"coalesce\((\w+)\..+, (\w+)\)")
 
 
-def feature_sql(collection: Collection, crs: Crs, shown: Sequence[str], *, with_line: bool = True) -> str:
+@lru_cache(maxsize=256)
+def feature_sql(collection: Collection, crs: Crs, shown: tuple[str, ...], *, with_line: bool = True) -> str:
     """The expression of a feature's text, over ``Collection.source``; ``shown`` names its properties, in their order.
 
     Where the second of the tables has nothing of the feature, as of most segments of a map, what it would say is
