@@ -32,7 +32,7 @@ def dem_names(service: Service, session: Session, shown: Sequence[Segment] | Non
 def dem_names_at(
     service: Service, session: Session, places: Iterable[tuple[float, float]]
 ) -> tuple[str, ...]:
-    """The same of rasters that cover one of these places, longitude and latitude, which are only looked at if need be."""
+    """The same of rasters that cover one of these places (longitude, latitude), which are looked at only if need be."""
     active = current_dem(session, service.settings.dem_dir)
     if active is None or not active.sources:
         return ()

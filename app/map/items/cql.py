@@ -19,8 +19,10 @@ LANGUAGES = (TEXT, JSON)
 LONGEST_CHARACTERS = 64_000
 DEEPEST = 32
 MOST_OPERATORS = 250
-EXACT = 2**53
+EXACT = 2**53 - 1
 """Up to here every whole number in a text is read exactly."""
+NO_TEXT = re.compile("[\0\ud800-\udfff]")
+"""What no text of PostgreSQL holds: NUL, and halves of characters."""
 
 _QUOTED = re.compile(r"'(?:[^']|'')*'|\"[^\"]*\"")
 _COORDINATES = re.compile(r"\(\s*[-+\d.eE,\s]*\)")
@@ -33,8 +35,8 @@ def parse_filter(text: str, language: str) -> Any:
     """The tree of a filter: dicts, lists, texts, numbers, truth values. Raises ``BadQueryError``."""
     if len(text) > LONGEST_CHARACTERS:
         refuse(f"it has {len(text)} characters; there may be {LONGEST_CHARACTERS}")
-    if "\0" in text:
-        refuse(f"there is a NUL at character {text.index(chr(0)) + 1}")
+    if found := NO_TEXT.search(text):
+        refuse(f"character {found.start() + 1} cannot be part of a text")
     return _of_json(text) if language == JSON else _of_text(text)
 
 

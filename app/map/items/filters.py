@@ -313,7 +313,10 @@ class _Compiler:
             return value.sql or "NULL"
         if value.kind == "number":
             if isinstance(value.literal, float) and value.literal.is_integer() and whole:
-                self._refuse(f"{value.literal:.0f} is not exact in a text; write the filter in {JSON}")
+                self._refuse(
+                    f"{value.literal:.0f} would not be compared exactly; whole numbers go up to {EXACT}, in {JSON} up "
+                    f"to {MAX_ID}"
+                )
             exact = isinstance(value.literal, int) and whole
             return self._parameter(
                 value.literal if exact else float(value.literal), "integer" if exact else "number"

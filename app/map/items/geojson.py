@@ -71,6 +71,11 @@ def _value(one: Property, without: str | None) -> list[str]:
     return pieces
 
 
+def value_sql(one: Property) -> str:
+    """The arguments of concat that write a property's value."""
+    return ", ".join(_joined(_value(one, None)))
+
+
 def _known(one: Property) -> str:
     # NaN is larger than all numbers.
     return f"abs({one.sql}) < 1e15" if one.kind == "number" else f"{one.sql} IS NOT NULL"

@@ -18,7 +18,8 @@ ARITHMETIC: Mapping[str, str] = {
     "^": "power({a}, {b})",
 }
 OF_TEXTS: Mapping[str, str] = {
-    "casei": "lower({a})",
+    # The database's own collation may know the letters of English only.
+    "casei": 'lower({a} COLLATE "und-x-icu")',
     # A letter and its marks apart, then without those.
     "accenti": "normalize(regexp_replace(normalize({a}, NFD), '[\u0300-\u036f]', '', 'g'), NFC)",
 }

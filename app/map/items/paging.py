@@ -95,7 +95,7 @@ class Order:
 
     def _leg(self, after: Values | None, known: bool | None) -> Leg:
         """The items after a place, of those whose leading key is known (True), is not (False), or always is (None)."""
-        sorted_by = self._terms()
+        sorted_by = self._terms(known)
         parts = []
         if known is not None:
             parts.append(f"{sorted_by[0].sql} IS {'NOT ' if known else ''}NULL")
@@ -114,18 +114,14 @@ class Order:
         order = ", ".join(term.order for term in sorted_by)
         return Leg(Condition(" AND ".join(parts) or "true", values), order)
 
-    def _terms(self) -> list[_Term]:
+    def _terms(self, known: bool | None) -> list[_Term]:
         terms = [
             _Term(key.property.sql, key.property.kind, key.descending, key.property.nullable)
             for key in self.keys
         ]
-        # The id out of the same table as the key lets one index give the order.
-        table = terms[-1].sql.partition(".")[0] if terms else ""
-        id_sql = (
-            self._collection.keys.get(table, self._collection.key)
-            if len(terms) == 1
-            else self._collection.key
-        )
+        # The id out of the same table as the key lets one index give the order, where the table has a row at all.
+        table = terms[0].sql.partition(".")[0] if len(terms) == 1 and known else ""
+        id_sql = self._collection.keys.get(table, self._collection.key)
         return [*terms, _Term(id_sql, "integer", self._id_descending, False)]
 
 

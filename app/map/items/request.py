@@ -14,7 +14,7 @@ from typing import Any
 from app.core.errors import BadQueryError
 from app.core.settings import Settings
 from app.map.items.collections import GEOMETRY, Collection, Property
-from app.map.items.cql import LANGUAGES, TEXT
+from app.map.items.cql import LANGUAGES, NO_TEXT, TEXT
 from app.map.items.filters import filter_condition
 from app.map.items.paging import MAX_ID, SQL_TYPES, Order, Values, digest_of, parse_after, parse_sortby
 from app.map.items.places import CRS84, Condition, Crs, in_box, parse_box, parse_crs
@@ -141,8 +141,10 @@ def _sorted_out(
     for name, text in pairs:
         if name not in names:
             raise BadQueryError(f"There is no parameter {name!r}. There are: {', '.join(names)}.", field=name)
-        if "\0" in text:
-            raise BadQueryError(f"{name}: there is a NUL in it.", field=name)
+        if found := NO_TEXT.search(text):
+            raise BadQueryError(
+                f"{name}: character {found.start() + 1} cannot be part of a text.", field=name
+            )
         if name in collection.queryables:
             many.setdefault(name, []).append(text)
         elif name in one:
@@ -154,10 +156,9 @@ def _sorted_out(
 
 def _plain_conditions(collection: Collection, one: Mapping[str, str]) -> list[Condition]:
     conditions = []
-    if "bbox-crs" in one and "bbox" not in one:
-        raise BadQueryError("bbox-crs: there is no bbox that it would be of.", field="bbox-crs")
+    # Without a bbox it says nothing, and is sent all the same by clients that send every parameter's default.
+    crs = parse_crs(one["bbox-crs"], "bbox-crs") if "bbox-crs" in one else CRS84
     if "bbox" in one:
-        crs = parse_crs(one["bbox-crs"], "bbox-crs") if "bbox-crs" in one else CRS84
         conditions.append(in_box(collection.line, parse_box(one["bbox"], crs)))
     if "datetime" in one:
         first, last = parse_datetime(one["datetime"])
@@ -190,7 +191,7 @@ def _filter(collection: Collection, one: Mapping[str, str]) -> Condition:
     return filter_condition(one["filter"], language, crs, collection)
 
 
-def _compared(one: Property, texts: Sequence[str]) -> Condition:
+def _compared(one: Property, texts: Iterable[str]) -> Condition:
     """``name=a,b``: the features whose property is any of these."""
     listed = [part for text in texts for part in text.split(",")]
     if len(listed) > _MOST_VALUES:
@@ -206,12 +207,27 @@ def _compared(one: Property, texts: Sequence[str]) -> Condition:
         return Condition("(" + " OR ".join(condition.sql for condition in some) + ")", values)
     try:
         # A name may have a comma in it.
-        read = [_READERS[one.kind](text) for text in dict.fromkeys([*listed, *texts] if one.kind == "string" else listed)]
+        texts = dict.fromkeys([*listed, *texts]) if one.kind == "string" else listed
+        read = [_READERS[one.kind](text) for text in texts]
     except ValueError:
         raise BadQueryError(
             f"{one.name}: {_WANTED[one.kind]}, or several with commas.", field=one.name
         ) from None
+    if one.digits is not None:
+        return _as_shown(one, name, read)
     return Condition(f"{one.sql} = ANY(CAST(%({name})s AS {SQL_TYPES[one.kind]}[]))", {name: read})
+
+
+def _as_shown(one: Property, name: str, numbers: Sequence[float]) -> Condition:
+    """Numbers are served with some digits: one that was read here means all that look like it."""
+    half = 0.5 / 10 ** (one.digits or 0)
+    within = f"{one.sql} BETWEEN CAST(%({name}_{{n}}_0)s AS float8) AND CAST(%({name}_{{n}}_1)s AS float8)"
+    values = {
+        f"{name}_{n}_{end}": number + sign * half
+        for n, number in enumerate(numbers)
+        for end, sign in enumerate((-1, 1))
+    }
+    return Condition("(" + " OR ".join(within.format(n=n) for n in range(len(numbers))) + ")", values)
 
 
 def _whole(text: str) -> int:

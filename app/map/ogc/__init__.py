@@ -1,1 +1,1 @@
-"""OGC API Features: its documents in every form that is asked for, and the routes to them. ``app.map.items`` answers."""
+"""OGC API Features: its documents in every form, and the routes to them. ``app.map.items`` finds the items."""

@@ -8,12 +8,12 @@ from typing import Any
 from fastapi import APIRouter, FastAPI, Request, Response
 
 from app.core.errors import NotAcceptableError
-from app.core.http import JSON, BaseUrl, json_answer, link, problems
+from app.core.http import JSON, BaseUrl, link, problems
 from app.core.query import refuse_unknown
 from app.core.text import dumps
 from app.map.ogc.negotiation import AS_HTML, HTML, Form, FormatQuery, Wanted, answered, wanted
 from app.map.ogc.openapi30 import openapi_30
-from app.map.ogc.pages import PAGE_HEADERS, page
+from app.map.ogc.pages import PAGE_HEADERS, described, page
 
 _OPENAPI = "application/vnd.oai.openapi+json"
 OPENAPI_31 = Form(("json", "openapi-3.1"), (f"{_OPENAPI};version=3.1", JSON), "OpenAPI 3.1")
@@ -27,7 +27,18 @@ router = APIRouter(tags=["map"])
     "/openapi.json",
     summary="The API's description",
     response_class=Response,
-    responses={200: json_answer("OpenAPI 3.1, or 3.0.", {"openapi": "3.1.0"}), **problems(400, 406)},
+    responses={
+        200: {
+            "description": "OpenAPI 3.1, or 3.0.",
+            "content": {
+                media_type: {"schema": {"type": "object"}, "example": {"openapi": version}}
+                for form, version in ((OPENAPI_31, "3.1.0"), (OPENAPI_30, "3.0.3"))
+                for media_type in form.media_types
+            },
+        },
+        304: {"description": "Unchanged since the ETag."},
+        **problems(400, 406),
+    },
 )
 def openapi(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     """Everything that can be asked, with examples: OpenAPI 3.1.
@@ -44,13 +55,7 @@ def openapi(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     "/docs",
     summary="The API's description for people",
     response_class=Response,
-    responses={
-        200: {
-            "description": "A page that loads nothing from elsewhere.",
-            "content": {HTML: {"schema": {"type": "string"}, "example": "<!doctype html>"}},
-        },
-        **problems(400, 406),
-    },
+    responses=described("A page that loads nothing from elsewhere.", {}, 400, 406),
 )
 def docs(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     """All routes with their parameters and answers, on one page."""

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 from sqlalchemy.orm import Session
 
 from app.core.errors import NotFoundError
-from app.core.http import JSON, BaseUrl, Link, Service, ServiceDep, json_answer, link, link_documents, problems
+from app.core.http import JSON, BaseUrl, Link, Service, ServiceDep, link, link_documents
 from app.core.query import refuse_unknown
 from app.core.text import GEO_JSON, utc_text
 from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
@@ -16,7 +16,7 @@ from app.map.coverage import cached_extent, dem_names
 from app.map.items.collections import COLLECTIONS, Collection
 from app.map.items.places import CRSS
 from app.map.ogc.negotiation import AS_HTML, AS_JSON, HTML, FormatQuery, wanted
-from app.map.ogc.pages import document_answer
+from app.map.ogc.pages import described, document_answer
 from app.map.ogc.schemas import schema_links
 from app.network.cells import last_change
 
@@ -70,10 +70,7 @@ def collection_links(base: str, collection: Collection) -> list[Link]:
     "/collections",
     summary="Collections",
     response_class=Response,
-    responses={
-        200: json_answer("All of them.", {"links": [], "collections": [_EXAMPLE]}),
-        **problems(400, 406, 503),
-    },
+    responses=described("All of them.", {JSON: {"links": [], "collections": [_EXAMPLE]}}, 400, 406, 503),
 )
 def collections(request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuery = None) -> Response:
     """The road segments, and the ways that they make up."""
@@ -135,7 +132,7 @@ def _route(collection: Collection) -> None:
         name=f"collection_{collection.id}",
         summary=f"The collection of {collection.id}",
         response_class=Response,
-        responses={200: json_answer("The collection.", _EXAMPLE), **problems(400, 406, 503)},
+        responses=described("The collection.", {JSON: _EXAMPLE}, 400, 406, 503),
     )
 
 

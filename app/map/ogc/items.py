@@ -1,4 +1,4 @@
-"""Pages of items and single items of each collection. The engine makes the text of features; here is what is around it."""
+"""Pages of items and single items of each collection. The engine makes the text of features; here is what is around."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Request, Response
 from sqlalchemy.orm import Session
 
-from app.core.http import BaseUrl, Link, Service, ServiceDep, found, geojson_answer, link, link_documents, problems
+from app.core.http import BaseUrl, Link, Service, ServiceDep, found, link, link_documents
 from app.core.text import GEO_JSON, dumps, utc_text
 from app.map.attribution import attribution
 from app.map.coverage import dem_names, dem_names_at
@@ -21,7 +21,7 @@ from app.map.items.collections import COLLECTIONS, Collection
 from app.map.items.places import Crs
 from app.map.items.request import ItemRequest, parse_item, parse_items
 from app.map.ogc.negotiation import AS_GEOJSON, AS_HTML, HTML, Wanted, answered, wanted, with_pairs
-from app.map.ogc.pages import PAGE_HEADERS, page
+from app.map.ogc.pages import PAGE_HEADERS, described, page
 from app.map.ogc.parameters import item_parameters_of_one, items_parameters
 from app.map.segment import HEIGHT_DATUM
 from app.map.segments import EXAMPLE_ADDRESS, FEATURE_EXAMPLE, MAX_ID
@@ -39,6 +39,9 @@ ITEMS_EXAMPLE: dict[str, Any] = {
     "features": [FEATURE_EXAMPLE],
 }
 _POINT = re.compile(r"\[(-?[\d.]+(?:[eE]-?\d+)?),(-?[\d.]+(?:[eE]-?\d+)?)\]")
+_PROBLEMS = (400, 406, 503)
+_SINCE = {True: (410,), False: ()}
+"""What else may be wrong where ``updated_since`` names a version."""
 ItemId = Annotated[int, Path(ge=1, le=MAX_ID, description="The item's number.", examples=[17])]
 
 router = APIRouter(tags=["map"])
@@ -159,7 +162,9 @@ def _content_crs(crs: Crs) -> dict[str, str]:
     return {"Content-Crs": f"<{crs.uri}>"}
 
 
-def _rasters(service: Service, session: Session, features: Sequence[str], asked: ItemRequest) -> tuple[str, ...]:
+def _rasters(
+    service: Service, session: Session, features: Sequence[str], asked: ItemRequest
+) -> tuple[str, ...]:
     """The elevation rasters under the items that are shown."""
     if not asked.shape.with_line:
         return dem_names(service, session) if features else ()
@@ -184,22 +189,20 @@ def _routes(collection: Collection) -> None:
 
     items.__doc__ = (
         "Follow the `next` link until there is none: every matching item comes exactly once.\n\n"
-        "`numberMatched` is given where it costs little. A segment with a slope and 0 drives is a gap (see `gaps`): its "
-        "slope comes from the roads on both its sides."
+        "`numberMatched` is given where it costs little. A segment with a slope and 0 drives is a gap (see `gaps`): "
+        "its slope comes from the roads on both its sides."
     )
     item.__doc__ = "The item with the slope that all its drives together give; `gaps` as for many items."
-    page_of = geojson_answer("One page of items, by ascending id unless `sortby` says otherwise.", ITEMS_EXAMPLE)
-    one = geojson_answer("The item.", FEATURE_EXAMPLE)
-    for answer in (page_of, one):
-        answer["content"][HTML] = {"schema": {"type": "string"}, "example": "<!doctype html>"}
-    unchanged = {"description": "Unchanged since the ETag."}
+    page_of = "One page of items, by ascending id unless `sortby` says otherwise."
     router.add_api_route(
         f"/collections/{collection.id}/items",
         items,
         name=f"items_of_{collection.id}",
         summary=collection.title,
         response_class=Response,
-        responses={200: page_of, 304: unchanged, **problems(400, 406, 503)},
+        responses=described(
+            page_of, {GEO_JSON: ITEMS_EXAMPLE}, *_PROBLEMS, *_SINCE[collection.follows_changes]
+        ),
         openapi_extra={"parameters": items_parameters(collection)},
     )
     router.add_api_route(
@@ -208,7 +211,7 @@ def _routes(collection: Collection) -> None:
         name=f"item_of_{collection.id}",
         summary=f"One item of {collection.id}",
         response_class=Response,
-        responses={200: one, 304: unchanged, **problems(400, 404, 406, 503)},
+        responses=described("The item.", {GEO_JSON: FEATURE_EXAMPLE}, *_PROBLEMS, 404),
         openapi_extra={"parameters": item_parameters_of_one(collection)},
     )
 

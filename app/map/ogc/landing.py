@@ -6,12 +6,12 @@ from typing import Any
 
 from fastapi import APIRouter, Request, Response
 
-from app.core.http import BaseUrl, json_answer, link, link_documents, problems
+from app.core.http import JSON, BaseUrl, link, link_documents
 from app.core.query import refuse_unknown
 from app.map.attribution import attribution
 from app.map.ogc.api import OPENAPI_30, OPENAPI_31
 from app.map.ogc.negotiation import AS_HTML, AS_JSON, HTML, FormatQuery, wanted
-from app.map.ogc.pages import document_answer
+from app.map.ogc.pages import described, document_answer
 
 BIND_NOTE = (
     "There is no access control yet: the service listens only on this machine's loopback address unless it "
@@ -32,12 +32,30 @@ QUERY_CLASSES = (
     f"{_FEATURES}3/1.0/conf/filter",
     f"{_FEATURES}3/1.0/conf/features-filter",
 )
+_CQL2 = "http://www.opengis.net/spec/cql2/1.0/conf/"
+CQL2_CLASSES = tuple(
+    _CQL2 + name
+    for name in (
+        "cql2-text",
+        "cql2-json",
+        "basic-cql2",
+        "advanced-comparison-operators",
+        "case-insensitive-comparison",
+        "accent-insensitive-comparison",
+        "basic-spatial-functions",
+        "basic-spatial-functions-plus",
+        "spatial-functions",
+        "temporal-functions",
+        "property-property",
+        "arithmetic",
+    )
+)
 SCHEMA_CLASSES = (
     f"{_FEATURES}5/1.0/conf/schemas",
     f"{_FEATURES}5/1.0/conf/core-roles-features",
     f"{_FEATURES}5/1.0/conf/returnables-and-receivables",
 )
-CONFORMANCE = (*CORE_CLASSES, *SCHEMA_CLASSES)
+CONFORMANCE = (*CORE_CLASSES, *CRS_CLASSES, *QUERY_CLASSES, *CQL2_CLASSES, *SCHEMA_CLASSES)
 
 router = APIRouter(tags=["map"])
 
@@ -46,7 +64,7 @@ router = APIRouter(tags=["map"])
     "/",
     summary="Landing page",
     response_class=Response,
-    responses={200: json_answer("Links to all there is.", {"links": []}), **problems(400, 406)},
+    responses=described("Links to all there is.", {JSON: {"links": []}}, 400, 406),
 )
 def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     """Where everything is."""
@@ -54,7 +72,12 @@ def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     form = wanted(request, f, AS_JSON, AS_HTML)
     links = [
         *form.links(f"{base}/"),
-        link(f"{base}/openapi.json?f={OPENAPI_30.names[0]}", "service-desc", OPENAPI_30.media_types[0], "The API, OpenAPI 3.0"),
+        link(
+            f"{base}/openapi.json?f={OPENAPI_30.names[0]}",
+            "service-desc",
+            OPENAPI_30.media_types[0],
+            "The API, OpenAPI 3.0",
+        ),
         link(f"{base}/openapi.json", "service-desc", OPENAPI_31.media_types[0], "The API, OpenAPI 3.1"),
         link(f"{base}/docs", "service-doc", HTML, "The API, for people"),
         link(f"{base}/conformance", "conformance", title="Conformance classes"),
@@ -75,7 +98,7 @@ def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     "/conformance",
     summary="Conformance classes",
     response_class=Response,
-    responses={200: json_answer("The classes.", {"conformsTo": list(CONFORMANCE)}), **problems(400, 406)},
+    responses=described("The classes.", {JSON: {"conformsTo": list(CONFORMANCE)}}, 400, 406),
 )
 def conformance(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     """The parts of OGC standards that this service keeps to."""

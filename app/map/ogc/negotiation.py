@@ -131,7 +131,7 @@ def _link_header(links: Sequence[Link]) -> str:
     length = 0
     for one in links:
         part = f'<{one.href}>; rel="{one.rel}"' + (f'; type="{one.type}"' if one.type else "")
-        length += len(part) + 2
-        if length <= MOST_IN_HEADER and part.isascii():
+        if length + len(part) + 2 <= MOST_IN_HEADER and part.isascii():
+            length += len(part) + 2
             parts.append(part)
     return ", ".join(parts)

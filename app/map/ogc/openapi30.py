@@ -18,12 +18,32 @@ _LICENSES = {"Apache-2.0": "https://www.apache.org/licenses/LICENSE-2.0"}
 """3.0 wants an address where 3.1 takes an identifier."""
 
 _ONLY_31 = frozenset(
-    {"$schema", "$id", "$anchor", "$comment", "$defs", "$dynamicRef", "$dynamicAnchor", "$vocabulary", "if", "then"}
-    | {"else", "contains", "minContains", "maxContains", "patternProperties", "propertyNames", "dependentSchemas"}
+    {
+        "$schema",
+        "$id",
+        "$anchor",
+        "$comment",
+        "$defs",
+        "$dynamicRef",
+        "$dynamicAnchor",
+        "$vocabulary",
+        "if",
+        "then",
+    }
+    | {
+        "else",
+        "contains",
+        "minContains",
+        "maxContains",
+        "patternProperties",
+        "propertyNames",
+        "dependentSchemas",
+    }
     | {"dependentRequired", "unevaluatedItems", "unevaluatedProperties", "contentEncoding", "contentSchema"}
 )
 _LISTS = ("allOf", "anyOf", "oneOf")
 _NULL = {"type": "null"}
+_NULL_30 = {"enum": [None], "nullable": True}
 _METHODS = frozenset({"get", "put", "post", "delete", "options", "head", "patch", "trace"})
 
 
@@ -72,7 +92,11 @@ def _place(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     return {
-        name: part if name in {"example", "examples"} else schema_30(part) if name == "schema" else _place(part)
+        name: part
+        if name in {"example", "examples"}
+        else schema_30(part)
+        if name == "schema"
+        else _place(part)
         for name, part in value.items()
     }
 
@@ -138,33 +162,35 @@ def _choices(schema: Json) -> None:
         if name not in schema:
             continue
         kinds = [kind for kind in schema[name] if kind != _NULL]
-        if len(kinds) < len(schema[name]):
-            schema["nullable"] = True
+        with_null = len(kinds) < len(schema[name])
         made = [schema_30(kind) for kind in kinds]
         del schema[name]
-        if len(made) == 1 and "$ref" not in made[0] and not made[0].keys() & schema.keys():
-            schema.update(made[0])
-        elif len(made) == 1:
+        if len(made) == 1 and "$ref" in made[0]:
+            # As generators of clients read it; to the letter nullable says nothing where there is no type beside it.
             schema["allOf"] = [*schema.get("allOf", []), *made]
-        elif made:
-            schema[name] = made
+            schema.update({"nullable": True} if with_null else {})
+        elif len(made) == 1 and (not with_null or "type" in made[0]) and not made[0].keys() & schema.keys():
+            schema.update(made[0])
+            schema.update({"nullable": True} if with_null else {})
+        else:
+            schema[name] = [*made, *([dict(_NULL_30)] if with_null else [])]
 
 
 def _types(schema: Json) -> None:
-    types = schema.get("type")
+    types = schema.pop("type", None)
     kinds = types if isinstance(types, list) else [] if types is None else [types]
-    if "null" in kinds:
-        kinds = [kind for kind in kinds if kind != "null"]
-        schema["nullable"] = True
-        if not kinds:  # nothing but null
-            schema["enum"] = [None]
-    if types is None:
-        return
-    del schema["type"]
-    if len(kinds) == 1:
-        schema["type"] = kinds[0]
+    with_null = {"nullable": True} if "null" in kinds else {}
+    kinds = [kind for kind in kinds if kind != "null"]
+    if with_null and not kinds:
+        schema.update(_NULL_30)
+    elif len(kinds) == 1:
+        schema.update({"type": kinds[0], **with_null})
     elif kinds:
-        schema["anyOf"] = [{"type": kind, **({"items": {}} if kind == "array" else {})} for kind in kinds]
+        # Nullable counts only beside a type.
+        schema["anyOf"] = [
+            {"type": kind, **with_null, **({"items": schema.get("items", {})} if kind == "array" else {})}
+            for kind in kinds
+        ]
         schema.pop("items", None)
 
 

@@ -10,7 +10,7 @@ from fastapi import Request, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from app.core.http import Link
+from app.core.http import Link, problems
 from app.core.text import dumps
 from app.map.ogc.negotiation import HTML, Wanted, answered
 
@@ -49,7 +49,9 @@ def _prose(text: str) -> Markup:
     parts = text.split("`")
     if len(parts) % 2 == 0:
         return escape(text)
-    marked = [Markup("<code>{}</code>").format(part) if n % 2 else escape(part) for n, part in enumerate(parts)]
+    marked = [
+        Markup("<code>{}</code>").format(part) if n % 2 else escape(part) for n, part in enumerate(parts)
+    ]
     return Markup("").join(marked)
 
 
@@ -63,6 +65,19 @@ def _kind(schema: dict[str, Any]) -> str:
 def page(template: str, *, title: str, crumbs: Crumbs, links: Sequence[Link], **values: Any) -> str:
     """The page; ``links`` gives its other forms. What ``values`` hold is shown as text, whatever characters it has."""
     return _templates().get_template(template).render(title=title, crumbs=crumbs, links=links, **values)
+
+
+def described(description: str, contents: dict[str, Any], *statuses: int) -> dict[int | str, dict[str, Any]]:
+    """What the API's document says of a route's answers: an example of each media type, a page, 304, problems."""
+    content: dict[str, Any] = {
+        media_type: {
+            "schema": {"type": "string" if isinstance(example, str) else "object"},
+            "example": example,
+        }
+        for media_type, example in {**contents, HTML: "<!doctype html>"}.items()
+    }
+    unchanged = {"description": "Unchanged since the ETag."}
+    return {200: {"description": description, "content": content}, 304: unchanged, **problems(*statuses)}
 
 
 def document_answer(

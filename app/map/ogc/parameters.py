@@ -22,8 +22,8 @@ _LIMIT = "limit"
 _DESCRIBED: Mapping[str, tuple[Json, str]] = {
     "bbox": (
         {"type": "array", "items": {"type": "number"}, "minItems": 4, "maxItems": 6},
-        "west,south,east,north in degrees; west > east crosses the antimeridian. Of six numbers the third and the last, "
-        "heights, are left out.",
+        "west,south,east,north in degrees; west > east crosses the antimeridian. Of six numbers the third and the "
+        "last, heights, are left out.",
     ),
     "bbox-crs": (_CRS, "The reference system of `bbox`."),
     _LIMIT: ({"type": "integer", "minimum": 1}, "Items per page; a larger number is reduced to the maximum."),
@@ -34,11 +34,14 @@ _DESCRIBED: Mapping[str, tuple[Json, str]] = {
     ),
     "driven": (_TRUTH, "Only items that were (true) or were not (false) driven."),
     "filter": (_TEXT, "A condition in CQL2, as in `slope_percent > 8 AND highway = 'residential'`."),
-    "filter-lang": ({"type": "string", "enum": list(LANGUAGES), "default": TEXT}, "The language of `filter`."),
+    "filter-lang": (
+        {"type": "string", "enum": list(LANGUAGES), "default": TEXT},
+        "The language of `filter`.",
+    ),
     "filter-crs": (_CRS, "The reference system of geometries in `filter`."),
     "sortby": (
         _TEXT,
-        "Properties with commas, each with a minus for descending order, as in `-slope_percent`. The unknown comes last.",
+        "Properties with commas, each with a minus for descending order: `-slope_percent`. The unknown comes last.",
     ),
     "after": (_TEXT, "Where the page begins; only `next` links know what to write here."),
     "gaps": (_TRUTH, "With true, undriven segments between driven ones come with the slope that follows."),

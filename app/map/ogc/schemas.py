@@ -13,21 +13,20 @@ from xml.sax.saxutils import quoteattr
 
 from fastapi import APIRouter, Request, Response
 
-from app.core.http import BaseUrl, Link, link, problems
+from app.core.http import BaseUrl, Link, link
 from app.core.query import refuse_unknown
 from app.map.items.collections import COLLECTIONS, GEOMETRY, Collection, Property
 from app.map.ogc.negotiation import (
     AS_HTML,
     AS_SCHEMA,
     AS_XSD,
-    HTML,
     SCHEMA_JSON,
     XML,
     FormatQuery,
     answered,
     wanted,
 )
-from app.map.ogc.pages import document_answer
+from app.map.ogc.pages import described, document_answer
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _RELATIONS = "http://www.opengis.net/def/rel/ogc/1.0/"
@@ -84,7 +83,9 @@ def returnables(address: str, collection: Collection) -> dict[str, Any]:
         one["x-ogc-propertySeq"] = n
         one["readOnly"] = True
     required = [name for name, one in collection.properties.items() if not one.nullable]
-    text = f"{collection.title}: the properties of each item. Those that are not required may be null: unknown."
+    text = (
+        f"{collection.title}: the properties of each item. Those that are not required may be null: unknown."
+    )
     return {**_schema(address, collection.title, text, properties), "required": [*required, GEOMETRY]}
 
 
@@ -103,9 +104,9 @@ def sortables(address: str, collection: Collection) -> dict[str, Any]:
 
 
 def xml_schema(collection: Collection) -> str:
-    """The properties as elements of an XML Schema, GML's simple features. The id is the feature's own, not one of them."""
+    """The properties as elements of an XML Schema (GML), but for the id, which is the feature's own."""
     elements = "\n".join(
-        f"    <xs:element name={quoteattr(one.name)} type=\"xs:{_XSD_TYPES[one.type, one.format]}\" "
+        f'    <xs:element name={quoteattr(one.name)} type="xs:{_XSD_TYPES[one.type, one.format]}" '
         f'minOccurs="{int(not one.nullable)}"/>'
         for one in collection.properties.values()
         if _ROLES.get(one.name) != "id"
@@ -136,7 +137,7 @@ _LINE = {
 }
 _XSD = """<?xml version="1.0" encoding="UTF-8"?>
 <xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" xmlns:gml="http://www.opengis.net/gml/3.2"
-    xmlns:versant="urn:versant:{name}" targetNamespace="urn:versant:{name}" elementFormDefault="qualified" version="1.0">
+    xmlns:versant="urn:versant:{name}" targetNamespace="urn:versant:{name}" elementFormDefault="qualified">
   <xs:import namespace="http://www.opengis.net/gml/3.2" schemaLocation="http://schemas.opengis.net/gml/3.2.1/gml.xsd"/>
   <xs:element name="{name}" type="versant:{name}Type" substitutionGroup="gml:AbstractFeature"/>
   <xs:complexType name="{name}Type"><xs:complexContent><xs:extension base="gml:AbstractFeatureType"><xs:sequence>
@@ -168,21 +169,24 @@ def _route(collection: Collection, name: str, title: str, text: str, make: Maker
         )
 
     document.__doc__ = text
-    content: dict[str, Any] = {SCHEMA_JSON: {"schema": {"type": "object"}, "example": _EXAMPLE}}
-    if AS_XSD in forms:
-        content[XML] = {"schema": {"type": "string"}, "example": "<xs:schema/>"}
-    content[HTML] = {"schema": {"type": "string"}, "example": "<!doctype html>"}
+    contents: dict[str, Any] = {SCHEMA_JSON: _EXAMPLE, **({XML: "<xs:schema/>"} if AS_XSD in forms else {})}
     router.add_api_route(
         f"/collections/{collection.id}/{name}",
         document,
         name=f"{name}_of_{collection.id}",
         summary=f"{title} of {collection.id}",
         response_class=Response,
-        responses={200: {"description": f"{title}.", "content": content}, **problems(400, 406)},
+        responses=described(f"{title}.", contents, 400, 406),
     )
 
 
 for _collection in COLLECTIONS.values():
-    _route(_collection, "schema", "Schema", "Every property of an item: type, unit, meaning. Also as XML Schema.", returnables)
+    _route(
+        _collection,
+        "schema",
+        "Schema",
+        "Every property of an item: type, unit, meaning. Also as XML Schema.",
+        returnables,
+    )
     _route(_collection, "queryables", "Queryables", "What `filter` may name.", queryables)
     _route(_collection, "sortables", "Sortables", "What `sortby` may name.", sortables)

@@ -1,0 +1,5 @@
+"""The database that these tests read."""
+
+from items_support import items
+
+__all__ = ["items"]
