@@ -87,8 +87,7 @@ def _judged(name: str, client: Client, address: str, truth: Truth) -> Verdict:
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="versant-client-") as folder:
         try:
-            reading = client(address, Path(folder))
-            reading.rows = list(reading.rows)
+            reading = features.complete(client, address, Path(folder))
             verdict = truth.judged(name, reading)
         except Exception as error:
             took = time.perf_counter() - began

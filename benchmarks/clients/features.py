@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,12 @@ PAGE = 10_000
 PAGED = ("-oo", f"PAGE_SIZE={PAGE}")
 COLLECTION = "segments"
 NAMES = (*PROPERTIES, *ENDS)
+
+
+def complete(client: Callable[[str, Path], Reading], address: str, folder: Path) -> Reading:
+    """What a client got, with all rows at hand: a reading that another process may send."""
+    reading = client(address, folder)
+    return replace(reading, rows=list(reading.rows))
 
 
 def ogr2ogr(address: str, folder: Path, options: Sequence[str] = ()) -> Reading:

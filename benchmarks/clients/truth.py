@@ -34,7 +34,7 @@ _SEGMENTS = """
 """
 
 
-@dataclass
+@dataclass(frozen=True)
 class Reading:
     """What a client got."""
 

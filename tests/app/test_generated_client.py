@@ -65,6 +65,7 @@ def test_a_generated_client_uploads_a_drive_and_reads_segments(generated: str, f
         listed = operation(generated, filled, "list_drives").sync(client=client)
         assert [one.id for one in listed.drives] == [sent.parsed.id]
         page = operation(generated, filled, "items_of_segments").sync_detailed(client=client, limit=50)
+        assert page.status_code == HTTPStatus.OK, page.content
         shown = json.loads(page.content)
         assert len(shown["features"]) == 50
         number = shown["features"][0]["id"]

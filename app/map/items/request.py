@@ -156,10 +156,9 @@ def _sorted_out(
 
 def _plain_conditions(collection: Collection, one: Mapping[str, str]) -> list[Condition]:
     conditions = []
-    if "bbox-crs" in one and "bbox" not in one:
-        raise BadQueryError("bbox-crs: there is no bbox that it would be of.", field="bbox-crs")
+    # Without a bbox it says nothing, and is sent all the same by clients that send every parameter's default.
+    crs = parse_crs(one["bbox-crs"], "bbox-crs") if "bbox-crs" in one else CRS84
     if "bbox" in one:
-        crs = parse_crs(one["bbox-crs"], "bbox-crs") if "bbox-crs" in one else CRS84
         conditions.append(in_box(collection.line, parse_box(one["bbox"], crs)))
     if "datetime" in one:
         first, last = parse_datetime(one["datetime"])
