@@ -135,7 +135,7 @@ def proposals(
     }
     ways, nodes = read_ways(source.road_files(), steep)
     for way in ways:
-        found = [s for s in sections(way, measured, options) if is_told(s, options)]
+        found = told(list(sections(way, measured, options)), options)
         if found and all(node in nodes for node in way.nodes):
             yield way, found, nodes
 
@@ -244,12 +244,19 @@ def conflicts(tag: str, percent: float, tolerance_percent: float) -> bool:
     return {"up": 1, "down": -1}.get(tag.strip().lower(), 0) != (1 if percent > 0 else -1)
 
 
-def is_told(section: Section, options: InclineOptions) -> bool:
-    """A tag that says the same is left in peace; one that says the direction alone counts as none."""
-    tag = section.tagged
-    if tag is None or (
-        tagged_percent(tag) is None and not conflicts(tag, section.percent, options.conflict_percent)
+def told(found: Sequence[Section], options: InclineOptions) -> list[Section]:
+    """Of a way's sections those that are worth a person's time.
+
+    A number that one of them agrees with is left in peace: it is meant for the steepest of the way. A tag that says
+    the direction alone counts as none where it says the right one.
+    """
+    limit = options.conflict_percent
+    if any(
+        tagged_percent(s.tagged or "") is not None and not conflicts(s.tagged or "", s.percent, limit)
+        for s in found
     ):
-        return options.only is not Only.CONFLICT
-    in_conflict = conflicts(tag, section.percent, options.conflict_percent)
-    return in_conflict and options.only is not Only.UNTAGGED
+        return []
+    in_conflict = [s for s in found if s.tagged is not None and conflicts(s.tagged, s.percent, limit)]
+    if options.only is Only.BOTH:
+        return list(found)
+    return [s for s in found if (s in in_conflict) == (options.only is Only.CONFLICT)]

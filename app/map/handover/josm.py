@@ -6,12 +6,13 @@ each with ``id`` and ``version``; new ones have negative numbers and no version;
 The layer cannot be uploaded: it is a suggestion. Who agrees downloads the present state into another layer and does the
 same there, with the relations that the way is part of, which this file does not have. The piece with the most nodes
 keeps the way's number, as where JOSM splits; all pieces keep its tags, and on steep ones ``incline`` is as proposed. A
-node of its own on each steep piece tells in its ``note`` what was measured. Where the imported file had no versions,
+node of its own beside each steep piece tells in its ``note`` what was measured. Where the file had no versions,
 ``version`` is 1, since JOSM opens no file without.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,6 +26,9 @@ from app.map.handover.inclines import InclineOptions, Section, proposals
 from app.map.handover.osm_files import OsmNode, OsmWay
 
 _UNKNOWN_VERSION = 1
+_BESIDE_DEG = 3e-5
+"""By which notes lie north of the road, some 3 m: on it they would be taken for its own nodes."""
+_NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ class Josm:
                     number -= 1
             file.writelines(notes)
             for way, sections, _ in found:
-                for text, is_new in _ways(way, sections, number):
+                for text, is_new in layer_ways(way, sections, number):
                     file.write(text)
                     number -= is_new
             file.write("</osm>\n")
@@ -97,13 +101,16 @@ def _nodes(found: list[tuple[OsmWay, list[Section], Mapping[int, OsmNode]]]) -> 
 
 
 def _note(number: int, section: Section, nodes: Mapping[int, OsmNode], stated: Stated) -> str:
-    """A node at the middle of a section that tells what was measured."""
-    place = nodes[section.way.nodes[(section.first + section.last) // 2]]
+    """A node beside the middle of a section that tells what was measured."""
+    middle = (section.first + section.last) // 2
+    one, other = (nodes[node] for node in section.way.nodes[middle : middle + 2])
+    lat = 0.5 * (one.lat_deg + other.lat_deg) + _BESIDE_DEG
+    lon = 0.5 * (one.lon_deg + other.lon_deg)
     tags = {"note": section.told(), "source": stated.get("attribution", "")}
-    return f'  <node id="{number}" lat="{place.lat_deg:.7f}" lon="{place.lon_deg:.7f}">\n{_tags(tags)}  </node>\n'
+    return f'  <node id="{number}" lat="{lat:.7f}" lon="{lon:.7f}">\n{_tags(tags)}  </node>\n'
 
 
-def _ways(way: OsmWay, sections: list[Section], next_number: int) -> Iterator[tuple[str, bool]]:
+def layer_ways(way: OsmWay, sections: list[Section], next_number: int) -> Iterator[tuple[str, bool]]:
     """The pieces of a way as XML, and whether each is new."""
     parts = pieces(way, sections)
     largest = max(parts, key=lambda piece: (piece.last - piece.first, -piece.first))
@@ -119,4 +126,9 @@ def _ways(way: OsmWay, sections: list[Section], next_number: int) -> Iterator[tu
 
 
 def _tags(tags: Mapping[str, str]) -> str:
-    return "".join(f"    <tag k={quoteattr(k)} v={quoteattr(v)}/>\n" for k, v in sorted(tags.items()))
+    return "".join(f"    <tag k={_quoted(k)} v={_quoted(v)}/>\n" for k, v in sorted(tags.items()))
+
+
+def _quoted(text: str) -> str:
+    """As an attribute; without the characters that a file may hold and XML may not."""
+    return quoteattr(_NOT_IN_XML.sub("", text))

@@ -19,13 +19,14 @@ from app.map.handover.inclines import (
     InclineOptions,
     Section,
     conflicts,
-    is_told,
     sections,
     steepest_percent,
     tagged_percent,
+    told,
 )
-from app.map.handover.josm import pieces
-from app.map.handover.osm_files import OsmWay
+from app.map.handover.josm import layer_ways, pieces
+from app.map.handover.maproulette import task as task_of
+from app.map.handover.osm_files import OsmNode, OsmWay
 from app.map.segment import Segment
 
 Mapped = Any  # of conftest, which cannot be imported
@@ -236,6 +237,8 @@ def test_the_layer_for_josm_splits_ways_and_can_not_be_uploaded(mapped: Mapped, 
     assert len(steep) == count > 0
     assert all(re.fullmatch(r"-?[1-9]\d*%", tags_of(w)["incline"]) for w in steep)
     told = [tags_of(n) for number, n in nodes.items() if number < 0]
+    places = [(n.attrib["lat"], n.attrib["lon"]) for n in nodes.values()]
+    assert len(set(places)) == len(places), "JOSM takes nodes at one place for copies"
     assert len(told) == count and all("Look at it before you change" in t["note"] for t in told)
     assert all("OpenStreetMap contributors" in t["source"] for t in told)
     assert {n for w in ways.values() for n in refs_of(w)} <= set(nodes)
@@ -251,15 +254,34 @@ def test_pieces_meet_at_the_ends_of_sections() -> None:
 
 
 @pytest.mark.parametrize(
-    ("tag", "only", "told"),
+    ("tag", "only", "is_told"),
     [
         ("{p}%", "both", False), ("{m}%", "both", True), ("{m}%", "conflict", True), ("{m}%", "untagged", False),
-        ("{up}", "both", True), ("{up}", "conflict", False), ("{down}", "conflict", True),
+        ("{up}", "both", True), ("{up}", "conflict", False), ("{down}", "conflict", True), (None, "untagged", True),
+        (None, "conflict", False),
     ],
 )  # fmt: skip
-def test_what_is_tagged_today_counts(mapped: Mapped, tmp_path: Path, tag: str, only: str, told: bool) -> None:
+def test_what_is_tagged_today_counts(tag: str | None, only: str, is_told: bool) -> None:
     """A tag that agrees is left in peace; up and down say nothing against a number of that sign."""
     (section,) = found(8.0, 9.0)
-    value = tag.format(p=section.percent + 1, m=-section.percent, up="up", down="down")
-    tagged = replace(section, way=way(2, incline=value))
-    assert is_told(tagged, InclineOptions(only=only)) is told
+    value = tag and tag.format(p=section.percent + 1, m=-section.percent, up="up", down="down")
+    tagged = replace(section, way=way(2, **({"incline": value} if value else {})))
+    assert told([tagged], InclineOptions(only=only)) == ([tagged] if is_told else [])
+
+
+def test_a_tag_that_is_meant_for_the_steepest_section_is_in_no_conflict_with_the_others() -> None:
+    two = [replace(s, way=way(8, incline="9%")) for s in found(1.0, 6.0, 9.0, 7.0, 1.0, -6.0, -8.0, 0.5)]
+    assert len(two) == 2 and told(two, USUAL) == []
+    other = [replace(s, way=way(8, incline="20%")) for s in two]
+    assert told(other, USUAL) == other
+
+
+def test_tags_that_xml_can_not_hold_make_no_broken_layer() -> None:
+    odd = replace(found(6.0, 8.0)[0], way=way(2, name='A "B" <C> & \x0b\nD'))
+    nodes = {k: OsmNode(8.0 + k / 1000, 49.0, 0) for k in range(3)}
+    root = defusedxml.ElementTree.fromstring(
+        f"<osm>{''.join(t for t, _ in layer_ways(odd.way, [odd], -1))}</osm>"
+    )
+    tags = {tag.attrib["k"]: tag.attrib["v"] for tag in root.iter("tag")}
+    assert tags["name"] == 'A "B" <C> & \nD' and tags["incline"] == "8%"
+    assert task_of(odd, nodes, {})["features"][0]["properties"]["@id"] == "way/7"
