@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Whether a cheaper filter gives the answer of 100,000 particles, and in what part of their time.
 
-    PYTHONPATH=.:benchmarks python -m particle.cheap_filter DATA_DIR [--filters ekf,kf] [--roads 09,10,town] [--seeds 8]
-                                      [--filter-seeds 2] [--particles 100000] [--profile m8|phone|f9p] [--cut 60:40] [--rounds 3]
-                                      [--json FILE]
+    PYTHONPATH=.:benchmarks python -m particle.cheap_filter DATA_DIR [--filters ekf,kf] [--roads 09,10,town]
+        [--seeds 8] [--filter-seeds 2] [--particles 100000] [--profile m8|phone|f9p] [--cut 60:40] [--rounds 3]
+        [--json FILE]
 
 DATA_DIR holds the karlsruhe sequences (see ``slope_accuracy.py``); beside its drives 09 and 10 stands the simulated
 town. Each filter of method ``particle`` takes the same logs, one a drive seed; the cloud takes each log with several
