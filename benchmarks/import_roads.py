@@ -32,7 +32,7 @@ import psycopg
 from accuracy.scoring import show_progress, write_json
 from app.core import databases, migrate
 from app.core.db import make_engine, session_factory
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.roads.imports import import_roads
 from fusion.frames import METRES_PER_DEGREE

@@ -49,7 +49,7 @@ import psycopg
 
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from service.crowd import Asked, ask_and_leave, following
 from service.logs import make_logs

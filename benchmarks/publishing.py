@@ -41,7 +41,7 @@ import psycopg
 
 from accuracy.scoring import show_progress, text_table
 from app.core import databases
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from service.logs import make_logs
 from service.processes import Service

@@ -43,7 +43,7 @@ from sqlalchemy import text
 from accuracy.scoring import show_progress, write_json
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.network.cells import raise_versions
 from scenes.million import fill

@@ -12,7 +12,7 @@ from geoalchemy2 import alembic_helpers
 from sqlalchemy import Connection, create_engine, pool
 
 from app.core import migrate, schema
-from app.core.settings import sqlalchemy_url
+from app.core.settings.places import sqlalchemy_url
 from app.core.tables import Base
 from app.core.tables import batches as _batches
 from app.core.tables import cells as _cells

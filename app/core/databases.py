@@ -16,7 +16,7 @@ from psycopg.conninfo import conninfo_to_dict
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from fusion.errors import FusionError
 
 CONNECT_TIMEOUT_S = 10  # for each address that a name stands for

@@ -16,7 +16,7 @@ from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.orm import Session, sessionmaker
 
 from app.core import arrays
-from app.core.settings import sqlalchemy_url
+from app.core.settings.places import sqlalchemy_url
 from app.core.standing_back import let_stand_back
 
 arrays.register()

@@ -24,7 +24,7 @@ from sqlalchemy.orm import Session
 from app.core import databases
 from app.core.db import make_engine
 from app.core.schema import bring_queue_up, schema_state
-from app.core.settings import sqlalchemy_url
+from app.core.settings.places import sqlalchemy_url
 from fusion.errors import FusionError
 
 logger = logging.getLogger(__name__)

@@ -16,7 +16,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path, PurePosixPath
 
 from app.core.filesystems import file_system, is_folder, make_folder
-from app.core.settings import FilePlace, RemoteFolder
+from app.core.settings.places import FilePlace, RemoteFolder
 
 _INCOMING = "incoming"
 

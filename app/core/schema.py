@@ -16,7 +16,7 @@ from procrastinate.schema import SchemaManager
 from sqlalchemy import Connection, text
 from sqlalchemy.orm import Session
 
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 
 _HAS_TABLE = text("SELECT to_regclass(:name) IS NOT NULL")
 _REVISION = text("SELECT version_num FROM alembic_version")

@@ -19,7 +19,7 @@ from anyio import CapacityLimiter, to_thread
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.core.errors import BusyError
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.drives.documents import Drive, linked
 
 CHANNEL = "versant_drives"

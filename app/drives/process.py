@@ -21,7 +21,8 @@ import numpy as np
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.core.settings import FilePlace, Settings
+from app.core.settings import Settings
+from app.core.settings.places import FilePlace
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.core.version import code_version

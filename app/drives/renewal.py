@@ -10,7 +10,7 @@ import logging
 from collections.abc import Iterator
 
 from app.core.db import Sessions
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from app.drives.batches.enqueuing import give_jobs
 from app.network.marks import append_marks
 from app.network.publish import left_over

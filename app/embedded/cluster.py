@@ -13,7 +13,7 @@ from typing import Self
 from urllib.parse import quote
 
 from app.core import databases
-from app.core.settings import SQLALCHEMY_SCHEME
+from app.core.settings.places import SQLALCHEMY_SCHEME
 from app.embedded.account import Account, account_for, with_access
 from app.embedded.binaries import find_binaries
 from app.embedded.data_folder import (

@@ -14,7 +14,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from app.core.text import dumps, utc_text
 from app.core.version import code_version
 from app.map.attribution import OSM_ATTRIBUTION, OSM_COPYRIGHT_URL, OSM_LICENSE, OSM_LICENSE_URL, attribution
@@ -28,7 +28,8 @@ from app.terrain.store import current_dem
 # locked has a row and no version.
 _STATE = text(
     """
-    SELECT c.versions, c.drawn, coalesce(r.id, 0) AS roads, coalesce(d.id, 0) AS dem,
+    SELECT c.versions, c.drawn, coalesce((SELECT turn FROM derived_upto), 0) AS derived, coalesce(r.id, 0) AS roads,
+           coalesce(d.id, 0) AS dem,
            greatest(c.changed_at, r.imported_at, d.imported_at) AS changed_at
     FROM (SELECT coalesce(sum(version), 0) AS versions, coalesce(sum(drawn_version), 0) AS drawn,
                  max(changed_at) FILTER (WHERE version > 0) AS changed_at FROM cells) AS c
@@ -54,7 +55,7 @@ def data_state(session: Session) -> State:
     row = session.execute(_STATE).one()
     changed_at = row.changed_at or _BEGINNING
     changed_us = int(changed_at.timestamp()) * 1_000_000 + changed_at.microsecond
-    return State(f"{row.versions}.{row.drawn}.{row.roads}.{row.dem}.{changed_us:x}", changed_at)
+    return State(f"{row.versions}.{row.drawn}.{row.derived}.{row.roads}.{row.dem}.{changed_us:x}", changed_at)
 
 
 def provenance(

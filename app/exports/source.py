@@ -12,7 +12,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from app.map.handover.source import StoredSource
 from app.map.outputs.layer import WAY_COLUMNS, Way
 from app.map.outputs.pmtiles import Tile, tile_number

@@ -20,7 +20,7 @@ import psycopg
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 
 logger = logging.getLogger(__name__)
 

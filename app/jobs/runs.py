@@ -14,7 +14,7 @@ import procrastinate
 from procrastinate import exceptions, job_context, jobs
 from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.core.telemetry.logs import about
 from app.jobs.computations import Witness
 from app.jobs.task import QUEUE, Interrupted, Task, TooLongError, Work, is_connection_loss

@@ -19,7 +19,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
 from app.network.locks import free_all, import_alone
 from app.network.road_states import LAST_STEP, state_of

@@ -23,7 +23,7 @@ from rasterio.warp import transform_bounds
 
 from app.core import mirror
 from app.core.db import Bounds, Sessions
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from app.terrain.store import DemSource, local_raster, retired_rasters, set_sources, sources_of_all
 from fusion.errors import TerrainError
 from fusion.terrain.dem import Dem

@@ -12,7 +12,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from app.network.cells import cells_over, raise_versions
 from app.network.extracts import (
     roads_of,

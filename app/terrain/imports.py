@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.core.db import Sessions
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
 from app.network.locks import own_network
 from app.terrain.files import reach_deg, store_files, with_bounds

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from app.core import mirror
 from app.core.db import Bounds
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from fusion.errors import TerrainError
 from fusion.types import Floats, Ints
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from psycopg.conninfo import conninfo_to_dict, make_conninfo
 
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.embedded.binaries import find_client
 from fusion.errors import FusionError
 

@@ -16,7 +16,7 @@ from accuracy.scoring import show_progress
 from app.core import migrate
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.drives import claims, publishing
 from app.drives import store as drives
 from app.embedded.cluster import EmbeddedPostgres

@@ -24,7 +24,8 @@ from app.cli.children import Child, Watched, child_environment
 from app.cli.console import Console
 from app.cli.database import open_cluster
 from app.cli.supervisor import DatabaseWatch, Service
-from app.core.settings import Settings, libpq_url
+from app.core.settings import Settings
+from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.embedded.postmaster import running_postmaster
 

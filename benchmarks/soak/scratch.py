@@ -9,7 +9,8 @@ from pathlib import Path
 from app.core import databases, migrate
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
-from app.core.settings import Settings, libpq_url
+from app.core.settings import Settings
+from app.core.settings.places import libpq_url
 from app.drives import intake, publishing
 from app.drives import store as drives_of
 from app.drives.worker import run_worker

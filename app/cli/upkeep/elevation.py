@@ -16,7 +16,7 @@ from app.cli.options import DataDir, JsonFile
 from fusion.errors import TerrainError
 
 if TYPE_CHECKING:
-    from app.core.settings import FilePlace
+    from app.core.settings.places import FilePlace
     from app.terrain.coverage import Effect
     from app.terrain.store import DemSource
 

@@ -13,33 +13,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_settings import SettingsConfigDict
 
-from app.core.settings.places import (
-    GIB,
-    LIBPQ_SCHEME,
-    SQLALCHEMY_SCHEME,
-    FilePlace,
-    Places,
-    RemoteFolder,
-    default_data_dir,
-    libpq_url,
-    sqlalchemy_url,
-)
+from app.core.settings.places import GIB, Places
 from fusion.errors import FusionError
-
-__all__ = [
-    "ENV_PREFIX",
-    "LIBPQ_SCHEME",
-    "SQLALCHEMY_SCHEME",
-    "FilePlace",
-    "RemoteFolder",
-    "Settings",
-    "SettingsError",
-    "default_data_dir",
-    "get_settings",
-    "libpq_url",
-    "load_settings",
-    "sqlalchemy_url",
-]
 
 ENV_PREFIX = "VERSANT_"
 

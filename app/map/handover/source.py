@@ -10,7 +10,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
-from app.core.settings import FilePlace
+from app.core.settings.places import FilePlace
 from app.map.pages import PAGE, all_segments
 from app.map.segment import Segment
 from app.map.store import segments_by_way

@@ -18,7 +18,7 @@ from psycopg.pq import DiagnosticField, ExecStatus
 from psycopg.pq.abc import PGresult
 
 from app.core.db import Patience, server_options
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 
 Found = TypeVar("Found")
 Connection = AsyncConnection[tuple[Any, ...]]

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 from app.cli import app
 from app.cli.database import database
 from app.core import migrate
-from app.core.settings import Settings, libpq_url
+from app.core.settings import Settings
+from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 
 

@@ -54,9 +54,7 @@ def test_methods_that_an_address_does_not_have(reading: Any, method: str, path: 
     assert method in answer.headers["allow"]
 
 
-@pytest.mark.parametrize(
-    "path", ["/nowhere", "/v1", "/v1/drives/a/b/c", "/tiles/1/2/3.png", "/%2e%2e/x"]
-)
+@pytest.mark.parametrize("path", ["/nowhere", "/v1", "/v1/drives/a/b/c", "/tiles/1/2/3.png", "/%2e%2e/x"])
 def test_unknown_addresses(reading: Any, path: str) -> None:
     check(reading.client.get(path), 404)
 

@@ -14,7 +14,8 @@ import pytest
 from alembic.script import ScriptDirectory
 
 from app.core import migrate, schema
-from app.core.settings import Settings, libpq_url
+from app.core.settings import Settings
+from app.core.settings.places import libpq_url
 from problem_support import check
 
 BEFORE_THE_RECORD = "0009"  # the last revision whose databases do not say what the queue is at

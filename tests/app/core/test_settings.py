@@ -8,15 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from app.core.settings import (
-    Settings,
-    SettingsError,
-    default_data_dir,
-    get_settings,
-    libpq_url,
-    load_settings,
-    sqlalchemy_url,
-)
+from app.core.settings import Settings, SettingsError, get_settings, load_settings
+from app.core.settings.places import default_data_dir, libpq_url, sqlalchemy_url
 
 
 @pytest.fixture(autouse=True)

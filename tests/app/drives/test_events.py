@@ -14,7 +14,8 @@ import psycopg
 import pytest
 from sqlalchemy import text
 
-from app.core.settings import Settings, libpq_url
+from app.core.settings import Settings
+from app.core.settings.places import libpq_url
 from app.drives import claims, feed, store
 from app.drives.documents import Drive
 from problem_support import check

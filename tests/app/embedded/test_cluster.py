@@ -14,7 +14,7 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from app.embedded.account import account_for
 from app.embedded.cluster import EmbeddedPostgres
 from app.embedded.errors import EmbeddedPostgresError

@@ -12,7 +12,7 @@ from typing import Any
 import pyogrio
 import pytest
 
-from app.core.settings import libpq_url
+from app.core.settings.places import libpq_url
 from clients import features
 from clients.truth import EXPECTED_KINDS, Truth
 

@@ -9,7 +9,7 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.core.settings import RemoteFolder
+from app.core.settings.places import RemoteFolder
 from app.roads import regions
 from app.roads.documents import ImportCounts, Wishes
 from app.roads.imports import import_roads, remove_region

@@ -15,7 +15,8 @@ from affine import Affine
 
 from app.core import mirror
 from app.core.db import Sessions
-from app.core.settings import RemoteFolder, Settings
+from app.core.settings import Settings
+from app.core.settings.places import RemoteFolder
 from app.roads import imports as roads
 from app.terrain import heights
 from app.terrain import imports as dem
