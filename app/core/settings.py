@@ -165,8 +165,7 @@ class Settings(BaseSettings):
         5.0,
         ge=0.001,
         le=3600,
-        description="Seconds that items may be looked for by filters or in an order; then 400, with what is found at "
-        "once.",
+        description="Seconds that items may be searched and sorted; a longer search is a 400.",
     )
     tile_features_max: int = Field(
         5000, ge=1, description="Most segments in a GeoJSON tile; a link leads to the next ones."
