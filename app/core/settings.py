@@ -162,10 +162,7 @@ class Settings(BaseSettings):
         10_000, ge=1, description="Most items per page; a larger limit is reduced to it."
     )
     items_timeout_s: float = Field(
-        5.0,
-        ge=0.001,
-        le=3600,
-        description="Seconds that items may be searched and sorted; a longer search is a 400.",
+        5.0, ge=0.001, le=3600, description="Seconds for searching and sorting items; longer is a 400."
     )
     tile_features_max: int = Field(
         5000, ge=1, description="Most segments in a GeoJSON tile; a link leads to the next ones."
