@@ -64,11 +64,7 @@ class Settings(Places):
         10_000, ge=1, description="Most items per page; a larger limit is reduced to it."
     )
     items_timeout_s: float = Field(
-        5.0,
-        ge=0.001,
-        le=3600,
-        description="Seconds that items may be looked for by filters or in an order; then 400, with what is found at "
-        "once.",
+        5.0, ge=0.001, le=3600, description="Seconds for searching and sorting items; longer is a 400."
     )
     tile_features_max: int = Field(
         5000, ge=1, description="Most segments in a GeoJSON tile; a link leads to the next ones."
