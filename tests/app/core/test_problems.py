@@ -18,6 +18,7 @@ from problem_support import OPERATIONS, check
 BAD = {
     "drive_id": ("no-uuid", "00000000-0000-0000-0000-000000000000", "%00"),
     "segment_id": ("x", "0", "-1", "999999999", "99999999999999999999"),
+    "item_id": ("x", "0", "-1", "999999999", "99999999999999999999"),
     "z": ("x", "99"),
     "x": ("x", "-1"),
     "y": ("x", "-1"),
@@ -44,7 +45,7 @@ def test_methods_that_an_address_does_not_have(reading: Any, method: str, path: 
 
 
 @pytest.mark.parametrize(
-    "path", ["/nowhere", "/v1", "/v1/drives/a/b/c", "/tiles/1/2/3.png", "/docs", "/%2e%2e/x"]
+    "path", ["/nowhere", "/v1", "/v1/drives/a/b/c", "/tiles/1/2/3.png", "/redoc", "/%2e%2e/x"]
 )
 def test_unknown_addresses(reading: Any, path: str) -> None:
     check(reading.client.get(path), 404)
