@@ -14,6 +14,8 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 
+from app.changes import routes as changes
+from app.changes.webhooks import routes as webhooks
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.departures import EndWithClient
@@ -57,6 +59,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     drive_parts.router,
     segments.router,
+    changes.router,
+    webhooks.router,
     landing.router,
     api.router,
     collections.router,

@@ -28,7 +28,9 @@ TOP_LEVEL = {
 SQL_PLACES = {
     Path("app") / place
     for place in (
+        "changes/pages.py",
         "changes/store.py",
+        "changes/webhooks/store.py",
         "core/databases.py",
         "core/schema.py",
         "core/telemetry/ledger.py",

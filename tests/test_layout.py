@@ -50,7 +50,7 @@ SERVICE = {
     "roads": {"core", "network", "terrain"},
     "terrain": {"core", "network"},
     "network": {"core", "jobs"},
-    "changes": {"core", "network"},
+    "changes": {"core", "jobs", "network"},
     "map": {"changes", "core", "network", "roads", "terrain"},
     "drives": {"changes", "core", "jobs", "map", "network", "roads", "terrain"},
     "ops": {"core", "drives", "network", "roads"},

@@ -29,12 +29,16 @@ Moment = int
 
 ANEW = "Read everything anew: GET /v1/changes without since gives the version to go on from."
 
+MOST_AT_ONCE = 10_000
+"""Changes that a question numbers anew by itself; more are for a worker."""
+
 _PARSED = re.compile(r"([a-z0-9]{10})-([0-9]{1,18})(?:\.([0-9]{1,18}))?", re.ASCII)
 _LETTERS = "abcdefghijklmnopqrstuvwxyz234567"
 _LENGTH = 10
 
 _PLACE = """
-    (SELECT CAST(c.system_identifier AS text) || '-' || d.oid || '-' || substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8)
+    (SELECT CAST(c.system_identifier AS text) || '-' || d.oid || '-'
+            || substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8)
      FROM pg_control_system() AS c, pg_database AS d WHERE d.datname = current_database())
 """
 # The number of the transaction that wrote a row stands in the row itself, without its upper half: a row that a dump
@@ -57,12 +61,15 @@ _RENUMBER = (
     text("UPDATE segment_changes SET xid = 0 WHERE xid >= versant_xid()"),
     text("UPDATE cells SET changed_xid = 0 WHERE changed_xid >= versant_xid()"),
 )
+_AHEAD = text(
+    f"SELECT count(*) FROM (SELECT FROM segment_changes WHERE xid >= {_NEXT} LIMIT :most + 1) AS ahead"  # noqa: S608
+)
 _BEGIN = text(
     f"""
     INSERT INTO change_epoch (id, epoch, place, xid) SELECT 1, :epoch, {_PLACE}, versant_xid()
     ON CONFLICT (id) DO UPDATE SET epoch = excluded.epoch, place = excluded.place, xid = excluded.xid,
         begun_at = excluded.begun_at, pruned_xid = 0
-    """  # noqa: S608 - constants
+    """
 )
 
 _CHANGED_SINCE = """{alias}.id IN (
@@ -98,11 +105,10 @@ def state(session: Session) -> State:
     is under way.
     """
     found = _state(session)
-    if found is None:
-        begin_epoch(sessionmaker(session.get_bind()))
+    if found is None and begin_epoch(sessionmaker(session.get_bind()), MOST_AT_ONCE) is not None:
         found = _state(session)
-    if found is None:  # a snapshot from before
-        raise NotReadyError("The database was restored and is being prepared. Try again in a moment.")
+    if found is None:  # much to do, or a snapshot from before
+        raise NotReadyError("The database was restored, and a worker prepares it. Try again in a moment.")
     return found
 
 
@@ -176,15 +182,17 @@ def changed_since_sql(alias: str) -> str:
     return _CHANGED_SINCE.format(alias=alias)
 
 
-def begin_epoch(sessions: Sessions) -> bool:
+def begin_epoch(sessions: Sessions, most: int | None = None) -> bool | None:
     """Begin a new epoch where the database's numbers are not of one history with its present server.
 
-    Whether it was begun. Safe to call at any time and by several at once. Changes of the map wait meanwhile: of a
-    restored database with a million segments some ten seconds, of any other nothing.
+    Whether it was begun; None: more than ``most`` are to be numbered anew. Safe to call at any time and by several at
+    once. Changes of the map wait meanwhile: of a restored database with a million segments some twenty seconds.
     """
     with sessions() as session:
         if session.execute(_IS_SOUND).scalar():
             return False
+        if most is not None and session.execute(_AHEAD, {"most": most}).scalar_one() > most:
+            return None
     with sessions.begin() as session:
         own_network(session)
         if session.execute(_IS_SOUND).scalar():

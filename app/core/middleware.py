@@ -48,7 +48,15 @@ FOR_PROBES = frozenset({"/healthz", "/readyz"})
 """Balancers ask for these under whatever name they know the machine by; the answers tell nothing about anybody."""
 ANY_HOST = "*"
 _HOST = re.compile(r"(\[(?P<literal>[0-9A-Fa-f:.]+)\]|(?P<name>[^:\[\]/@\s]+))(:\d*)?")
-PUBLISHED = ("/collections", "/conformance", "/tiles", "/openapi.json", "/problems", "/v1/segments")
+PUBLISHED = (
+    "/collections",
+    "/conformance",
+    "/tiles",
+    "/openapi.json",
+    "/problems",
+    "/v1/changes",
+    "/v1/segments",
+)
 """What pages of any site may read: the map. Drives are somebody's movements and stay out of their reach."""
 
 

@@ -13,6 +13,10 @@ TAGS: list[dict[str, str]] = [
     {"name": "drives", "description": "Upload logs and look at what became of them."},
     {"name": "segments", "description": "One road segment, and the drives behind its slope."},
     {"name": "map", "description": "All road segments, as OGC API Features."},
+    {
+        "name": "changes",
+        "description": "Following the map: what changed since a version, and being told of it.",
+    },
     {"name": "tiles", "description": "Map tiles."},
     {"name": "operation", "description": "Health, metrics, figures for operators, kinds of problems."},
 ]

@@ -134,6 +134,12 @@ class Settings(BaseSettings):
         "its road.",
     )
 
+    changes_kept_days: float = Field(
+        90.0,
+        ge=1,
+        description="Days for which removed segments are told to who follows changes; older versions get a 410.",
+    )
+
     # The API
     host: str = Field(
         "127.0.0.1",
@@ -220,6 +226,17 @@ class Settings(BaseSettings):
         le=3600,
         description="Seconds in which a worker ends that is asked to stop: for half of them its drive goes on, then it "
         "goes back into the queue.",
+    )
+    webhook_private: bool = Field(
+        False,
+        description="Whether webhooks may call addresses of this machine and of private networks, and by plain http: "
+        "whoever reaches the API could then make the service call what only it reaches.",
+    )
+    webhook_timeout_s: float = Field(
+        10.0, gt=0, le=30, description="Seconds in which a webhook's receiver has to answer."
+    )
+    webhook_patience_days: float = Field(
+        3.0, gt=0, le=30, description="Days of failures after which a webhook is switched off."
     )
     run_limit_s: float = Field(
         3600.0, gt=0, description="Seconds that processing a drive may take; beyond them it fails."

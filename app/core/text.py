@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -19,19 +20,21 @@ COORDINATE_DIGITS = 7  # degrees: OpenStreetMap's own resolution, about 1 cm
 LENGTH_DIGITS = 3  # metres: a millimetre
 SLOPE_DIGITS = 4  # percent: 1 mm per kilometre, far below any sigma
 
-LARGEST = 1e15
-"""Below, numbers are written without an exponent."""
+WHOLE = 1e15
+"""A number of this size or more has no decimal places to speak of, and is written as it is."""
 
 _AT_ONCE = 1000  # values of a column that are written in one call, well below a millisecond
 
 
 def rounded(value: float | None, digits: int) -> float | None:
-    """``value`` rounded; None where it is None, NaN, infinite, or no figure of anything on earth (from 1e15 on).
+    """``value`` rounded; None where it is None, NaN or infinite.
 
     By these steps and no others: PostgreSQL and numpy take the same, so that all outputs agree on ties.
     """
-    if value is None or not abs(value) < LARGEST:
+    if value is None or not math.isfinite(value):
         return None
+    if abs(value) >= WHOLE:
+        return float(value)
     power = 10.0**digits
     return round(float(value) * power) / power + 0.0  # -0.0 would print as such
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.settings import FilePlace, Settings
@@ -174,7 +175,8 @@ def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, r
         drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             return
-        claims.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None)
+        if claims.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None):
+            announce_drive(session, DRIVE_FAILED, drive_id, {"kind": kind, "reason": reason})
     with about(drive=drive_id):
         tell_failed(drive, kind, reason, None)
 
@@ -336,6 +338,8 @@ def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outco
         mine = claims.mark_failed(
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
         )
+        if mine:
+            announce_drive(session, DRIVE_FAILED, drive.id, {"kind": kind, "reason": reason})
     if not mine:
         tell_discarded(drive)
         return Outcome.DISCARDED

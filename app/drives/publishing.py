@@ -11,6 +11,7 @@ import uuid
 
 from sqlalchemy.orm import Session
 
+from app.changes.webhooks.store import DRIVE_DONE, announce_drive
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.telemetry import tracing
@@ -97,6 +98,8 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
         published = endings.published_drives(session)
         for drive in published:
             endings.mark_done(session, drive.id)
+            said = {"method": drive.method, "segments": drive.report.get("segments_estimated")}
+            announce_drive(session, DRIVE_DONE, drive.id, said)
         heard = hearings(session, [drive.id for drive in published])
     for drive in published:
         _tell_done(drive, heard.get(drive.id))

@@ -9,8 +9,13 @@ import functools
 import logging
 import threading
 import uuid
+from contextlib import closing
 from datetime import timedelta
 
+from app.changes import pages as changes
+from app.changes.store import begin_epoch
+from app.changes.webhooks import telling
+from app.changes.webhooks.telling import Teller
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
@@ -34,6 +39,9 @@ PUBLISH_LOOK_EVERY_S = 1.0
 
 SETTLE_LOOK_EVERY_S = 60.0
 """How often a worker looks whether squares are to be settled, seconds."""
+
+EPOCH_LOOK_EVERY_S = 30.0
+"""How often a worker looks whether the database was restored beneath it, seconds."""
 
 RENEW_EVERY_S = 600.0
 """How often a worker looks for what an update of the service left to be done, seconds."""
@@ -60,9 +68,9 @@ def run_worker(
     try:
         bench = Workbench.of(settings, session_factory(engine))
         worker = Worker(settings, engine, bench.sessions, tasks_of(bench))
-        with counting(bench.sessions, process) as ledger:
+        with counting(bench.sessions, process) as ledger, closing(Teller(bench.sessions, settings)) as teller:
             written = in_thread(ledger.write, "what was counted could not be written")
-            chores = _chores(bench, settings, ledger) if with_chores else ()
+            chores = _chores(bench, settings, ledger, teller) if with_chores else ()
             worker.run(((written, WRITE_EVERY_S), *chores), wait=wait, stop_event=stop_event)
     finally:
         engine.dispose()
@@ -124,7 +132,9 @@ def _solver_task(bench: Workbench) -> Task:
     return Task(SOLVE, run, fail, put_back, subject="part of the map")
 
 
-def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple[Chore, float], ...]:
+def _chores(
+    bench: Workbench, settings: Settings, ledger: Ledger, teller: Teller
+) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
     orphan_age = timedelta(days=settings.orphan_days)
     heights = HeightFiller(bench.sessions, bench.dem_dir)
@@ -135,8 +145,11 @@ def _chores(bench: Workbench, settings: Settings, ledger: Ledger) -> tuple[tuple
     tended = functools.partial(enqueuing.tend, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
+    numbered = functools.partial(begin_epoch, bench.sessions)
     return (
+        (in_thread(numbered, "changes could not be numbered anew"), EPOCH_LOOK_EVERY_S),
         (in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
+        (in_thread(teller.look, "nobody could be told of events"), telling.LOOK_EVERY_S),
         (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
@@ -150,6 +163,9 @@ def _sweep(bench: Workbench, settings: Settings, older_than: timedelta) -> None:
     """Clear the blob store, the attic of roads that are gone and, where no other database uses them, rasters."""
     if gone := attic.prune(bench.sessions, settings.keep_dropped_days):
         logger.info("let go what was measured on %d roads that are gone", gone)
+    if gone := changes.prune(bench.sessions, settings.changes_kept_days):
+        logger.info("%d segments that went or moved long ago are not told as changes any more", gone)
+    telling.prune(bench.sessions)
     found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)
     if found.removed:
         logger.info("removed %d blobs that no drive refers to", found.removed)

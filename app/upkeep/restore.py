@@ -8,6 +8,8 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.changes.store import begin_epoch
+from app.changes.webhooks.store import switch_all_off
 from app.core import databases, migrate, mirror
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
@@ -19,6 +21,7 @@ from app.upkeep.manifest import LOGS, RASTERS, Entry, Manifest, read_manifest, v
 from fusion.types import Progress, no_progress
 
 _MIB = 2**20
+_RESTORED = "The database was restored. Switch it on where this service takes the place of the former one."
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,11 @@ def restore(
     dumps.restore(settings.database_url, folder / manifest.dump.path, newest)
     with sessions.begin() as session:
         waiting = store.put_back(session)
+        followed = store.is_followed(session)
+        if followed:
+            switch_all_off(session, _RESTORED)
+    if followed:
+        begin_epoch(sessions)
     progress("database", 1.0)
     return Restored(new, waiting, tuple(name for name in blobs.databases() if name != identity))
 

@@ -21,6 +21,7 @@ _VERSIONS = text(
 _BLOBS = text("SELECT DISTINCT ON (blob_key) blob_key, sha256, size_bytes FROM drives ORDER BY blob_key")
 _RASTERS = text("SELECT sources FROM dem_versions WHERE active")
 _HAS_REGIONS = text("SELECT to_regclass('regions') IS NOT NULL")
+_IS_FOLLOWED = text("SELECT to_regclass('change_epoch') IS NOT NULL")
 _ROAD_FILES = text("SELECT file_uri, file_sha256 FROM regions WHERE file_uri IS NOT NULL ORDER BY file_uri")
 _COUNTS = text("SELECT (SELECT count(*) FROM drives) AS drives, (SELECT count(*) FROM segments) AS segments")
 _WANTED_STILL = text(
@@ -149,6 +150,11 @@ def put_back(session: Session) -> int:
     for statement in _PUT_BACK:
         session.execute(statement)
     return int(session.execute(_WAITING).scalar_one())
+
+
+def is_followed(session: Session) -> bool:
+    """Whether the database is of a schema by which others follow the map (``app.changes``)."""
+    return bool(session.execute(_IS_FOLLOWED).scalar_one())
 
 
 def server_clock(session: Session) -> datetime:

@@ -75,7 +75,6 @@ def _row(name: str, columns: tuple[str, ...]) -> str:
     return ", ".join(f"{name}.{column}" for column in columns)
 
 
-_NOWHERE = "CAST(NULL AS geometry)"
 _SEGMENTS_CHANGED = f"""
     SELECT n.id, CASE WHEN n.geom::bytea <> o.geom::bytea THEN o.geom END AS was
     FROM new_rows AS n JOIN old_rows AS o ON o.id = n.id
@@ -83,22 +82,22 @@ _SEGMENTS_CHANGED = f"""
         OR n.geom::bytea <> o.geom::bytea
 """  # noqa: S608 - constants
 _SLOPES_CHANGED = f"""
-    SELECT n.segment_id AS id, {_NOWHERE} AS was
+    SELECT n.segment_id AS id, CAST(NULL AS geometry) AS was
     FROM new_rows AS n JOIN old_rows AS o ON o.segment_id = n.segment_id
     WHERE ({_row("n", _OF_SLOPES)}) IS DISTINCT FROM ({_row("o", _OF_SLOPES)})
 """  # noqa: S608 - constants
 
 # A slope that goes with its segment is noted before or after it: what counts is whether that is there.
 _GONE = "NOT EXISTS (SELECT FROM segments AS s WHERE s.id = which.id)"
-_OF_SLOPE = f"(SELECT segment_id AS id, {_NOWHERE} AS was FROM {{rows}}) AS which"
+_STAYS = "(SELECT {id} AS id, CAST(NULL AS geometry) AS was FROM {rows}) AS which"
 
 _FUNCTIONS = {
-    ("segments", "insert"): (f"(SELECT id, {_NOWHERE} AS was FROM new_rows) AS which", "false"),
+    ("segments", "insert"): (_STAYS.format(id="id", rows="new_rows"), "false"),
     ("segments", "update"): (f"({_SEGMENTS_CHANGED}) AS which", "false"),
     ("segments", "delete"): ("(SELECT id, geom AS was FROM old_rows) AS which", "true"),
-    ("segment_slopes", "insert"): (_OF_SLOPE.format(rows="new_rows"), "false"),
+    ("segment_slopes", "insert"): (_STAYS.format(id="segment_id", rows="new_rows"), "false"),
     ("segment_slopes", "update"): (f"({_SLOPES_CHANGED}) AS which", "false"),
-    ("segment_slopes", "delete"): (_OF_SLOPE.format(rows="old_rows"), _GONE),
+    ("segment_slopes", "delete"): (_STAYS.format(id="segment_id", rows="old_rows"), _GONE),
 }
 _TABLES = {
     "insert": "REFERENCING NEW TABLE AS new_rows",
@@ -115,7 +114,7 @@ _EMPTIED = {
         WHERE NOT gone;
     """,
     ("segment_slopes", "BEFORE"): _NOTE.format(
-        which=_OF_SLOPE.format(rows="segment_slopes"),
+        which=_STAYS.format(id="segment_id", rows="segment_slopes"),
         gone="false",
     ),
 }
@@ -157,6 +156,8 @@ def _changes() -> None:
     )
     op.create_index("ix_segment_changes_xid", "segment_changes", ["xid", "segment_id"])
     op.create_index("ix_segment_changes_changed_at", "segment_changes", ["changed_at"])
+    left = sa.text("gone OR was IS NOT NULL")
+    op.create_index("ix_segment_changes_left", "segment_changes", ["changed_at"], postgresql_where=left)
     for (table, event), (which, gone) in _FUNCTIONS.items():
         name = f"versant_{table}_{event}"
         body = _NOTE.format(which=which, gone=gone)

@@ -37,6 +37,8 @@ class SegmentChange(Base):
     __table_args__ = (
         Index("ix_segment_changes_xid", "xid", "segment_id"),
         Index("ix_segment_changes_changed_at", "changed_at"),
+        # What is told for a time only.
+        Index("ix_segment_changes_left", "changed_at", postgresql_where=text("gone OR was IS NOT NULL")),
     )
 
 

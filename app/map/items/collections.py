@@ -45,9 +45,9 @@ class Property:
         return "time" if self.format == "date-time" else self.type
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Collection:
-    """Features that are served together."""
+    """Features that are served together. Each is equal to itself only."""
 
     id: str
     title: str

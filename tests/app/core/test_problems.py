@@ -17,6 +17,7 @@ from problem_support import OPERATIONS, check
 
 BAD = {
     "drive_id": ("no-uuid", "00000000-0000-0000-0000-000000000000", "%00"),
+    "webhook_id": ("no-uuid", "00000000-0000-0000-0000-000000000000", "%00"),
     "segment_id": ("x", "0", "-1", "999999999", "99999999999999999999"),
     "item_id": ("x", "0", "-1", "999999999", "99999999999999999999"),
     "z": ("x", "99"),
@@ -39,7 +40,7 @@ def test_addresses_of_nothing_are_404(reading: Any, method: str, path: str, oper
 @pytest.mark.parametrize(("method", "path", "operation"), OPERATIONS)
 def test_methods_that_an_address_does_not_have(reading: Any, method: str, path: str, operation: Any) -> None:
     address = re.sub(r"{\w+}", "0", path)
-    answer = reading.client.request("PATCH", address)
+    answer = reading.client.request("PUT", address)
     check(answer, 405)
     assert method in answer.headers["allow"]
 

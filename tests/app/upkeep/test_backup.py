@@ -12,10 +12,13 @@ import pytest
 from sqlalchemy import text
 from typer.testing import CliRunner
 
+from app.changes import store as changes
+from app.changes.webhooks.store import add_webhook, list_webhooks
 from app.cli import app
 from app.core import databases
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
+from app.core.errors import GoneError
 from app.core.settings import Settings
 from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench
@@ -103,6 +106,10 @@ def test_the_same_slopes_come_back_and_the_queue_goes_on(
     running, waiting = send(1, "raw"), send(2, "raw")
     begin(sessions, running.id)
     before = said_of(settings, tmp_path / "before.geojson", monkeypatch)
+    with sessions() as session:
+        version = changes.version_text(session, changes.horizon(session))
+    with sessions.begin() as session:
+        add_webhook(session, "https://example.org/", "whsec_", ["drive.done"], None, None)
     manifest = back_up(settings, sessions, copy)
     assert (manifest.drives, len(manifest.files), manifest.missing, manifest.damaged) == (3, 5, (), ())
     assert manifest.versions["postgres_major"] >= 13
@@ -112,11 +119,18 @@ def test_the_same_slopes_come_back_and_the_queue_goes_on(
     where, there = empty
     found = bringing_back.restore(where, there, copy, bringing_back.checked(copy))
     assert (found.logs, found.waiting, found.other_databases) == (3, 2, ())
+    assert not changes.begin_epoch(there), "the restored database's changes are numbered already"
     assert said_of(where, tmp_path / "after.geojson", monkeypatch) == before
     assert statuses(there) == ["done", "queued", "queued"]
     run_worker(where, wait=False)
     assert statuses(there) == ["done", "done", "done"], waiting.id
     with there() as session:
+        (webhook,) = list_webhooks(session)
+        assert not webhook.active, (
+            "a copy tells nobody before it is said that it takes the former one's place"
+        )
+        with pytest.raises(GoneError):
+            changes.parse_version(session, version)
         identity = databases.database_identity(session)
         (kept,) = session.execute(text("SELECT file_uri FROM regions")).scalars()
     assert (where.data_dir / "dem" / kept).is_file()

@@ -140,4 +140,4 @@ def test_one_feature(items: Items) -> None:
 def test_constants_cannot_end_the_text() -> None:
     quoted = Property("it's", "s.id", "integer", "", "")
     collection = type("C", (), {**vars(SEGMENTS), "properties": {"it's": quoted}, "key": "s.id"})
-    assert "it''s" in feature_sql(collection, CRS84, ["it's"])  # type: ignore[arg-type]
+    assert "it''s" in feature_sql(collection, CRS84, ("it's",))  # type: ignore[arg-type]

@@ -1,0 +1,210 @@
+"""One message on its way: signed as Standard Webhooks has it, to an address that may be called, within a time.
+
+Knows no database. A name is looked up once and the connection goes to the address that was found and allowed: a name
+that changes its mind between two looks reaches nothing else. Redirects are not followed, proxies of the environment not
+used, and of the answer only the status is read.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import http.client
+import secrets
+import socket
+import ssl
+import threading
+import time
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv6Address, ip_address, ip_network
+from typing import Any
+from urllib.parse import SplitResult, urlsplit
+
+SECRET_PREFIX = "whsec_"  # noqa: S105 - no secret itself
+_SECRET_BYTES = 32
+_LONGEST_URL = 2000
+_MANY = 429
+_GONE = 410
+
+# Addresses of version 6 that stand for one of version 4, which decides: by translation, and by tunnels.
+_TRANSLATED = (ip_network("64:ff9b::/96"), ip_network("64:ff9b:1::/48"))
+_TUNNELLED = ip_network("2002::/16")
+
+
+class RefusedError(Exception):
+    """The address may not be called."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of one attempt."""
+
+    status: int | None
+    problem: str | None
+    """None: the message was taken."""
+    unwanted: bool = False
+    """The receiver says that it is to be told nothing any more."""
+
+
+def new_secret() -> str:
+    """What the messages to one address are signed by."""
+    return SECRET_PREFIX + base64.b64encode(secrets.token_bytes(_SECRET_BYTES)).decode("ascii")
+
+
+def signature(secret: str, message_id: str, timestamp_s: int, body: bytes) -> str:
+    """The header ``webhook-signature`` (Standard Webhooks, symmetric)."""
+    key = base64.b64decode(secret.removeprefix(SECRET_PREFIX))
+    signed = f"{message_id}.{timestamp_s}.".encode() + body
+    return "v1," + base64.b64encode(hmac.new(key, signed, hashlib.sha256).digest()).decode("ascii")
+
+
+def check_url(url: str, *, private: bool) -> None:
+    """``RefusedError``, in a sentence, for an address that no message can go to; names are looked up later."""
+    parts = _split(url)
+    if not private and parts.scheme != "https":
+        raise RefusedError(
+            "it must begin with https:// (plain http needs VERSANT_WEBHOOK_PRIVATE=true at the service)."
+        )
+    literal = _literal(parts.hostname or "")
+    if literal is not None and not private and not _is_public(literal):
+        raise RefusedError(_NOT_PUBLIC)
+
+
+def post(url: str, headers: dict[str, str], body: bytes, *, timeout_s: float, private: bool) -> Answer:
+    """Send one message; whatever happens is said in the answer."""
+    try:
+        check_url(url, private=private)
+        status = _exchange(_split(url), headers, body, time.monotonic() + timeout_s, private=private)
+    except RefusedError as error:
+        return Answer(None, f"The address is not called: {error}")
+    except TimeoutError:
+        return Answer(None, f"There was no answer within {timeout_s:g} s.")
+    except (OSError, http.client.HTTPException, ValueError) as error:
+        return Answer(None, f"The address could not be reached: {_reason(error)}.")
+    if 200 <= status < 300:
+        return Answer(status, None)
+    if 300 <= status < 400:
+        return Answer(
+            status, f"It answered {status}; redirects are not followed: give the address that it leads to."
+        )
+    return Answer(status, f"It answered {status}.", unwanted=status == _GONE)
+
+
+_NOT_PUBLIC = (
+    "it is of this machine or of a private network, which are called only where the service's "
+    "VERSANT_WEBHOOK_PRIVATE is true."
+)
+
+
+def _split(url: str) -> SplitResult:
+    try:
+        parts = urlsplit(url)
+        port, host = parts.port, parts.hostname
+        if host:
+            host.encode("idna")
+    except (ValueError, UnicodeError):
+        raise RefusedError("it is no address.") from None
+    if parts.scheme not in {"http", "https"} or not host or port == 0 or len(url) > _LONGEST_URL:
+        raise RefusedError("it must be an address such as https://example.org/told.")
+    if parts.username is not None or parts.password is not None or parts.fragment:
+        raise RefusedError("it must hold neither a user nor a fragment; messages are signed instead.")
+    if any(ord(letter) <= 32 or ord(letter) >= 127 for letter in url):
+        raise RefusedError("it must be written in ASCII, other letters as %XX.")
+    return parts
+
+
+def _exchange(
+    parts: SplitResult, headers: dict[str, str], body: bytes, deadline_s: float, *, private: bool
+) -> int:
+    """The status of the answer; ``TimeoutError`` when the deadline passes, whatever was sent until then."""
+    host = parts.hostname or ""
+    port = parts.port or (443 if parts.scheme == "https" else 80)
+    raw = _connected(host, port, deadline_s, private=private)
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        _hang_up(raw)
+
+    # Times of a socket begin anew with each byte, and somebody may send one a second.
+    watch = threading.Timer(max(deadline_s - time.monotonic(), 0.001), end)
+    watch.daemon = True
+    watch.start()
+    try:
+        connection = http.client.HTTPConnection(host, port)
+        connection.sock = raw
+        if parts.scheme == "https":
+            connection.sock = ssl.create_default_context().wrap_socket(raw, server_hostname=host)
+        try:
+            path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
+            connection.request("POST", path, body, {"Host": parts.netloc, **headers, "Connection": "close"})
+            return connection.getresponse().status
+        finally:
+            connection.close()
+    except (OSError, http.client.HTTPException) as error:
+        if late.is_set():
+            raise TimeoutError from error
+        raise
+    finally:
+        watch.cancel()
+        raw.close()
+
+
+def _hang_up(raw: socket.socket) -> None:
+    try:
+        socket.socket.shutdown(raw, socket.SHUT_RDWR)
+    except OSError:
+        """It is closed already."""
+
+
+def _connected(host: str, port: int, deadline_s: float, *, private: bool) -> socket.socket:
+    """A connection to the first address of the name that may be called and answers."""
+    found: list[Any] = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    allowed = [one for one in found if private or _is_public(ip_address(one[4][0].partition("%")[0]))]
+    if not allowed:
+        raise RefusedError(_NOT_PUBLIC)
+    last: OSError = TimeoutError()
+    for family, kind, protocol, _, address in allowed:
+        left_s = deadline_s - time.monotonic()
+        if left_s <= 0:
+            raise TimeoutError
+        raw = socket.socket(family, kind, protocol)
+        raw.settimeout(left_s)
+        try:
+            raw.connect(address)
+            return raw
+        except OSError as error:
+            raw.close()
+            last = error
+    raise last
+
+
+def _literal(host: str) -> IPv4Address | IPv6Address | None:
+    try:
+        return ip_address(host.partition("%")[0])
+    except ValueError:
+        return None
+
+
+def _is_public(address: IPv4Address | IPv6Address) -> bool:
+    if isinstance(address, IPv6Address):
+        inner = address.ipv4_mapped
+        if any(address in network for network in _TRANSLATED):
+            inner = IPv4Address(int(address) & 0xFFFF_FFFF)
+        elif address in _TUNNELLED:
+            inner = IPv4Address(int(address) >> 80 & 0xFFFF_FFFF)
+        if inner is not None:
+            return _is_public(inner)
+    return address.is_global and not address.is_multicast
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong, without the address: it may hold a token."""
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"its certificate does not hold ({error.verify_message})"
+    if isinstance(error, socket.gaierror):
+        return "its name is not known"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror.lower()
+    return "it does not speak HTTP"
