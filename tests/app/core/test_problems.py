@@ -20,8 +20,8 @@ BAD = {
     "export_id": ("no-uuid", "00000000-0000-0000-0000-000000000000", "%00"),
     "name": ("x", "%00"),
     "webhook_id": ("no-uuid", "00000000-0000-0000-0000-000000000000", "%00"),
-    "item_id": ("x", "0", "-1", "999999999", "99999999999999999999"),
     "segment_id": ("x", "0", "-1", "999999999", "99999999999999999999"),
+    "item_id": ("x", "0", "-1", "999999999", "99999999999999999999"),
     "z": ("x", "99"),
     "x": ("x", "-1"),
     "y": ("x", "-1"),
@@ -54,7 +54,9 @@ def test_methods_that_an_address_does_not_have(reading: Any, method: str, path: 
     assert method in answer.headers["allow"]
 
 
-@pytest.mark.parametrize("path", ["/nowhere", "/v1", "/v1/drives/a/b/c", "/tiles/1/2/3.png", "/%2e%2e/x"])
+@pytest.mark.parametrize(
+    "path", ["/nowhere", "/v1", "/v1/drives/a/b/c", "/tiles/1/2/3.png", "/redoc", "/%2e%2e/x"]
+)
 def test_unknown_addresses(reading: Any, path: str) -> None:
     check(reading.client.get(path), 404)
 
