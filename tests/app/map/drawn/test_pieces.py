@@ -17,7 +17,7 @@ from app.map.drawn.levels import LEVELS
 from app.map.drawn.lines import Course
 from app.map.drawn.pieces import ROOM_BYTES, Piece, Stretches, cut, pieces_of
 from app.map.drawn.squares import all_roads, greater_roads
-from app.map.drawn.store import Ends, stretches_of
+from app.map.drawn.store import Ends, changed_squares, stretches_of
 
 NAN = math.nan
 FINE, MIDDLE, COARSE = LEVELS[12], LEVELS[10], LEVELS[8]
@@ -215,3 +215,31 @@ def test_pieces_are_what_the_next_level_is_made_of() -> None:
     assert (whole.length_m, whole.slope_percent, whole.drives, whole.segment_id) == (3000.0, 2.0, 3, 1)
     assert drawn(whole) == [(0, 0), (3000, 0)]
     assert greater_roads(COARSE, stretches_of([])) == []
+
+
+def test_every_square_that_a_changed_piece_reaches_into_is_told() -> None:
+    half, side = 20037508.342789244, 2 * 20037508.342789244 / 2**14
+    x, y = 8579, 5634
+    west, north = x * side - half, half - y * side
+
+    def piece(*points: tuple[float, float]) -> Piece:
+        """Through places of the square, in parts of its side."""
+        (found,) = pieces_of(
+            FINE,
+            [Course([0], [False])],
+            stretches({"points": [(west + a * side, north - b * side) for a, b in points]}),
+        )
+        return found
+
+    def met(*points: tuple[float, float]) -> set[tuple[int, int]]:
+        square, made = x << 14 | y, piece(*points)
+        there, gone = {square: {1: made}}, {square: {}}
+        found = changed_squares(12, there, gone)  # type: ignore[arg-type]
+        assert found == changed_squares(12, gone, there)  # type: ignore[arg-type]
+        assert changed_squares(12, there, there) == set()
+        return {((one >> 14) - x, (one & 16383) - y) for one in found}
+
+    assert met((0.3, 0.3), (0.7, 0.7)) == {(0, 0)}
+    assert met((0.5, 0.5), (1.5, 0.5)) == {(0, 0), (1, 0)}
+    assert met((0.5, 0.5), (0.95, 0.5)) == {(0, 0), (1, 0)}  # a tile draws a little beyond its edge
+    assert met((0.5, 0.5), (3.5, 3.5)) >= {(k, k) for k in range(4)}
