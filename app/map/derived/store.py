@@ -23,7 +23,8 @@ _DERIVE = 0x5653_4456  # "VSDV"
 _TRY = text("SELECT pg_try_advisory_lock(:key)")
 _FREE = text("SELECT pg_advisory_unlock(:key)")
 
-# One statement, one snapshot; each part is a look at the end of an index.
+# One statement, one snapshot; each part is a look at one entry of an index: asked whether there is any change, the
+# planner would rather read all of them.
 _LOOK = text(
     """
     WITH moment AS (
@@ -33,9 +34,9 @@ _LOOK = text(
                CAST(CAST(u.xmin AS text) AS bigint) <> u.written_xid & 4294967295 AS brought
         FROM derived_upto AS u
     )
-    SELECT m.*, m.brought OR EXISTS (SELECT FROM segment_changes AS c WHERE c.xid >= m.beyond) AS elsewhere,
-           EXISTS (SELECT FROM segment_changes AS c
-                   WHERE (c.xid, c.segment_id) > (m.xid, m.segment_id) AND c.xid < m.horizon) AS changes,
+    SELECT m.*, m.brought OR coalesce((SELECT max(xid) FROM segment_changes) >= m.beyond, false) AS elsewhere,
+           coalesce((SELECT c.xid FROM segment_changes AS c WHERE (c.xid, c.segment_id) > (m.xid, m.segment_id)
+                     ORDER BY c.xid, c.segment_id LIMIT 1) < m.horizon, false) AS changes,
            (SELECT min(since) < clock_timestamp() - make_interval(secs => :long_s) FROM squares_to_draw) AS waits_long
     FROM moment AS m
     """

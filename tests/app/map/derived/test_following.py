@@ -225,3 +225,21 @@ def fullest(rng: np.random.Generator, level: int, square: int, number: int) -> t
         first=points * np.arange(n + 1),
     )
     return [Course([k], [False]) for k in range(n)], roads
+
+
+def test_to_look_whether_there_is_anything_to_do_costs_the_same_however_many_segments(
+    followed: Sessions,
+) -> None:
+    """With many changes noted, and not one of them to follow."""
+    execute(
+        followed,
+        """
+        INSERT INTO segment_changes SELECT 1000 + k, 3 + k % 7, now(), true FROM generate_series(1, 30000) AS k
+        """,
+    )
+    execute(followed, "ANALYZE segment_changes")
+    for query, values in ((store._LOOK, {"long_s": 10.0}), (figures._BEHIND, {})):
+        with followed() as session:
+            plan = "\n".join(session.execute(text(f"EXPLAIN {query.text}"), values).scalars())
+        assert "Seq Scan on segment_changes" not in plan
+        assert "Sort" not in plan

@@ -128,7 +128,7 @@ def world(sessions: Sessions, segment_ids: Ints) -> Iterator[World]:
     one.close()
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(history=st.lists(STEPS, min_size=5, max_size=16))
 def test_any_history_ends_in_what_the_segments_yield(world: World, history: list[tuple[Any, ...]]) -> None:
     sessions = world.sessions

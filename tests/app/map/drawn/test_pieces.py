@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.map.drawn.levels import LEVELS
 from app.map.drawn.lines import Course
 from app.map.drawn.pieces import ROOM_BYTES, Piece, Stretches, cut, pieces_of
 from app.map.drawn.squares import all_roads, greater_roads
-from app.map.drawn.store import Ends, stretches_of
+from app.map.drawn.store import Ends, changed_squares, stretches_of
 
 NAN = math.nan
 FINE, MIDDLE, COARSE = LEVELS[12], LEVELS[10], LEVELS[8]
@@ -125,6 +125,7 @@ def test_a_line_that_is_a_point_from_afar_stays_a_line() -> None:
             assert shapely.from_wkb(piece.geom_3857).length > 0
 
 
+@settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 400))
 def test_a_square_has_room_for_so_much_and_the_important_stay(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
@@ -215,3 +216,31 @@ def test_pieces_are_what_the_next_level_is_made_of() -> None:
     assert (whole.length_m, whole.slope_percent, whole.drives, whole.segment_id) == (3000.0, 2.0, 3, 1)
     assert drawn(whole) == [(0, 0), (3000, 0)]
     assert greater_roads(COARSE, stretches_of([])) == []
+
+
+def test_every_square_that_a_changed_piece_reaches_into_is_told() -> None:
+    half, side = 20037508.342789244, 2 * 20037508.342789244 / 2**14
+    x, y = 8579, 5634
+    west, north = x * side - half, half - y * side
+
+    def piece(*points: tuple[float, float]) -> Piece:
+        """Through places of the square, in parts of its side."""
+        (found,) = pieces_of(
+            FINE,
+            [Course([0], [False])],
+            stretches({"points": [(west + a * side, north - b * side) for a, b in points]}),
+        )
+        return found
+
+    def met(*points: tuple[float, float]) -> set[tuple[int, int]]:
+        square, made = x << 14 | y, piece(*points)
+        there, gone = {square: {1: made}}, {square: {}}
+        found = changed_squares(12, there, gone)  # type: ignore[arg-type]
+        assert found == changed_squares(12, gone, there)  # type: ignore[arg-type]
+        assert changed_squares(12, there, there) == set()
+        return {((one >> 14) - x, (one & 16383) - y) for one in found}
+
+    assert met((0.3, 0.3), (0.7, 0.7)) == {(0, 0)}
+    assert met((0.5, 0.5), (1.5, 0.5)) == {(0, 0), (1, 0)}
+    assert met((0.5, 0.5), (0.95, 0.5)) == {(0, 0), (1, 0)}  # a tile draws a little beyond its edge
+    assert met((0.5, 0.5), (3.5, 3.5)) >= {(k, k) for k in range(4)}

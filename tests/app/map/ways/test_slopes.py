@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.map.ways.chains import Chains
@@ -152,6 +152,7 @@ def test_any_chains_have_what_a_patient_search_finds(chains: list[list[tuple[flo
             assert -1e-9 <= found.steepest_from_m[k] < found.steepest_to_m[k] <= whole + 1e-9
 
 
+@settings(max_examples=30)
 @given(st.lists(st.tuples(LENGTHS, SLOPES), min_size=1, max_size=12))
 def test_a_chain_gone_through_backwards_has_the_other_signs(chain: list[tuple[float, float]]) -> None:
     there = one(measured([m for m, _ in chain], [s for _, s in chain]))
