@@ -90,7 +90,8 @@ import json, sys
 from qgis.core import Qgis, QgsApplication, QgsVectorLayer
 application = QgsApplication([], False)
 application.initQgis()
-layer = QgsVectorLayer(f"url='{sys.argv[1]}' typename='segments'", "segments", "OAPIF")
+where = f"url='{sys.argv[1]}' typename='segments' pagingEnabled='true' pageSize='{sys.argv[2]}'"
+layer = QgsVectorLayer(where, "segments", "OAPIF")
 if not layer.isValid():
     sys.exit("QGIS cannot open it: " + str(layer.error().message()))
 fields = layer.fields()
@@ -108,18 +109,24 @@ for feature in layer.getFeatures():
     print(json.dumps([values, first.x(), first.y(), last.x(), last.y()]))
 """
 QGIS_KINDS = {
-    "integer": "integer", "integer64": "integer", "double": "number", "string": "text", "boolean": "boolean",
-    "datetime": "time",
+    "integer": "integer", "integer64": "integer", "double": "number", "real": "number", "string": "text",
+    "boolean": "boolean", "datetime": "time",
 }  # fmt: skip
 SYSTEM_PYTHON = "/usr/bin/python3"
 """QGIS comes with the system's Python, not with ours."""
 
 
 def qgis(address: str, folder: Path) -> Reading:
-    """QGIS without a screen: its own OAPIF provider."""
+    """QGIS without a screen: its own OAPIF provider.
+
+    QGIS 3.22 takes no schema and guesses types from the first features: what is unknown in all of them becomes text,
+    and numbers of nodes beyond 32 bits wrap around where the first ones are smaller.
+    """
     began = time.perf_counter()
     environment = {"QT_QPA_PLATFORM": "offscreen", "HOME": str(folder), "PATH": "/usr/bin:/bin", "TZ": "UTC"}
-    said = _run(SYSTEM_PYTHON, "-c", QGIS_SCRIPT, f"{address}/", environment=environment).splitlines()
+    said = _run(
+        SYSTEM_PYTHON, "-c", QGIS_SCRIPT, f"{address}/", str(PAGE), environment=environment
+    ).splitlines()
     seconds = time.perf_counter() - began
     lines = [json.loads(line) for line in said if line.startswith(("{", "["))]
     about, features = lines[0], lines[1:]
