@@ -96,8 +96,7 @@ class Settings(Places):
         600,
         ge=0,
         le=31_536_000,
-        description="Seconds more in which they may answer it while they fetch the new one, where TILE_MAX_AGE_S is "
-        "set.",
+        description="Seconds more in which they may while they fetch the new one, where TILE_MAX_AGE_S is set.",
     )
     tile_memory_bytes: int = Field(
         64 * 2**20, ge=0, description="Compressed vector tiles that one process keeps in memory, bytes."

@@ -21,6 +21,7 @@ from app.core.http import (
     problems,
     with_query,
 )
+from app.core.lanes import kind_of_request
 from app.core.settings import Settings
 from app.core.text import GEO_JSON
 from app.map.attribution import attribution, attribution_html
@@ -115,7 +116,9 @@ async def mvt_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, ser
 
 async def vector_tile(request: Request, at: Address) -> Response:
     """The answer of a route to a request for a vector tile."""
-    found = await answer(request.app.state.tiles, at, request.scope["headers"])
+    # Addresses that have a lane got their place before the route (``app.core.lanes``).
+    in_lane = kind_of_request("GET", request.url.path) is not None
+    found = await answer(request.app.state.tiles, at, request.scope["headers"], in_lane=in_lane)
     response = Response(found.body, found.status)
     response.raw_headers = found.headers
     return response

@@ -7,7 +7,7 @@ import logging
 import zlib
 from collections import Counter, OrderedDict
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from hashlib import md5
 from itertools import count
@@ -122,22 +122,22 @@ class Tiles:
         tile = self._memory.get(at)
         return tile if tile is not None and tile.etag == etag else None
 
-    async def made(self, at: Address) -> Tile:
+    async def made(self, at: Address, *, in_lane: bool = False) -> Tile:
         """The tile as it is now, with an ETag of its content; not kept. Raises as ``get`` does.
 
         Ways follow their segments a moment later, each for its whole length: no square tells when they have.
         """
-        return await self.get(at, f"{next(self._serial)}")
+        return await self.get(at, f"{next(self._serial)}", in_lane=in_lane)
 
-    async def get(self, at: Address, etag: str) -> Tile:
+    async def get(self, at: Address, etag: str, *, in_lane: bool = False) -> Tile:
         """The tile of this ETag, kept or built. Everybody who wants it meanwhile waits for the same one; the last one
-        who leaves ends what was begun for them.
+        who leaves ends what was begun for them. ``in_lane``: who asks has a place in the tile's lane already.
 
         Raises ``psycopg.OperationalError``, or ``BusyError`` where too many are being built.
         """
         flight = self._flights.get((at, etag))
         if flight is None:
-            flight = self._flights[at, etag] = _Flight(asyncio.create_task(self._fly(at, etag)))
+            flight = self._flights[at, etag] = _Flight(asyncio.create_task(self._fly(at, etag, in_lane)))
             flight.task.add_done_callback(lambda _: self._land(at, etag, flight))
         flight.waiting += 1
         try:
@@ -223,10 +223,10 @@ class Tiles:
         if flight.task.done() and not flight.task.cancelled():
             flight.task.exception()  # all who waited may have left
 
-    async def _fly(self, at: Address, etag: str) -> Tile:
+    async def _fly(self, at: Address, etag: str, in_lane: bool) -> Tile:
         if self._is_further_out(at):
             return Tile(NOTHING if at.layer == WAYS else etag, b"")
-        async with self._lanes[tile_lane(at.z)].place():
+        async with nullcontext() if in_lane else self._lanes[tile_lane(at.z)].place():
             body = await self._builders.run(lambda connection: self._fetch(connection, at, etag))
         if at.layer == WAYS:
             return (

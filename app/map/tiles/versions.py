@@ -8,8 +8,9 @@ nearer ones add up the few squares below them when they are asked for.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from app.network.cells import ZOOM, span
 
@@ -62,10 +63,14 @@ class Versions:
             changed = True
             self._squares[number] = (version, drawn, changed_us)
             more = (version - before[0], drawn - before[1], changed_us - before[2])
-            for zoom, tile in _wide_tiles(number):
-                sums = self._wide[zoom].setdefault(tile, [0, 0, 0])
-                for k in range(3):
-                    sums[k] += more[k]
+            columns, rows = _reach(number >> ZOOM), _reach(number & _SIDE)
+            for z, sums_of in enumerate(self._wide):
+                for column in columns[z]:
+                    for row in rows[z]:
+                        sums = sums_of.setdefault(column << z | row, [0, 0, 0])
+                        sums[0] += more[0]
+                        sums[1] += more[1]
+                        sums[2] += more[2]
         return changed
 
     def of(self, z: int, x: int, y: int) -> Sums:
@@ -88,17 +93,12 @@ class Versions:
         return len(self._squares)
 
 
-def _wide_tiles(square: int) -> Iterator[tuple[int, int]]:
-    """Zoom and number of every tile of a lower zoom than ``WIDE`` that shows a square."""
-    x, y = square >> ZOOM, square & _SIDE
+@lru_cache(maxsize=20_000)
+def _reach(square: int) -> tuple[tuple[int, ...], ...]:
+    """By zoom, the columns, or rows, of tiles that show a column, or row, of squares."""
+    found = []
     for z in range(WIDE):
-        for column in _columns(z, x):
-            for row in _columns(z, y):
-                yield z, column << z | row
-
-
-def _columns(z: int, square: int) -> list[int]:
-    """The columns, or rows, of tiles that show a column, or row, of squares."""
-    middle = square >> (ZOOM - z)
-    first, last = max(0, middle - 1), min((1 << z) - 1, middle + 1)
-    return [one for one in range(first, last + 1) if span(z, one)[0] <= square <= span(z, one)[1]]
+        middle = square >> (ZOOM - z)
+        near = range(max(0, middle - 1), min((1 << z) - 1, middle + 1) + 1)
+        found.append(tuple(one for one in near if span(z, one)[0] <= square <= span(z, one)[1]))
+    return tuple(found)

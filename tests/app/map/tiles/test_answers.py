@@ -15,7 +15,7 @@ from app.map.tiles.answers import asked_by, takes_gzip
 from app.map.tiles.store import Address
 from mvt_support import layers
 from problem_support import check
-from server_support import wait_until
+from server_support import asked_at_once, wait_until
 
 TILE = "/tiles/13/4287/2813.mvt"
 QUICK_AND_NOT = pytest.mark.parametrize("query", ["", "?v=2"])
@@ -129,6 +129,15 @@ def test_requests_are_counted_by_their_route(reading: Any) -> None:
 @QUICK_AND_NOT
 def test_a_host_that_is_not_the_service_gets_no_tile(reading: Any, query: str) -> None:
     check(reading.client.get(TILE + query, headers={"Host": "rebound.example"}), 421)
+
+
+def test_a_place_in_a_lane_is_taken_once(reading: Any) -> None:
+    """More than the lane has places for, on the way through the route; each with its place waits for nothing else."""
+    paths = [f"/tiles/11/{x}/7.mvt?v=1" for x in range(12)] + [
+        f"/tiles/WebMercatorQuad/11/8/{x}?f=mvt" for x in range(12)
+    ]
+    with asked_at_once(reading, paths) as answers:
+        assert {one.result(timeout=8) for one in answers} == {204}
 
 
 def test_a_request_with_a_body_is_answered_too(reading: Any) -> None:
