@@ -40,11 +40,13 @@ _PAGE_WITHIN = text(
     """  # noqa: S608 - constants
 )
 
+# What is derived from segments follows these notes as well (``app.map.derived``): it has been there first.
 _PRUNE = text(
     """
     WITH old AS (
         SELECT segment_id, xid, gone FROM segment_changes
         WHERE (gone OR was IS NOT NULL) AND changed_at < clock_timestamp() - make_interval(secs => :age_s)
+            AND (xid, segment_id) <= (SELECT xid, segment_id FROM derived_upto)
         ORDER BY segment_id FOR UPDATE SKIP LOCKED
     ), gone AS (
         DELETE FROM segment_changes AS c USING old WHERE c.segment_id = old.segment_id AND old.gone

@@ -18,6 +18,7 @@ from app.map.items.places import CRSS
 from app.map.ogc.negotiation import AS_HTML, AS_JSON, HTML, FormatQuery, wanted
 from app.map.ogc.pages import described, document_answer
 from app.map.ogc.schemas import schema_links
+from app.map.tiles.documents import tilesets_link
 from app.network.cells import last_change
 
 CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
@@ -62,6 +63,7 @@ def collection_links(base: str, collection: Collection) -> list[Link]:
         link(f"{here}/items?f=html", "items", HTML, "The items as a table"),
         *schema_links(base, collection),
         link(f"{base}/tiles.json", "tiles", JSON, "Vector tiles, TileJSON"),
+        tilesets_link(base, collection.id),
         link(OSM_LICENSE_URL, "license", HTML, OSM_LICENSE),
     ]
 

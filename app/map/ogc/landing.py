@@ -12,6 +12,8 @@ from app.map.attribution import attribution
 from app.map.ogc.api import OPENAPI_30, OPENAPI_31
 from app.map.ogc.negotiation import AS_HTML, AS_JSON, HTML, FormatQuery, wanted
 from app.map.ogc.pages import described, document_answer
+from app.map.tiles.documents import SCHEMES_REL, tilesets_link
+from app.map.tiles.ogc import TILES_CONFORMANCE
 
 BIND_NOTE = (
     "There is no access control yet: the service listens only on this machine's loopback address unless it "
@@ -55,7 +57,14 @@ SCHEMA_CLASSES = (
     f"{_FEATURES}5/1.0/conf/core-roles-features",
     f"{_FEATURES}5/1.0/conf/returnables-and-receivables",
 )
-CONFORMANCE = (*CORE_CLASSES, *CRS_CLASSES, *QUERY_CLASSES, *CQL2_CLASSES, *SCHEMA_CLASSES)
+CONFORMANCE = (
+    *CORE_CLASSES,
+    *CRS_CLASSES,
+    *QUERY_CLASSES,
+    *CQL2_CLASSES,
+    *SCHEMA_CLASSES,
+    *TILES_CONFORMANCE,
+)
 
 router = APIRouter(tags=["map"])
 
@@ -83,6 +92,11 @@ def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
         link(f"{base}/conformance", "conformance", title="Conformance classes"),
         link(f"{base}/collections", "data", title="Collections"),
         link(f"{base}/tiles.json", "tiles", title="Vector tiles, TileJSON 3"),
+        tilesets_link(base),
+        link(f"{base}/tileMatrixSets", SCHEMES_REL, title="Tile matrix sets"),
+        link(f"{base}/style.json", "style", title="A style for maps in a browser"),
+        link(f"{base}/v1/changes", "changes", title="What changed since a version"),
+        link(f"{base}/v1/exports", "exports", title="Files of the map"),
         link(f"{base}/v1/drives", "drives", title="Uploaded drives"),
     ]
     document: dict[str, Any] = {

@@ -71,10 +71,17 @@ ABOUT = {
         },
     ),
 }
+
+
+def kinds(fields: dict[str, str]) -> dict[str, str]:
+    """What each field is, ``Number`` or ``String``: GDAL takes a number for one only where that is all that is said."""
+    return {name: words.partition(";")[0] for name, words in fields.items()}
+
+
 EXAMPLE = {
     "tilejson": "3.0.0",
     "tiles": ["http://127.0.0.1:8000/tiles/{z}/{x}/{y}.mvt"],
-    "vector_layers": [{"id": SEGMENTS, "fields": FIELDS}],
+    "vector_layers": [{"id": SEGMENTS, "fields": kinds(FIELDS)}],
 }
 
 ZoomPath = Annotated[int, Path(ge=0, le=DEEPEST_ZOOM, description="Zoom level.", examples=[14])]
@@ -208,7 +215,9 @@ def tilejson(service: Service, base: str, layer: str) -> dict[str, Any]:
         "description": about.description,
         "scheme": "xyz",
         "tiles": [base + tiles],
-        "vector_layers": [{"id": layer, "description": about.feature, "fields": about.fields, **zooms}],
+        "vector_layers": [
+            {"id": layer, "description": about.feature, "fields": kinds(about.fields), **zooms}
+        ],
         "attribution": attribution_html(names),
         **zooms,
     }

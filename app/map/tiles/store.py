@@ -6,6 +6,7 @@ is in a tile: each further property costs a tenth of the whole query.
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any, NamedTuple
 
@@ -25,21 +26,28 @@ EXTENT = 4096
 BUFFER = 64
 """Units by which lines go on beyond a tile's edge, so that it does not cut wide strokes short."""
 NO_LIMIT = 2_000_000_000
+_WORLD_M = 2 * math.pi * 6_378_137
+"""Of the plane of tiles, across."""
 LOCK_SPACE = 1413
 """The first half of the numbers of the locks of tiles that are being built."""
 
 _BOX = f"""
     box AS (
         SELECT ST_TileEnvelope(%(z)s, %(x)s, %(y)s) AS tile,
-               ST_TileEnvelope(%(z)s, %(x)s, %(y)s, margin => CAST({BUFFER / EXTENT} AS float8)) AS wide
+               ST_TileEnvelope(%(z)s, %(x)s, %(y)s, margin => CAST({BUFFER / EXTENT} AS float8)) AS wide,
+               CAST({_WORLD_M / EXTENT} AS float8) / (1 << %(z)s) AS unit_m
     )"""
-_GEOM = f"ST_AsMVTGeom({{line}}, box.tile, {EXTENT}, {BUFFER}, true) AS geom"
+_AS_GEOM = f"ST_AsMVTGeom({{line}}, box.tile, {EXTENT}, {BUFFER}, true)"
+_GEOM = f"{_AS_GEOM} AS geom"
+# What is shorter than the grid is fine is a unit long: a map of all segments has all of them.
+_SHORT = "ST_MakeLine(ST_StartPoint({line}), ST_Translate(ST_StartPoint({line}), 1.5 * box.unit_m, 0))"
 _AS_MVT = f"ST_AsMVT(feature, '{{layer}}', {EXTENT}, 'geom', 'id')"
 
 # The box for the index is wider than the tile by the buffer, else lines just outside it would end at its edge.
 _SEGMENT_FEATURES = f"""
     SELECT s.id, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives, s.highway, s.oneway,
-           {_GEOM.format(line="s.geom_3857")}
+           coalesce({_AS_GEOM.format(line="s.geom_3857")},
+                    {_AS_GEOM.format(line=_SHORT.format(line="s.geom_3857"))}) AS geom
     FROM box JOIN segments AS s ON s.geom_3857 && box.wide
     LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0"""  # noqa: S608 - constants
 _PIECE_FEATURES = f"""

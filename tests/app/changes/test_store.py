@@ -15,6 +15,7 @@ from app.changes.store import Since
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.errors import BadQueryError, GoneError, NotReadyError
 from app.embedded.cluster import EmbeddedPostgres
+from app.map.derived.following import follow_all
 
 TURN = text("UPDATE segments SET name = :name WHERE id = ANY(:ids)")
 
@@ -184,6 +185,8 @@ def test_what_went_long_ago_is_told_no_more_and_who_would_miss_it_begins_anew(ma
             "UPDATE segment_changes SET changed_at = now() - interval '2 days' WHERE segment_id IN (40, 41)"
         )
         session.execute(old)
+    assert prune(mapped, 1) == 0, "what is derived from segments has not followed yet"
+    follow_all(mapped)
     assert prune(mapped, 1) == 2
     assert prune(mapped, 1) == 0
     with mapped() as session:

@@ -138,12 +138,15 @@ def test_an_unknown_collection_is_a_404_that_says_which_there_are(reading: Any, 
 
 def test_each_declared_class_has_its_abstract_tests() -> None:
     """Tests are named after them: ``test_ats_`` and the class; those of CQL2 stand in one table."""
-    trees = [ast.parse(path.read_text()) for path in Path(__file__).parent.glob("test_ats_*.py")]
+    here = Path(__file__).parent
+    files = [*here.glob("test_ats_*.py"), here.parent / "tiles" / "test_ats_tiles.py"]
+    trees = [ast.parse(path.read_text()) for path in files]
     functions = {node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
     cases = {node.value for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant)}
     for one in CONFORMANCE:
         name = one.rsplit("/", 1)[-1]
-        prefix = f"test_ats_{name.replace('-', '_')}_"
+        kind = "tiles_" if "ogcapi-tiles" in one else ""
+        prefix = f"test_ats_{kind}{name.replace('-', '_')}_"
         tested = (
             name in cases if "/cql2/" in one else any(function.startswith(prefix) for function in functions)
         )

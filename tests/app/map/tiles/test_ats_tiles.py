@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from app.map.tiles.documents import tilesets_link
+from app.map.tiles.documents import VECTOR_REL as TILESETS_REL
 from app.map.tiles.ogc import TILES_CONFORMANCE
 from mvt_support import layers
 from problem_support import check
@@ -42,7 +42,7 @@ def test_conformance_names_classes_of_the_standard() -> None:
 
 
 @pytest.mark.parametrize("base", BASES[:2])
-def test_core_tc_op(reading: Any, base: str) -> None:
+def test_ats_tiles_core_tc_op(reading: Any, base: str) -> None:
     """/conf/core/tc-op: a GET at the address that the template gives."""
     tileset = get(reading, f"{base}/WebMercatorQuad")
     (template,) = [one for one in tileset["links"] if one["rel"] == "item"]
@@ -54,7 +54,7 @@ def test_core_tc_op(reading: Any, base: str) -> None:
     assert answer.content == reading.client.get("/tiles/13/4287/2813.mvt").content
 
 
-def test_core_tc_success(reading: Any) -> None:
+def test_ats_tiles_core_tc_success(reading: Any) -> None:
     """/conf/core/tc-success: 200 with the tile, 204 where it is empty."""
     full = reading.client.get("/tiles/WebMercatorQuad/13/2813/4287")
     assert (full.status_code, full.headers["content-type"]) == (200, MVT)
@@ -78,7 +78,7 @@ def test_core_tc_success(reading: Any) -> None:
 )
 @pytest.mark.parametrize("suffix", ["", ".mvt", ".pbf"])
 @pytest.mark.parametrize("base", BASES)
-def test_core_tc_error(reading: Any, base: str, place: str, field: str, suffix: str) -> None:
+def test_ats_tiles_core_tc_error(reading: Any, base: str, place: str, field: str, suffix: str) -> None:
     """/conf/core/tc-error: what is no tile of the set is a 404 that says why."""
     problem = check(reading.client.get(f"{base}/WebMercatorQuad/{place}{suffix}"), 404)
     assert problem["errors"][0]["field"] == field
@@ -100,7 +100,7 @@ def test_other_bad_input(reading: Any, base: str) -> None:
 
 
 @pytest.mark.parametrize("base", BASES)
-def test_tileset_desc_op_and_success(reading: Any, base: str) -> None:
+def test_ats_tiles_tileset_desc_op_and_success(reading: Any, base: str) -> None:
     """/conf/tileset/desc-op, success: the metadata by the schema of OGC 17-083r4."""
     tileset = get(reading, f"{base}/WebMercatorQuad")
     assert tileset["dataType"] == "vector"
@@ -137,20 +137,26 @@ def test_the_layer_says_what_is_in_the_tile(reading: Any) -> None:
 
 
 @pytest.mark.parametrize("base", BASES)
-def test_tilesets_list_tsl_op_and_success(reading: Any, base: str) -> None:
+def test_ats_tiles_tilesets_list_tsl_op_and_success(reading: Any, base: str) -> None:
     """/conf/tilesets-list/tsl-op, tsl-success: also of dataset-tilesets and geodata-tilesets."""
     (one,) = get(reading, base)["tilesets"]
     assert (one["dataType"], one["tileMatrixSetURI"]) == ("vector", QUAD_URI)
     assert get(reading, linked(one, "self"))["tileMatrixSetURI"] == QUAD_URI
 
 
-@pytest.mark.parametrize("layer", [None, "segments", "ways"])
-def test_geodata_and_dataset_links(reading: Any, layer: str | None) -> None:
-    """/conf/dataset-tilesets/landingpage, /conf/geodata-tilesets/desc-links: what these documents are given."""
-    found = tilesets_link(reading.base, layer)
-    assert found.rel == "http://www.opengis.net/def/rel/ogc/1.0/tilesets-vector"
-    (one,) = get(reading, found.href)["tilesets"]
-    assert f"/collections/{layer}/" in linked(one, "self") or layer is None
+def test_ats_tiles_dataset_tilesets_landingpage(reading: Any) -> None:
+    """/conf/dataset-tilesets/landingpage: the landing page leads to the tilesets of the whole."""
+    landing = get(reading, "/?f=json")
+    (one,) = get(reading, linked(landing, TILESETS_REL))["tilesets"]
+    assert "/collections/" not in linked(one, "self")
+
+
+@pytest.mark.parametrize("layer", ["segments", "ways"])
+def test_ats_tiles_geodata_tilesets_desc_links(reading: Any, layer: str) -> None:
+    """/conf/geodata-tilesets/desc-links: each collection leads to its own."""
+    collection = get(reading, f"/collections/{layer}?f=json")
+    (one,) = get(reading, linked(collection, TILESETS_REL))["tilesets"]
+    assert f"/collections/{layer}/" in linked(one, "self")
 
 
 # --- what tile matrix sets there are ------------------------------------------------------------------------------
@@ -175,7 +181,7 @@ def test_the_tile_matrix_set_is_that_of_the_web(reading: Any) -> None:
 
 @pytest.mark.parametrize("suffix", ["", ".mvt", ".pbf", "?f=mvt", "?f=pbf"])
 @pytest.mark.parametrize("base", BASES[:2])
-def test_mvt_tile(reading: Any, base: str, suffix: str) -> None:
+def test_ats_tiles_mvt_tile(reading: Any, base: str, suffix: str) -> None:
     """/conf/mvt/content: every way to ask for the format gives the same tile."""
     answer = reading.client.get(f"{base}/WebMercatorQuad/13/2813/4287{suffix}")
     assert (answer.status_code, answer.headers["content-type"]) == (200, MVT)
