@@ -49,6 +49,22 @@ def read(tmp_path: Path) -> Callable[..., object]:
     return decode
 
 
+def test_a_segment_that_is_shorter_than_the_grid_is_fine_is_in_its_tile(
+    sessions: Sessions, chain: Callable[..., RoadTable], read: Callable[..., object]
+) -> None:
+    """A map of all segments has all of them: at zoom 13 a unit is 1.2 m of the plane, these are 0.6 m long."""
+    k = np.arange(50)
+    short = chain(50, lon0_deg=8.5 + 5e-6 * k, lon1_deg=8.5 + 5e-6 * (k + 1))
+    with sessions.begin() as session:
+        roads.replace_roads(session, short, "short.osm", "0" * 64)
+    with sessions() as session:
+        ids = [int(i) for i in road_store.all_roads(session)[1]]
+        for zoom in (13, 14, 18):
+            tile = tile_of(8.5, 49.0, zoom)
+            frame = read(tiles.mvt(session, *tile), *tile)
+            assert sorted(frame["mvt_id"]) == ids, zoom  # type: ignore[index]
+
+
 def test_a_tile_carries_what_a_map_draws(
     sessions: Sessions, segment_ids: Ints, add_drive: Callable[..., uuid.UUID], read: Callable[..., object]
 ) -> None:
