@@ -16,7 +16,8 @@ servers; figures are medians of the rounds, ratios those within one round. Rows:
     first        our first build of a tile: before each pass every square gets a new version, so no stored tile counts
     warm         our stored tile, whose version is looked up in the database at each request
     304          the same with If-None-Match
-    items        pages of 1,000 features of GeoJSON with all properties, in boxes, and beside them tipg's
+    items        pages of 1,000 features of GeoJSON with all properties, in boxes of 1,000 and more (tiles of zoom 14),
+                 and beside them tipg's
     beside       warm, while one drive is published each second (slopes of 125 segments, versions, and what follows from
                  them by a worker); and what is left of the rate
 
@@ -57,7 +58,7 @@ HERE = Path(__file__).resolve().parents[1]
 ZOOMS = (14, 12, 10)
 TILES = {14: 400, 12: 120, 10: 24}
 """Tiles asked for, at most."""
-ITEMS = 60
+ITEMS, PAGE = 60, 1000
 PORT = 18_520
 ITEMS_AIM = 10.0
 AIMS = {
@@ -129,7 +130,8 @@ class Bench:
         self.sessions, self.seconds = sessions, seconds
         self.ours, self.theirs, self.plain = ours, theirs, plain
         self.tiles = tiles_to_ask(sessions)
-        self.boxes = [_box(14, x, y) for x, y, _ in self.tiles[14][:ITEMS]]
+        full = [(x, y) for x, y, segments in self.tiles[14] if segments >= PAGE]
+        self.boxes = [_box(14, x, y) for x, y in full[:ITEMS]]
 
     def paths(self, zoom: int, form: str) -> list[Asked]:
         """What is asked of one server."""
@@ -162,9 +164,9 @@ class Bench:
 
     def items(self) -> dict[str, Rates]:
         """Pages of 1,000 features."""
-        ours = [Asked(f"/collections/segments/items?limit=1000&bbox={box}") for box in self.boxes]
+        ours = [Asked(f"/collections/segments/items?limit={PAGE}&bbox={box}") for box in self.boxes]
         theirs = [
-            Asked(f"/collections/bench.items/items?f=geojson&limit=1000&bbox={box}") for box in self.boxes
+            Asked(f"/collections/bench.items/items?f=geojson&limit={PAGE}&bbox={box}") for box in self.boxes
         ]
         return {
             "items": ask(self.ours, ours, seconds=self.seconds, compressed=False),
@@ -199,8 +201,8 @@ def _box(zoom: int, x: int, y: int) -> str:
     def lat(row: int) -> float:
         return float(np.degrees(np.arctan(np.sinh(np.pi * (1 - 2 * row / 2**zoom)))))
 
-    west, east = (360 * column / 2**zoom - 180 for column in (x - 1, x + 2))
-    return f"{west:.6f},{lat(y + 2):.6f},{east:.6f},{lat(y - 1):.6f}"
+    west, east = (360 * column / 2**zoom - 180 for column in (x, x + 1))
+    return f"{west:.6f},{lat(y + 1):.6f},{east:.6f},{lat(y):.6f}"
 
 
 @contextmanager
