@@ -60,10 +60,14 @@ _WAY_FEATURES = f"""
            {_GEOM.format(line="w.geom_3857")}
     FROM box JOIN ways AS w ON w.geom_3857 && box.wide"""  # noqa: S608 - constants
 _WAYS_BY_IMPORTANCE = " ORDER BY (w.drives = 0), w.length_m DESC, w.id LIMIT %(most)s"
+_ONCE = "OFFSET 0"
+"""Else each geometry would be computed twice, once to be looked at: a fifth of the whole."""
 _TILE = f"""
-    SELECT {_AS_MVT} FROM (SELECT * FROM ({{features}}) AS every WHERE geom IS NOT NULL{{order}}) AS feature"""  # noqa: S608
+    SELECT {_AS_MVT} FROM (SELECT * FROM ({{features}} {_ONCE}) AS every WHERE geom IS NOT NULL{{order}}) AS feature
+"""  # noqa: S608 - constants
 _COUNTED = f"""
-    SELECT {_AS_MVT}, count(*) FROM (SELECT * FROM ({{features}}) AS every WHERE geom IS NOT NULL) AS feature"""  # noqa: S608
+    SELECT {_AS_MVT}, count(*) FROM (SELECT * FROM ({{features}} {_ONCE}) AS every WHERE geom IS NOT NULL) AS feature
+"""  # noqa: S608 - constants
 
 # Where every road is shorter than the grid is fine, the most important ones are a unit long each.
 _SPECKS = f"""

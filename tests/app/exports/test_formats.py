@@ -30,7 +30,7 @@ from app.exports.making import Made, make_file, request_of
 from app.exports.source import snapshot
 from app.map.handover import HANDOVERS
 from app.map.outputs import OUTPUTS
-from app.map.store import mvt
+from app.map.tiles.store import mvt
 from app.roads.imports import import_roads
 from fusion.errors import BadOptionsError, UnknownNameError
 from fusion.simulate.scene.town import Town

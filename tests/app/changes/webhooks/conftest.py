@@ -26,7 +26,7 @@ def service(
     folder: Path = tmp_path_factory.mktemp("told")
     settings = Settings(
         database_url=cluster.url_of(name), data_dir=folder, webhook_private=True,
-        webhook_timeout_s=0.5,
+        webhook_timeout_s=2.0,
     )  # fmt: skip
     with served(settings) as running:
         fill_roads(running.sessions)
