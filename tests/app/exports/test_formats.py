@@ -28,6 +28,7 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.exports.formats import FORMATS, format_for
 from app.exports.making import Made, make_file, request_of
 from app.exports.source import snapshot
+from app.map.derived.following import follow_all
 from app.map.handover import HANDOVERS
 from app.map.outputs import OUTPUTS
 from app.map.tiles.store import mvt
@@ -85,6 +86,7 @@ def pair(
     with session_factory(engine).begin() as session:  # the grid came from no file: let that be the town's
         session.execute(text(_KEPT_FILE))
         session.execute(text(_MEASURED))
+    follow_all(session_factory(engine))
     engine.dispose()  # what is copied must be used by nobody
     names = [first, new_database(first)]
     engines = [make_engine(cluster.url_of(name)) for name in names]
