@@ -28,11 +28,11 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.exports.formats import FORMATS, format_for
 from app.exports.making import Made, make_file, request_of
 from app.exports.source import snapshot
-from app.map.derived.following import follow_all
 from app.map.handover import HANDOVERS
 from app.map.outputs import OUTPUTS
 from app.map.tiles.store import mvt
 from app.roads.imports import import_roads
+from drawn_support import draw
 from fusion.errors import BadOptionsError, UnknownNameError
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.osm_file import write_osm
@@ -86,7 +86,7 @@ def pair(
     with session_factory(engine).begin() as session:  # the grid came from no file: let that be the town's
         session.execute(text(_KEPT_FILE))
         session.execute(text(_MEASURED))
-    follow_all(session_factory(engine))
+    draw(session_factory(engine))
     engine.dispose()  # what is copied must be used by nobody
     names = [first, new_database(first)]
     engines = [make_engine(cluster.url_of(name)) for name in names]
