@@ -58,6 +58,8 @@ HERE = Path(__file__).resolve().parents[1]
 ZOOMS = (14, 12, 10)
 TILES = {14: 400, 12: 120, 10: 24}
 """Tiles asked for, at most."""
+HELD = 0.8
+"""Of all segments, in the tiles that some are taken of: towns rather than edges of the map."""
 ITEMS, PAGE = 60, 1000
 PORT = 18_520
 ITEMS_AIM = 10.0
@@ -84,7 +86,10 @@ _LAST = text("SELECT max(id) FROM segments")
 
 
 def tiles_to_ask(sessions: Sessions) -> dict[int, list[tuple[int, int, float]]]:
-    """x, y of some tiles of each zoom with roads, and segments in it; the same in every run."""
+    """x, y of some tiles of each zoom, and segments in it: of the fullest ones that hold four fifths of all segments.
+
+    The same in every run.
+    """
     with sessions() as session:
         rows = session.execute(_DENSITY).all()
     rng = np.random.default_rng(14)
@@ -94,8 +99,10 @@ def tiles_to_ask(sessions: Sessions) -> dict[int, list[tuple[int, int, float]]]:
         for cell, segments in rows:
             tile = (cell >> 14) >> (14 - zoom), (cell & 16383) >> (14 - zoom)
             there[tile] = there.get(tile, 0) + segments
-        drawn = rng.permutation(len(there))[: TILES[zoom]]
-        keys = list(there)
+        fullest = sorted(there, key=lambda tile: -there[tile])
+        held = np.cumsum([there[tile] for tile in fullest]) / sum(there.values())
+        keys = fullest[: int(np.searchsorted(held, HELD)) + 1]
+        drawn = rng.permutation(len(keys))[: TILES[zoom]]
         chosen[zoom] = [(*keys[n], there[keys[n]]) for n in drawn]
     return chosen
 
