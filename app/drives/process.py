@@ -58,8 +58,8 @@ from fusion.types import DriveLog, Ints
 
 logger = logging.getLogger(__name__)
 
-MAX_ROAD_CHANGES = 5
-"""A drive is estimated so many times, each time because an import changed roads around it; then it fails."""
+MAX_ROAD_CHANGES = 20
+"""Times that a drive is estimated anew because roads changed under it: an import takes several steps over a place."""
 
 Computing = Callable[[], AbstractContextManager[None]]
 """To be held around the computation proper (``app.jobs.task.Work``)."""
