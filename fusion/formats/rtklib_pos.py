@@ -141,7 +141,7 @@ def _whole_rows(body: bytes, header: _Header) -> tuple[tuple[Floats, bool], Floa
             pa.py_buffer(body),
             csv.ReadOptions(use_threads=False, block_size=max(1 << 20, len(body) + 1), column_names=names),
             csv.ParseOptions(delimiter=" ", quote_char=False),
-            csv.ConvertOptions(check_utf8=False, column_types=kinds),
+            csv.ConvertOptions(column_types=kinds),
         )
     except pa.ArrowException:
         return None

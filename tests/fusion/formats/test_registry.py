@@ -63,6 +63,18 @@ def test_truncated_anywhere_it_reads_or_raises_a_log_error(samples: dict[str, by
 
 
 @pytest.mark.parametrize("name", list(FORMATS))
+@pytest.mark.parametrize("put", [b"\x80", b"\xc3", b"\x00"])
+def test_bytes_that_are_no_text_anywhere_read_or_raise_a_log_error(
+    samples: dict[str, bytes], name: str, put: bytes
+) -> None:
+    sample = samples[name]
+    for at in np.unique(np.linspace(0, len(sample) - 1, 60).astype(int)):
+        with contextlib.suppress(LogError):
+            assert holds_a_drive(read_log(sample[:at] + put + sample[at:]))
+
+
+@pytest.mark.parametrize("name", list(FORMATS))
+@pytest.mark.filterwarnings("ignore:Generating overly large repr")  # of the samples; it would hide what failed
 @FUZZ
 @given(
     damage=st.lists(
