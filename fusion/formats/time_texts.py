@@ -194,5 +194,8 @@ def _day_s(year: int, month: int, day: int) -> float:
 def _offset_s(zone: str | None, offset: str | None) -> tuple[float, bool]:
     if offset:
         sign, digits = (-1 if offset[0] == "-" else 1), offset[1:].replace(":", "").zfill(4)
+        if not (digits.isascii() and digits.isdecimal()):
+            # texts that are read together need not all be sound
+            return float("nan"), True
         return sign * (int(digits[:2]) * 3600 + int(digits[2:]) * 60), True
     return (_ZONES_H[zone] * 3600.0, True) if zone in _ZONES_H else (0.0, False)

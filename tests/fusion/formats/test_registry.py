@@ -74,7 +74,8 @@ def test_bytes_that_are_no_text_anywhere_read_or_raise_a_log_error(
 
 
 @pytest.mark.parametrize("name", list(FORMATS))
-@pytest.mark.filterwarnings("ignore:Generating overly large repr")  # of the samples; it would hide what failed
+# the samples' text would hide what failed
+@pytest.mark.filterwarnings("ignore:Generating overly large repr")
 @FUZZ
 @given(
     damage=st.lists(

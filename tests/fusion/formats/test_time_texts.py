@@ -85,3 +85,12 @@ def test_numbers_may_be_mixed_with_what_is_none() -> None:
     assert found[0] == 1525448060
     assert np.isnan(found[1:]).all()
     assert not bare.any()
+
+
+@pytest.mark.parametrize("put", ['"', "\0", "x", "²"])
+def test_a_letter_in_an_offset_spoils_its_own_time_alone(put: str) -> None:
+    sound = [f"Fri May 04 17:34:{second:02d} GMT+02:00 2018" for second in range(20)]
+    spoiled = [*sound[:7], sound[7].replace("+02:00", f"+02:0{put}"), *sound[8:]]
+    found, expected = times_of(spoiled)[0], times_of(sound)[0]
+    assert np.isnan(found[7])
+    np.testing.assert_array_equal(np.delete(found, 7), np.delete(expected, 7))
