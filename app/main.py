@@ -59,6 +59,7 @@ from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
 from app.ops.metrics import router as metrics_router
+from app.web import pages
 
 ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
@@ -84,6 +85,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     metrics_router,
     problem_kinds.router,
+    pages.router,
     collections.unknown,  # after all: what no other route of collections answers
 )
 

@@ -1,5 +1,6 @@
 """Fixtures that tests of several rooms of the service share; each is described where it is defined."""
 
+from browser_fixtures import browser, tab, tab_maker
 from bucket_fixtures import bucket, bucket_server
 from drive_fixtures import bench, files, send
 from store_fixtures import add_drive, chain, segment_ids, sessions, streets, streets_apart
@@ -9,6 +10,7 @@ from web_fixtures import drive_maker, filled, reading, server_maker, settings, w
 __all__ = [
     "add_drive",
     "bench",
+    "browser",
     "bucket",
     "bucket_server",
     "chain",
@@ -23,6 +25,8 @@ __all__ = [
     "settings",
     "streets",
     "streets_apart",
+    "tab",
+    "tab_maker",
     "tiny",
     "web",
 ]

@@ -107,6 +107,11 @@ class Settings(Places):
         description="Compressed vector tiles in the database, bytes; those asked for last stay.",
     )
 
+    map_background_url: HttpUrlText | None = Field(
+        None,
+        description="A MapLibre style that the map page draws below the roads; its host, and no other, is then asked "
+        "for it by browsers. None: the roads stand on a plain ground.",
+    )
     allowed_hosts: str | None = Field(
         None,
         description="Host names, separated by commas, under which the API answers besides loopback, the address that "

@@ -1,0 +1,153 @@
+"""Routes to the pages and to what they load. Knows what a page is called and nothing of what it shows."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import mimetypes
+from functools import lru_cache
+from hashlib import sha256
+from html import escape
+from pathlib import Path
+from typing import Annotated, NamedTuple
+from urllib.parse import urlsplit
+
+from fastapi import APIRouter, Request, Response
+from fastapi import Path as PathParameter
+
+from app.core.errors import NotFoundError
+from app.core.http import REVALIDATE, ServiceDep, etag_matches
+from app.core.settings import Settings
+from app.core.version import code_version
+
+BUILT = Path(__file__).parent / "built"
+FOR_EVER = "public, max-age=31536000, immutable"
+"""Files below ``assets/`` are named by what is in them."""
+PLACE = '<meta name="versant" content="{}"'
+"""Where a page is told what the service has set."""
+
+router = APIRouter(include_in_schema=False)
+
+
+class File(NamedTuple):
+    """A built file, ready to be sent: plain and compressed once for all."""
+
+    content: bytes
+    compressed: bytes
+    media_type: str
+    etag: str
+
+
+@lru_cache(maxsize=256)
+def built_file(name: str) -> File | None:
+    """The file of that name below ``built``; None: there is none."""
+    path = (BUILT / name).resolve()
+    if not path.is_relative_to(BUILT) or not path.is_file():
+        return None
+    return _file(path.read_bytes(), path.name)
+
+
+def _file(content: bytes, name: str) -> File:
+    kind = "text/javascript" if name.endswith((".js", ".mjs")) else mimetypes.guess_type(name)[0]
+    etag = f'W/"{sha256(content).hexdigest()[:20]}"'
+    return File(content, gzip.compress(content, 9, mtime=0), kind or "application/octet-stream", etag)
+
+
+def policy(settings: Settings) -> str:
+    """The pages' content security policy; a background map's host may be asked for its style, tiles and letters."""
+    beyond = _origin(settings.map_background_url)
+    return "; ".join(
+        (
+            "default-src 'none'",
+            "script-src 'self'",
+            "style-src 'self'",
+            f"img-src 'self' data: blob:{beyond}",
+            f"connect-src 'self'{beyond}",
+            "worker-src 'self'",
+            "form-action 'self'",
+            "base-uri 'none'",
+            "frame-ancestors 'none'",
+        )
+    )
+
+
+def _origin(address: str | None) -> str:
+    if address is None:
+        return ""
+    parts = urlsplit(address)
+    return f" {parts.scheme}://{parts.netloc}" if parts.netloc else ""
+
+
+@lru_cache(maxsize=64)
+def _page(name: str, told: str) -> File:
+    file = built_file(f"{name}.html")
+    if file is None:
+        raise NotFoundError(
+            "The pages are not built. Build them with `make web`, or install the released package."
+        )
+    text = file.content.decode()
+    return _file(
+        text.replace(PLACE, f'<meta name="versant" content="{escape(told)}"', 1).encode(), f"{name}.html"
+    )
+
+
+def page_answer(request: Request, settings: Settings, name: str) -> Response:
+    """A page as this service's settings make it."""
+    told = {"version": code_version(), "background_style_url": settings.map_background_url, "login_url": None}
+    headers = {
+        "Content-Security-Policy": policy(settings),
+        "X-Content-Type-Options": "nosniff",
+        "Referrer-Policy": "same-origin",
+        "Cache-Control": REVALIDATE,
+    }
+    return _answer(request, _page(name, json.dumps(told)), headers)
+
+
+def _answer(request: Request, file: File, headers: dict[str, str]) -> Response:
+    headers |= {"ETag": file.etag, "Vary": "Accept-Encoding"}
+    if etag_matches(request, file.etag):
+        return Response(status_code=304, headers=headers)
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        headers |= {"Content-Encoding": "gzip"}
+        return Response(file.compressed, media_type=file.media_type, headers=headers)
+    return Response(file.content, media_type=file.media_type, headers=headers)
+
+
+@router.get("/map")
+def map_page(request: Request, service: ServiceDep) -> Response:
+    """The map."""
+    return page_answer(request, service.settings, "map")
+
+
+@router.get("/upload")
+def upload_page(request: Request, service: ServiceDep) -> Response:
+    """Where logs are uploaded."""
+    return page_answer(request, service.settings, "upload")
+
+
+@router.get("/drives")
+def drives_page(request: Request, service: ServiceDep) -> Response:
+    """The list of drives."""
+    return page_answer(request, service.settings, "drives")
+
+
+@router.get("/drives/{drive_id}")
+def drive_page(request: Request, service: ServiceDep, drive_id: str) -> Response:
+    """One drive; the page itself says where there is none."""
+    return page_answer(request, service.settings, "drive")
+
+
+@router.get("/admin")
+def admin_page(request: Request, service: ServiceDep) -> Response:
+    """The operators' dashboard."""
+    return page_answer(request, service.settings, "admin")
+
+
+@router.get("/web/{name:path}")
+def web_file(request: Request, name: Annotated[str, PathParameter(max_length=200)]) -> Response:
+    """What pages load."""
+    file = None if name.endswith(".html") else built_file(name)
+    if file is None:
+        raise NotFoundError(f"There is no file {name!r} among those of the pages.")
+    kept = FOR_EVER if name.startswith("assets/") else REVALIDATE
+    return _answer(request, file, {"Cache-Control": kept, "X-Content-Type-Options": "nosniff"})

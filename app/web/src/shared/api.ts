@@ -1,0 +1,78 @@
+/**
+ * The service's API with the types of its own OpenAPI document: `const drive = await got(api.GET("/v1/drives/{drive_id}", ...))`.
+ *
+ * `got` gives the answer or throws an `ApiProblem`, whose `message` is a sentence for people. An answer 401 leads to
+ * one place, `unauthorised`.
+ */
+import createClient from "openapi-fetch";
+import type { paths } from "../api/schema";
+import { config } from "./config";
+import { t } from "./texts";
+
+/** An answer that is no success, or none at all (`status` 0). */
+export class ApiProblem extends Error {
+  constructor(
+    readonly status: number,
+    readonly title: string,
+    message: string,
+    readonly field: string | null = null,
+    readonly type: string | null = null,
+  ) {
+    super(message);
+  }
+}
+
+/** The one place that an answer 401 leads to. */
+export function unauthorised(): void {
+  if (config.login_url === null) return;
+  const login = new URL(config.login_url, location.href);
+  login.searchParams.set("return_to", location.pathname + location.search);
+  location.assign(login);
+}
+
+/** What an answer that is no success says. */
+export async function problemOf(response: Response): Promise<ApiProblem> {
+  if (response.status === 401) unauthorised();
+  try {
+    const said = (await response.clone().json()) as Record<string, string | undefined>;
+    const title = said["title"] ?? response.statusText;
+    return new ApiProblem(
+      response.status,
+      title,
+      said["detail"] ?? title,
+      said["field"] ?? null,
+      said["type"] ?? null,
+    );
+  } catch {
+    return new ApiProblem(
+      response.status,
+      response.statusText,
+      t("problem.unreadable", { status: response.status }),
+    );
+  }
+}
+
+export const api = createClient<paths>({ baseUrl: location.origin });
+
+/** The answer's document; throws an `ApiProblem` for whatever is no success. */
+export async function got<T>(answer: Promise<{ data?: T; response: Response }>): Promise<T> {
+  let settled: { data?: T; response: Response };
+  try {
+    settled = await answer;
+  } catch (error) {
+    if (error instanceof DOMException && error.name === "AbortError") throw error;
+    throw new ApiProblem(0, t("problem.offline"), t("problem.offline"));
+  }
+  if (!settled.response.ok) throw await problemOf(settled.response);
+  return settled.data as T;
+}
+
+/** The document at an address of the API that its description has no type for. */
+export async function getJson<T>(address: string, signal?: AbortSignal): Promise<T> {
+  const headers = { Accept: "application/json" };
+  return got<T>(
+    fetch(address, { headers, ...(signal ? { signal } : {}) }).then(async (response) =>
+      response.ok ? { data: (await response.json()) as T, response } : { response },
+    ),
+  );
+}

@@ -1,0 +1,25 @@
+import { readdirSync } from "node:fs";
+import { resolve } from "node:path";
+import { defineConfig } from "vite";
+
+const here = import.meta.dirname;
+const pages = readdirSync(resolve(here, "src")).filter((name) => name.endsWith(".html"));
+
+// What is built is shipped with the package (app/web/pages.py serves it under /web/): no source maps, no other host.
+export default defineConfig({
+  root: resolve(here, "src"),
+  base: "/web/",
+  publicDir: resolve(here, "src/public"),
+  build: {
+    outDir: resolve(here, "built"),
+    emptyOutDir: true,
+    assetsDir: "assets",
+    target: "es2022",
+    modulePreload: { polyfill: false },
+    license: { fileName: "licenses.md" },
+    chunkSizeWarningLimit: 1500,
+    rolldownOptions: { input: pages.map((name) => resolve(here, "src", name)) },
+  },
+  oxc: { jsx: { runtime: "automatic", importSource: "preact" } },
+  server: { proxy: { "/v1": "http://127.0.0.1:8000" } },
+});

@@ -1,0 +1,124 @@
+"""A headless Chromium that reaches this machine alone, and what every page must keep to."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, BrowserContext, Page
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = (
+    "--no-sandbox",  # root has none
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+OWN = re.compile(r"(https?://127\.0\.0\.1[:/]|data:|blob:|about:)")
+PATIENCE_MS = 20_000
+"""Machines are shared; whatever appears sooner is not waited for."""
+IMPACTS = ("serious", "critical")
+
+
+@dataclass
+class Tab:
+    """One page of a browser: what it asked for, and what it complained of."""
+
+    page: Page
+    elsewhere: list[str] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+    expected: list[str] = field(default_factory=list)
+    """Parts of complaints that a test brings about: an answer 404, say."""
+
+    def unexpected(self) -> list[str]:
+        """What nobody wanted to see."""
+        return [one for one in self.complaints if not any(part in one for part in self.expected)]
+
+    def faults(self) -> list[str]:
+        """What axe-core finds that is serious or critical, a line each."""
+        from axe_playwright_python.sync_playwright import Axe  # noqa: PLC0415
+
+        found = Axe().run(self.page).response["violations"]
+        return [
+            f"{one['id']}: {node['target']} {node['failureSummary']}"
+            for one in found
+            if one["impact"] in IMPACTS
+            for node in one["nodes"]
+        ]
+
+
+def chromium_path() -> str:
+    """The browser of this machine; skips where there is none."""
+    found = next((path for name in NAMES if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.skip("Chromium is missing: install Debian's package chromium to test the pages.")
+    return found
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """One Chromium for all tests of a process."""
+    path = chromium_path()
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415
+
+    with sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=path, args=list(FLAGS))
+        yield started
+        started.close()
+
+
+@contextmanager
+def opened(browser: Browser, **options: Any) -> Iterator[Tab]:
+    """A tab with storage of its own; whatever is asked of another host is refused and noted."""
+    context: BrowserContext = browser.new_context(**{"locale": "en-GB", "timezone_id": "UTC", **options})
+    context.set_default_timeout(PATIENCE_MS)
+    tab = Tab(context.new_page())
+
+    def look(route: Any) -> None:
+        if OWN.match(route.request.url):
+            route.continue_()
+        else:
+            tab.elsewhere.append(route.request.url)
+            route.abort()
+
+    context.route("**/*", look)
+    tab.page.on("pageerror", lambda error: tab.complaints.append(f"error: {error}"))
+    tab.page.on(
+        "console",
+        lambda said: tab.complaints.append(said.text) if said.type in ("error", "warning") else None,
+    )
+    try:
+        yield tab
+    finally:
+        context.close()
+
+
+@pytest.fixture
+def tab_maker(browser: Browser) -> Iterator[Callable[..., Tab]]:
+    """Makes tabs, each with options of Playwright's contexts; none may end with a complaint or have asked elsewhere."""
+    made: list[Tab] = []
+    with ExitStack() as stack:
+
+        def make(**options: Any) -> Tab:
+            made.append(stack.enter_context(opened(browser, **options)))
+            return made[-1]
+
+        yield make
+        for tab in made:
+            assert tab.elsewhere == []
+            assert tab.unexpected() == []
+
+
+@pytest.fixture
+def tab(tab_maker: Callable[..., Tab]) -> Tab:
+    """A tab as on a desk."""
+    return tab_maker(viewport={"width": 1280, "height": 800})
