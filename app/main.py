@@ -45,6 +45,7 @@ from app.drives.outputs.drawing import Drawing
 from app.drives.store import get_drives
 from app.exports import routes as exports
 from app.map import segments
+from app.map.heights import profile
 from app.map.heights import routes as heights
 from app.map.ogc import api, collections, items, landing, schemas
 from app.map.ogc.landing import BIND_NOTE
@@ -68,6 +69,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     drive_parts.router,
     segments.router,
+    profile.router,
     changes.router,
     webhooks.router,
     landing.router,
