@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { beginning, exactly, meaning } from "./finding";
+import { begins, exactly, fromName, meaning } from "./finding";
 import { compass, share } from "./words";
 
 test.each([
@@ -45,7 +45,9 @@ test("nothing means nothing", () => expect(meaning("  ")).toBeNull());
 
 test("names are text in a filter", () => {
   expect(exactly("o'Connell")).toBe("name IN ('o''Connell', 'O''Connell')");
-  expect(beginning("haupt", "Hauptweg")).toBe("name > 'Hauptweg' AND name < 'Haupt\uffff'");
+  expect(fromName("haupt", null)).toBe("name >= 'Haupt'");
+  expect(fromName("haupt", "Haupt'weg")).toBe("name > 'Haupt''weg'");
+  expect([begins("Hauptweg", "haupt"), begins("Haus", "haupt")]).toEqual([true, false]);
 });
 
 test("points of the compass", () => {

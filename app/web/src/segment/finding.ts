@@ -96,12 +96,13 @@ export function exactly(name: string): string {
   return `name IN (${ways.map(quoted).join(", ")})`;
 }
 
-/** Names that begin so, after one that is known already: a range that the index on names answers, unlike a pattern. */
-export function beginning(name: string, after: string | null): string {
-  const start = capital(name);
-  const from = after === null ? `name >= ${quoted(start)}` : `name > ${quoted(after)}`;
-  return `${from} AND name < ${quoted(`${start}\uffff`)}`;
+/** From the first name on that begins so, or from behind one: in their order the index on names answers it at once. */
+export function fromName(name: string, after: string | null): string {
+  return after === null ? `name >= ${quoted(capital(name))}` : `name > ${quoted(after)}`;
 }
+
+/** Whether a name begins with what was written. */
+export const begins = (name: string, written: string) => name.startsWith(capital(written));
 
 /** Metres between two places, near enough to say which of two is nearer. */
 export function apart(a: { lon: number; lat: number }, b: { lon: number; lat: number }): number {

@@ -4,7 +4,7 @@ import { ApiProblem } from "../shared/api";
 import { distance, number } from "../shared/format";
 import { t } from "../shared/texts";
 import { boxOf, loadSegment, type Segment, segmentsWhere, type Way, waysOf, wayThrough } from "./data";
-import { apart, beginning, exactly, type Meaning } from "./finding";
+import { apart, begins, exactly, fromName, type Meaning } from "./finding";
 import { roadClass } from "./words";
 
 export interface Result {
@@ -106,9 +106,9 @@ async function names(name: string, signal: AbortSignal): Promise<Result[]> {
   const found: Result[] = [];
   let after: string | null = null;
   while (found.length < MOST_NAMES) {
-    const [next] = await segmentsWhere(beginning(name, after), 1, signal);
+    const [next] = await segmentsWhere(fromName(name, after), 1, signal);
     const called: string | null | undefined = next?.properties.name;
-    if (!called || called === after) break;
+    if (!called || called === after || !begins(called, name)) break;
     found.push({
       key: `name ${called}`,
       label: called,

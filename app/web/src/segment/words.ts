@@ -36,7 +36,7 @@ export function headline(slope: number | null, sigma: number | null, to: Compass
   if (slope === null) return t("segment.unknown");
   const decimals = decimalsOf(sigma);
   const size = number(Math.abs(slope), decimals);
-  const doubt = sigma === null ? "" : ` ± ${number(sigma, decimals)}`;
+  const doubt = sigma === null ? "" : `\u00a0±\u00a0${number(sigma, decimals)}`;
   // Little, and surely little, is level; little and unsure is not.
   if (sigma !== null && Math.abs(slope) < sigma)
     return t(Math.abs(slope) + sigma < LEVEL ? "segment.level" : "segment.unsure", {
