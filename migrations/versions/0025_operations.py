@@ -39,6 +39,13 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("id"),
     )
     op.create_index("ix_audit_log_at_id", "audit_log", ["at", "id"])
+    op.create_index(
+        "ix_drives_finished_at",
+        "drives",
+        ["finished_at"],
+        postgresql_include=["status", "distance_m"],
+        postgresql_where=sa.text("finished_at IS NOT NULL"),
+    )
     op.create_table(
         "driven_by_day",
         sa.Column("day", sa.Date(), nullable=False),
@@ -82,4 +89,5 @@ def downgrade() -> None:
     op.drop_table("operations")
     op.drop_table("driven_by_day")
     op.drop_table("audit_log")
+    op.drop_index("ix_drives_finished_at", "drives")
     op.drop_column("regions", "bounds")
