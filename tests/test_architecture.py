@@ -40,6 +40,7 @@ SQL_PLACES = {
         "drives/batches/selection.py",
         "drives/batches/touched.py",
         "drives/claims.py",
+        "drives/parts/store.py",
         "drives/store.py",
         "drives/tracks.py",
         "exports/provenance.py",
