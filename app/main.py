@@ -47,6 +47,7 @@ from app.drives.parts import results as drive_parts
 from app.drives.store import get_drives
 from app.exports import routes as exports
 from app.map import segments
+from app.map.heights import profile
 from app.map.heights import routes as heights
 from app.map.ogc import api, collections, items, landing, schemas
 from app.map.ogc.landing import BIND_NOTE
@@ -73,6 +74,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     drive_parts.router,
     drive_sources.router,
     segments.router,
+    profile.router,
     changes.router,
     webhooks.router,
     landing.router,
