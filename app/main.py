@@ -13,7 +13,9 @@ from fastapi import APIRouter, FastAPI
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 
+from app.changes import events as change_events
 from app.changes import routes as changes
+from app.changes.live import Live
 from app.changes.webhooks import routes as webhooks
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
@@ -57,6 +59,7 @@ from app.map.tiles import ogc as ogc_tiles
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
+from app.map.tiles.told import WatchedMap
 from app.operations import ground
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
@@ -76,6 +79,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     segments.router,
     profile.router,
     changes.router,
+    change_events.router,
     webhooks.router,
     landing.router,
     api.router,
@@ -186,7 +190,9 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, settings.events_max
     )
     app.state.tiles = Tiles(url, settings, app.state.lanes)
-    beside = [asyncio.create_task(one) for one in (app.state.feed.run(), app.state.tiles.run())]
+    app.state.live = Live(WatchedMap(app.state.tiles.watch), settings.events_max)
+    running = (app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
+    beside = [asyncio.create_task(one) for one in running]
     try:
         yield
     finally:
