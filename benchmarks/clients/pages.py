@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """How fast the pages are in a real browser: the map's first view, panning it, a drive of eight hours.
 
-    PYTHONPATH=.:benchmarks python benchmarks/pages.py [MAP.osm.pbf] [--rounds 5] [--maplibre FOLDER] [--json FILE]
+    PYTHONPATH=.:benchmarks python -m clients.pages [MAP.osm.pbf] [--rounds 5] [--maplibre FOLDER] [--json FILE]
 
 A service on the roads of MAP (default: Heidelberg, beside the repository), of which nine in ten ways have slopes, is
 opened in Debian's Chromium without a screen, which draws by the processor. Medians of the rounds:
@@ -42,7 +41,7 @@ from service.logs import columns_of
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page, Route
 
-HERE = Path(__file__).resolve().parents[1]
+HERE = Path(__file__).resolve().parents[2]
 HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 MAPLIBRE = HERE / "app/web/node_modules/maplibre-gl/dist"
 FLAGS = (
