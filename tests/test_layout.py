@@ -55,7 +55,7 @@ SERVICE = {
     "ops": {"core", "drives", "map", "network", "roads"},
     "upkeep": {"changes", "core", "drives", "embedded", "network", "ops", "terrain"},
     "main": {"changes", "core", "drives", "exports", "map", "ops", "web"},
-    "web": {"core"},
+    "web": {"core", "map"},
     "changes": {"core", "jobs", "network"},
     "cli": {"core", "drives", "embedded", "exports", "main", "map", "network", "roads", "terrain", "upkeep"},
     "exports": {"core", "jobs", "map", "network", "roads", "terrain"},

@@ -47,7 +47,7 @@ function Parameters({ parameters, document }: { parameters: Parameter[]; documen
           <li key={`${one.in} ${one.name}`}>
             <code class="name">{one.name}</code> <span class="quiet-text">{t(PLACES[one.in])}</span>{" "}
             {one.required && <strong>{t("docs.required")}</strong>}{" "}
-            {one.schema && <Facts schema={one.schema} document={document} />}
+            {one.schema && <Facts schema={one.schema} document={document} sent />}
             <Prose text={one.description} />
           </li>
         ))}
@@ -185,7 +185,7 @@ export function Reference({ groups, document }: { groups: Group[]; document: Api
     <>
       {groups.map((group) => (
         <section key={group.tag} aria-labelledby={group.tag}>
-          <h3 id={group.tag}>
+          <h3 id={group.tag} class="tag" lang="en">
             <a class="self" href={`#${group.tag}`}>
               {group.tag}
             </a>

@@ -9,13 +9,14 @@ interface SchemaProps {
   document: ApiDocument;
 }
 
-/** Type, bounds, default and choices of a value, in a line. */
-export function Facts({ schema, document }: SchemaProps) {
+/** Type, bounds, default and choices of a value, in a line; what is `sent` in an address cannot be null. */
+export function Facts({ schema, document, sent = false }: SchemaProps & { sent?: boolean }) {
   const { schema: at } = meaningOf(schema, document);
   const choices = at.enum ?? (at.const === undefined ? [] : [at.const]);
   return (
     <span class="facts">
-      <code>{typeOf(schema, document)}</code> {boundsOf(at).join(", ")}
+      <code>{sent ? typeOf(schema, document).replace(/ \| null$/, "") : typeOf(schema, document)}</code>{" "}
+      {boundsOf(at).join(", ")}
       {at.minItems !== undefined && at.maxItems !== undefined && (
         <> {t("docs.items", { least: at.minItems, most: at.maxItems })}</>
       )}

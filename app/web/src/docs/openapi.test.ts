@@ -75,6 +75,7 @@ test("a type is named, with what it may also be", () => {
     "Change[]",
   );
   expect(boundsOf({ minimum: 0, exclusiveMaximum: 4 })).toEqual(["≥ 0", "< 4"]);
+  expect(boundsOf({ minimum: 1, maximum: 2 ** 63 })).toEqual(["≥ 1"]);
 });
 
 test("an example of what refers to itself has an end", () => {

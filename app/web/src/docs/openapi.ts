@@ -166,7 +166,7 @@ export function typeOf(schema: Schema, document: ApiDocument): string {
   return `${word}${at.format ? ` (${at.format})` : ""}${nullable ? " | null" : ""}`;
 }
 
-/** What a value must keep to, in signs: `≥ 1`, `≤ 100`. */
+/** What a value must keep to, in signs: `≥ 1`, `≤ 100`. Where all numbers end is no bound worth telling. */
 export function boundsOf(schema: Schema): string[] {
   const signs: [keyof Schema, string][] = [
     ["minimum", "≥ "],
@@ -175,7 +175,7 @@ export function boundsOf(schema: Schema): string[] {
     ["exclusiveMaximum", "< "],
   ];
   const found = signs
-    .filter(([key]) => schema[key] !== undefined)
+    .filter(([key]) => Math.abs(Number(schema[key])) <= Number.MAX_SAFE_INTEGER)
     .map(([key, sign]) => `${sign}${schema[key]}`);
   return schema.pattern ? [...found, schema.pattern] : found;
 }
