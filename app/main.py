@@ -66,7 +66,7 @@ from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
 from app.ops.metrics import router as metrics_router
-from app.web import pages
+from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
@@ -97,6 +97,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     metrics_router,
     problem_kinds.router,
+    docs.router,
     pages.router,
     collections.unknown,  # after all: what no other route of collections answers
 )
