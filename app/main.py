@@ -39,6 +39,7 @@ from app.drives import events, upload
 from app.drives import results as drive_parts
 from app.drives import routes as drives
 from app.drives.batches import routes as batches
+from app.drives.catalogue import routes as methods
 from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
@@ -63,6 +64,7 @@ from app.web import pages
 
 ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
+    methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
     drives.router,
     events.router,

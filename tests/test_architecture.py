@@ -40,6 +40,8 @@ SQL_PLACES = {
         "drives/batches/selection.py",
         "drives/batches/touched.py",
         "drives/claims.py",
+        "drives/listing/orders.py",
+        "drives/listing/search.py",
         "drives/store.py",
         "drives/tracks.py",
         "exports/provenance.py",

@@ -118,6 +118,7 @@ class Drive(BaseModel):
     blob_key: str = Field(exclude=True)
     generation: int = Field(exclude=True)
     traceparent: str | None = Field(None, exclude=True)
+    list_key: Any = Field(None, exclude=True)  # what a list has it ordered by, beside its time and id
 
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Drive:
@@ -171,15 +172,17 @@ class DrivePlace(NamedTuple):
 
     created_at: datetime
     id: uuid.UUID
+    key: Any = None
+    """What the list is ordered by before these; None: not known, or nothing (``app.drives.listing.orders``)."""
 
 
 class DriveList(BaseModel):
-    """One page of drives, newest upload first."""
+    """One page of drives, in the order asked for."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"drives": [DRIVE_EXAMPLE], "links": []}]})
 
     drives: list[Drive]
-    links: list[Link] = Field(description="`next` is missing on the last page.")
+    links: list[Link] = Field(description="`next` is missing on the last page, `prev` on the first.")
 
 
 class DriveAccepted(BaseModel):
