@@ -205,3 +205,13 @@ export interface Audited {
   detail: Record<string, unknown> | null;
   origin: string | null;
 }
+
+export interface UnsolvedSquare {
+  square: string;
+  bbox: Bounds;
+  solvers: number;
+  since: string;
+  next_at: string;
+  drives: string[];
+  advice: string;
+}

@@ -11,12 +11,10 @@ const COLOURS = ["measured", "danger", "model", "other", "fourth", "quiet"] as c
 interface ChartProps extends Lines {
   title: string;
   unit: string;
-  /** What is said if there is nothing to be drawn. */
-  none: string;
   csv: string;
 }
 
-export function TimeChart({ times, lines, title, unit, none, csv }: ChartProps) {
+export function TimeChart({ times, lines, title, unit, csv }: ChartProps) {
   const same = JSON.stringify([times, lines]);
   const [x, drawn] = useMemo(
     (): [number[], Line[]] => [
@@ -31,7 +29,7 @@ export function TimeChart({ times, lines, title, unit, none, csv }: ChartProps) 
     ],
     [same, unit],
   );
-  if (times.length === 0) return <p class="quiet-text">{none}</p>;
+  if (times.length === 0) return null;
   return (
     <>
       <Chart title={title} axis="moment" x={x} lines={drawn} unit={unit} />

@@ -11,6 +11,7 @@ import type { Attention as Row } from "../types";
 const SECTIONS: Record<string, keyof typeof texts.admin.parts> = {
   worker: "queue",
   wait: "queue",
+  square: "queue",
   disk: "room",
   failed: "failures",
   "operation-planned": "roads",
@@ -29,8 +30,9 @@ function Item({ row }: { row: Row }) {
         <span class="severity">{t(`admin.attention.${row.severity}`)}</span> {name}
         {row.count > 1 && <span class="count"> · {number(row.count)}</span>}
       </h3>
-      <p>{row.what}</p>
-      {hasText(todo) && <p>{t(todo)}</p>}
+      <p>
+        {row.what} {hasText(todo) && t(todo)}
+      </p>
       <p class="facts">
         {row.oldest_s !== null && (
           <span>{t("admin.attention.oldest", { time: duration(row.oldest_s) })}</span>

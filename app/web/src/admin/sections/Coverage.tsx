@@ -140,7 +140,6 @@ function GrowthChart() {
             {...growthSeries(rows)}
             title={t("admin.coverage.growth")}
             unit="km"
-            none={t("admin.chart.none")}
             csv={queryAddress("growth", { days: days.value, f: "csv" })}
           />
         </>

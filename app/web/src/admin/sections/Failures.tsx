@@ -40,7 +40,7 @@ export function Failures() {
     <Loaded of={reading}>
       {({ rows }) => (
         <>
-          <p>{t("admin.failures.what", { n: days.value })}</p>
+          {rows.length > 0 && <p>{t("admin.failures.what", { n: days.value })}</p>}
           {said && <p role="status">{said}</p>}
           <Table
             caption={t("admin.failures.caption")}

@@ -2,24 +2,25 @@
 import { duration, moment, number } from "../../shared/format";
 import { hasText, t } from "../../shared/texts";
 import { batches, cancelBatch, forgetBatch } from "../actions/drives";
-import { drivesPage, queryAddress } from "../links";
+import { drivePage, drivesPage, mapOfBox, queryAddress } from "../links";
 import { useQuery, useReading } from "../page_state";
 import { Progress } from "../parts/Progress";
 import { Loaded } from "../parts/Section";
 import { Table } from "../parts/Table";
-import type { Batch, Waiting } from "../types";
+import type { Batch, UnsolvedSquare, Waiting } from "../types";
 
+const SQUARES = "square to be solved";
 const LISTS: Record<string, string> = {
   "drive, uploaded or asked for": drivesPage({ status: "queued" }),
   "drive, in a batch": drivesPage({ status: "queued" }),
   "drive, running": drivesPage({ status: "running" }),
-  "square to be solved": "/v1/admin/stats",
+  [SQUARES]: "/v1/admin/stats",
 };
 const NAMES: Record<string, string> = {
   "drive, uploaded or asked for": "uploaded",
   "drive, in a batch": "in_batch",
   "drive, running": "running",
-  "square to be solved": "squares",
+  [SQUARES]: "squares",
 };
 
 function kindOf(row: Waiting): string {
@@ -32,21 +33,24 @@ export function Queue() {
     <>
       <Loaded of={useQuery<Waiting>("queue", 10)}>
         {({ rows }) => (
-          <Table
-            caption={t("admin.queue.caption")}
-            none={t("admin.queue.none")}
-            rows={rows}
-            csv={queryAddress("queue")}
-            columns={[
-              { title: t("admin.queue.kind"), cell: kindOf },
-              {
-                title: t("admin.queue.jobs"),
-                number: true,
-                cell: (row) => <a href={LISTS[row.kind] ?? queryAddress("queue")}>{number(row.jobs)}</a>,
-              },
-              { title: t("admin.queue.oldest"), number: true, cell: (row) => duration(row.oldest_s) },
-            ]}
-          />
+          <>
+            <Table
+              caption={t("admin.queue.caption")}
+              none={t("admin.queue.none")}
+              rows={rows}
+              csv={queryAddress("queue")}
+              columns={[
+                { title: t("admin.queue.kind"), cell: kindOf },
+                {
+                  title: t("admin.queue.jobs"),
+                  number: true,
+                  cell: (row) => <a href={LISTS[row.kind] ?? queryAddress("queue")}>{number(row.jobs)}</a>,
+                },
+                { title: t("admin.queue.oldest"), number: true, cell: (row) => duration(row.oldest_s) },
+              ]}
+            />
+            {rows.some((row) => row.kind === SQUARES) && <Unsolved />}
+          </>
         )}
       </Loaded>
       <UnderWay />
@@ -54,6 +58,44 @@ export function Queue() {
         <BatchCard key={one} batch={one} />
       ))}
     </>
+  );
+}
+
+/** Squares that solvers have begun with again and again in vain, if there are any. */
+function Unsolved() {
+  return (
+    <Loaded of={useReading<{ unsolved: UnsolvedSquare[] }>("/v1/admin/stats?days=1", 30)}>
+      {({ unsolved }) =>
+        unsolved.length === 0 ? null : (
+          <Table
+            caption={t("admin.queue.unsolved")}
+            rows={unsolved}
+            columns={[
+              {
+                title: t("admin.queue.square"),
+                cell: (row) => <a href={mapOfBox(row.bbox)}>{row.square}</a>,
+              },
+              { title: t("admin.queue.solvers"), number: true, cell: (row) => number(row.solvers) },
+              { title: t("admin.queue.since"), cell: (row) => moment(row.since) },
+              { title: t("admin.queue.next"), cell: (row) => moment(row.next_at) },
+              {
+                title: t("admin.queue.concerned"),
+                cell: (row) => (
+                  <>
+                    {row.drives.map((id) => (
+                      <a key={id} href={drivePage(id)}>
+                        {id.slice(0, 8)}{" "}
+                      </a>
+                    ))}
+                    <span class="reason">{row.advice}</span>
+                  </>
+                ),
+              },
+            ]}
+          />
+        )
+      }
+    </Loaded>
   );
 }
 

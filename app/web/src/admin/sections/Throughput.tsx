@@ -15,22 +15,10 @@ function Charts() {
       {({ rows }) => (
         <div class="charts">
           <div>
-            <TimeChart
-              {...throughputSeries(rows)}
-              title={t("admin.throughput.drives")}
-              unit=""
-              none={t("admin.throughput.none")}
-              csv={csv}
-            />
+            <TimeChart {...throughputSeries(rows)} title={t("admin.throughput.drives")} unit="" csv={csv} />
           </div>
           <div>
-            <TimeChart
-              {...stageSeries(rows)}
-              title={t("admin.throughput.stages")}
-              unit="s"
-              none={t("admin.throughput.none")}
-              csv={csv}
-            />
+            <TimeChart {...stageSeries(rows)} title={t("admin.throughput.stages")} unit="s" csv={csv} />
           </div>
         </div>
       )}
