@@ -54,6 +54,7 @@ from app.map.tiles import ogc as ogc_tiles
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
+from app.operations import ground
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
@@ -79,6 +80,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     heights.router,
     ogc_tiles.router,
     exports.router,
+    ground.router,
     style.router,
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's
