@@ -337,19 +337,3 @@ class SegmentSlope(_OfNetwork, Base):
         Index("ix_segment_slopes_steepest_percent", "steepest_percent"),
         Index("ix_segment_slopes_updated_at", "updated_at"),
     )
-
-
-class ControlPoint(Base):
-    """A surveyed height, above the datum that the drives' altitudes use; one at a place."""
-
-    __tablename__ = "control_points"
-
-    lon_deg: Mapped[float] = mapped_column(primary_key=True)
-    lat_deg: Mapped[float] = mapped_column(primary_key=True)
-    height_m: Mapped[float]
-    sigma_m: Mapped[float]
-    name: Mapped[str]
-    """Where it came from: a line of a file."""
-    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
-
-    __table_args__ = (CheckConstraint("sigma_m > 0", name="sigma"),)
