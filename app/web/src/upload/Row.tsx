@@ -61,8 +61,8 @@ function Actions({ item }: { item: Item }) {
   const over = ["refused", "done", "failed", "cancelled"].includes(phase);
   return (
     <div class="actions">
-      {drive && phase !== "cancelled" && (
-        <a class="button" href={`/drives/${drive.id}`} aria-label={t("upload.open_named", { name })}>
+      {item.driveId && phase !== "cancelled" && (
+        <a class="button" href={`/drives/${item.driveId}`} aria-label={t("upload.open_named", { name })}>
           {t("upload.open")}
         </a>
       )}

@@ -29,6 +29,8 @@ export class Item {
   readonly sent = signal(0);
   readonly problem: Signal<ApiProblem | null> = signal(null);
   readonly drive: Signal<Drive | null> = signal(null);
+  /** Of the drive that it became; empty before. */
+  driveId = "";
   readonly known = signal(false);
   /** Names of columns: Versant's -> the file's. */
   columns: Record<string, string> = {};
@@ -82,7 +84,7 @@ export const overall = computed<Overall>(() => {
 });
 
 const follower = new Follower<Item>({
-  driveOf: (item) => item.drive.value?.id ?? "",
+  driveOf: (item) => item.driveId,
   unfinished: () =>
     items.value.filter((item) => item.phase.value === "queued" || item.phase.value === "running"),
   told: (item, drive) => tell(item, drive),
@@ -132,7 +134,10 @@ async function transfer(item: Item): Promise<void> {
     const { accepted, known } = await item.transfer.done;
     item.sent.value = item.size;
     item.known.value = known;
-    tell(item, await getDrive(accepted.id));
+    item.driveId = accepted.id;
+    // Of a drive that waits there is no more to be known; those that follow it tell the rest.
+    if (accepted.status === "queued") item.phase.value = "queued";
+    else tell(item, await getDrive(accepted.id));
     follower.arrange();
   } catch (error) {
     if (items.value.includes(item)) fail(item, error);
@@ -178,7 +183,7 @@ export async function retry(item: Item): Promise<void> {
     pump();
     return;
   }
-  const path = { drive_id: item.drive.value?.id ?? "" };
+  const path = { drive_id: item.driveId };
   try {
     await got(api.POST("/v1/drives/{drive_id}/reprocess", { params: { path } }));
     tell(item, await getDrive(path.drive_id));
@@ -196,7 +201,7 @@ export async function retryAll(): Promise<void> {
 
 /** Remove the drive from the service. */
 export async function removeDrive(item: Item): Promise<void> {
-  const path = { drive_id: item.drive.value?.id ?? "" };
+  const path = { drive_id: item.driveId };
   try {
     await got(api.DELETE("/v1/drives/{drive_id}", { params: { path } }));
     item.phase.value = "cancelled";
