@@ -36,6 +36,7 @@ def below(folder: Path) -> set[Path]:
 def sources() -> set[Path]:
     """What the build reads: the pages, the guides with what they lead to, and how they are built."""
     pages = {path for path in below(WEB / "src") if not re.search(r"\.test\.tsx?$", path.name)}
+    pages = {path for path in pages if "node_modules" not in path.parts}  # what tools keep for themselves
     pages -= below(WEB / "src" / "api")  # made from the API's description, and gone after the build
     guides = set(GUIDES.glob("*.md"))
     beside = {GUIDES / name for guide in guides for name in LINK.findall(guide.read_text(encoding="utf-8"))}
