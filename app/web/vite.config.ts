@@ -12,6 +12,7 @@ const pages = readdirSync(resolve(here, "src")).filter((name) => name.endsWith("
 export default defineConfig({
   root: resolve(here, "src"),
   base: "/web/",
+  cacheDir: resolve(here, "node_modules/.vite"),
   publicDir: resolve(here, "src/public"),
   plugins: [guides(resolve(repository, ".docs")), manifest(repository)],
   build: {

@@ -16,7 +16,7 @@ const FOLDERS = ["app/web/src", "app/web/plugins"];
 const FILES = ["package.json", "package-lock.json", "tsconfig.json", "vite.config.ts"].map(
   (name) => `app/web/${name}`,
 );
-const NO_SOURCE = /(^app\/web\/src\/api\/|\.test\.tsx?$)/;
+const NO_SOURCE = /(^app\/web\/src\/api\/|\/node_modules\/|\.test\.tsx?$)/;
 
 function below(folder: string): string[] {
   return readdirSync(folder, { recursive: true, withFileTypes: true })
