@@ -1,7 +1,7 @@
 /** A drive beside another one, or beside a trial of itself: choosing, figures, and a table of segments. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
-import { api, got, problemOf } from "../shared/api";
+import { getJson, problemOf } from "../shared/api";
 import { stageText } from "../shared/drives";
 import { distance, moment, number, percent, slope } from "../shared/format";
 import { tellError } from "../shared/Messages";
@@ -9,6 +9,7 @@ import { t } from "../shared/texts";
 import { agreementOf, alignedByRoad, alignedByTime, type Pair, pairsOf } from "./align";
 import { addressOf, type Drive, type Trial } from "./data";
 import { compareWith, driveId, lookAtTrials } from "./load";
+import { Scrolled } from "./Scrolled";
 import { segmentName, showSegment } from "./Segments";
 import { other, profile, segments, trials } from "./state";
 
@@ -17,8 +18,7 @@ const LISTED = 100;
 
 /** Drives whose boxes overlap: those that may have roads in common. */
 async function drivesNear(now: Drive): Promise<Drive[]> {
-  const query = { status: "done" as const, limit: LISTED };
-  const { drives } = await got(api.GET("/v1/drives", { params: { query } }));
+  const { drives } = await getJson<{ drives: Drive[] }>(`/v1/drives?status=done&limit=${LISTED}`);
   const [west, south, east, north] = now.bbox ?? [0, 0, 0, 0];
   return drives.filter((one) => {
     if (one.id === now.id || !one.bbox) return false;
@@ -140,7 +140,7 @@ function Pairs({ pairs, name }: { pairs: Pair[]; name: string }) {
   const sorted = useMemo(() => [...pairs].sort((a, b) => (b.sigmas || 0) - (a.sigmas || 0)), [pairs]);
   return (
     <>
-      <section class="wide" aria-label={t("drive.compare.table")} tabIndex={0}>
+      <Scrolled name={t("drive.compare.table")}>
         <table>
           <caption class="unseen">{t("drive.compare.table")}</caption>
           <thead>
@@ -166,7 +166,7 @@ function Pairs({ pairs, name }: { pairs: Pair[]; name: string }) {
             ))}
           </tbody>
         </table>
-      </section>
+      </Scrolled>
       {sorted.length > most.value && (
         <button type="button" onClick={() => (most.value += 4 * STEP)}>
           {t("drive.compare.more", { n: sorted.length - most.value })}

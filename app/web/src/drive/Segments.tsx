@@ -5,6 +5,7 @@ import { tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
 import type { DriveSegment } from "./data";
 import { loadWhole } from "./load";
+import { Scrolled } from "./Scrolled";
 import { link, profile, rejected, segments, wantedBounds } from "./state";
 import { stays } from "./stretches";
 import { boundsOf } from "./trackLayers";
@@ -61,7 +62,7 @@ export function Contradictions() {
       ) : (
         <>
           <p>{t("drive.segments.what", { n: found.length, all: segments.value.length })}</p>
-          <section class="wide" aria-labelledby="contradictions" tabIndex={0}>
+          <Scrolled name={t("drive.segments.title")}>
             <table>
               <thead>
                 <tr>
@@ -107,7 +108,7 @@ export function Contradictions() {
                 ))}
               </tbody>
             </table>
-          </section>
+          </Scrolled>
           {found.length > shown.length && (
             <button type="button" onClick={() => (all.value = true)}>
               {t("drive.segments.more", { n: found.length - shown.length })}

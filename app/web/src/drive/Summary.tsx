@@ -3,6 +3,7 @@ import type { ComponentChildren } from "preact";
 import { distance, duration, moment, number, size } from "../shared/format";
 import { t } from "../shared/texts";
 import { addressOf, type Drive, type Report } from "./data";
+import { Scrolled } from "./Scrolled";
 import { allFigures, sentencesOf, versionsOf, warningsOf } from "./sentences";
 import { kinds, profile } from "./state";
 import { shares } from "./stretches";
@@ -108,7 +109,7 @@ export function ReportCard({ drive }: { drive: Drive }) {
       </div>
       <details>
         <summary>{t("drive.report.all")}</summary>
-        <section class="wide" aria-label={t("drive.report.all")} tabIndex={0}>
+        <Scrolled name={t("drive.report.all")}>
           <table>
             <thead>
               <tr>
@@ -125,7 +126,7 @@ export function ReportCard({ drive }: { drive: Drive }) {
               ))}
             </tbody>
           </table>
-        </section>
+        </Scrolled>
       </details>
     </section>
   );

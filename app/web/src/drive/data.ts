@@ -1,6 +1,6 @@
 /** What the service answers about a drive, and how it is asked. */
 import type { components } from "../api/schema";
-import { ApiProblem, api, getJson, got } from "../shared/api";
+import { ApiProblem, getJson } from "../shared/api";
 
 export type Drive = components["schemas"]["Drive"];
 export type Report = Record<string, unknown>;
@@ -81,7 +81,7 @@ export function addressOf(id: string, part = ""): string {
 }
 
 export function loadDrive(id: string): Promise<Drive> {
-  return got(api.GET("/v1/drives/{drive_id}", { params: { path: { drive_id: id } } }));
+  return getJson<Drive>(addressOf(id));
 }
 
 /** The profile at an address, thinned to `points` rows; 0 asks for all. */

@@ -31,7 +31,14 @@ const WIDTHS: Record<Kind, number> = { matched: 3, blind: 3, unmatched: 3, contr
 /** Kinds differ by more than their colour. */
 const DASHES: Partial<Record<Kind, number[]>> = { blind: [0.4, 1.6], unmatched: [2, 1.2] };
 
-export type Lines = GeoJSON.FeatureCollection<GeoJSON.MultiLineString, { kind: string }>;
+export interface Lines {
+  type: "FeatureCollection";
+  features: {
+    type: "Feature";
+    properties: { kind: Kind };
+    geometry: { type: "MultiLineString"; coordinates: [number, number][][] };
+  }[];
+}
 
 /** The track, one feature for each kind of row. */
 export function trackLines(profile: Profile, kinds: readonly Kind[]): Lines {
