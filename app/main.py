@@ -36,13 +36,14 @@ from app.core.settings import Settings, SettingsError, get_settings
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
 from app.drives import events, upload
-from app.drives import results as drive_parts
 from app.drives import routes as drives
 from app.drives.batches import routes as batches
 from app.drives.catalogue import routes as methods
 from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
+from app.drives.parts import raw as drive_sources
+from app.drives.parts import results as drive_parts
 from app.drives.store import get_drives
 from app.exports import routes as exports
 from app.map import segments
@@ -69,6 +70,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     drives.router,
     events.router,
     drive_parts.router,
+    drive_sources.router,
     segments.router,
     changes.router,
     webhooks.router,

@@ -42,6 +42,7 @@ SQL_PLACES = {
         "drives/claims.py",
         "drives/listing/orders.py",
         "drives/listing/search.py",
+        "drives/parts/store.py",
         "drives/store.py",
         "drives/tracks.py",
         "exports/provenance.py",
