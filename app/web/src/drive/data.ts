@@ -1,6 +1,6 @@
 /** What the service answers about a drive, and how it is asked. */
 import type { components } from "../api/schema";
-import { ApiProblem, api, getJson, got } from "../shared/api";
+import { ApiProblem, getJson } from "../shared/api";
 
 export type Drive = components["schemas"]["Drive"];
 export type Report = Record<string, unknown>;
@@ -81,17 +81,19 @@ export function addressOf(id: string, part = ""): string {
 }
 
 export function loadDrive(id: string): Promise<Drive> {
-  return got(api.GET("/v1/drives/{drive_id}", { params: { path: { drive_id: id } } }));
+  return getJson<Drive>(addressOf(id));
 }
 
 /** The profile at an address, thinned to `points` rows; 0 asks for all. */
 export async function loadProfile(address: string, points: number): Promise<Profile> {
   const profile = await getJson<Profile>(`${address}/profile?f=json${points ? `&points=${points}` : ""}`);
   if (profile.lon_deg) return profile;
-  const track = await getJson<{ features: { geometry: { type: string; coordinates: [number, number] } | null }[] }>(
-    `${address}/track`,
+  const track = await getJson<{
+    features: { geometry: { type: string; coordinates: [number, number] } | null }[];
+  }>(`${address}/track`);
+  const places = track.features.flatMap((one) =>
+    one.geometry?.type === "Point" ? [one.geometry.coordinates] : [],
   );
-  const places = track.features.flatMap((one) => (one.geometry?.type === "Point" ? [one.geometry.coordinates] : []));
   return { ...profile, lon_deg: places.map(([lon]) => lon), lat_deg: places.map(([, lat]) => lat) };
 }
 
