@@ -15,7 +15,12 @@ function Charts() {
       {({ rows }) => (
         <div class="charts">
           <div>
-            <TimeChart {...throughputSeries(rows)} title={t("admin.throughput.drives")} unit="" csv={csv} />
+            <TimeChart
+              {...throughputSeries(rows, days.value)}
+              title={t("admin.throughput.drives")}
+              unit=""
+              csv={csv}
+            />
           </div>
           <div>
             <TimeChart {...stageSeries(rows)} title={t("admin.throughput.stages")} unit="s" csv={csv} />
