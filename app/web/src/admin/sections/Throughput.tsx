@@ -36,6 +36,12 @@ function statusText(status: string): string {
   return hasText(key) ? t(key) : status;
 }
 
+/** The moments that a day of UTC begins and ends with, as the list of drives is asked for it. */
+function dayOf(day: string): { created_after: string; created_before: string } {
+  const next = new Date(Date.parse(`${day}T00:00:00Z`) + 86_400_000).toISOString().slice(0, 10);
+  return { created_after: `${day}T00:00:00Z`, created_before: `${next}T00:00:00Z` };
+}
+
 function ByDay() {
   return (
     <Loaded of={useQuery<DayOfDrives>("drives", 60, days.value)}>
@@ -53,9 +59,7 @@ function ByDay() {
               title: t("admin.throughput.count"),
               number: true,
               cell: (row) => (
-                <a href={drivesPage({ status: row.status, created_after: `${row.day}T00:00:00Z` })}>
-                  {number(row.drives)}
-                </a>
+                <a href={drivesPage({ status: row.status, ...dayOf(row.day) })}>{number(row.drives)}</a>
               ),
             },
             { title: t("admin.throughput.km"), number: true, cell: (row) => distance(row.km * 1000) },
