@@ -56,7 +56,7 @@ SERVICE = {
     "upkeep": {"changes", "core", "drives", "embedded", "network", "ops", "terrain"},
     "operations": {"core", "jobs", "map", "network", "roads", "terrain"},
     "main": {"changes", "core", "drives", "exports", "map", "operations", "ops", "web"},
-    "web": {"core"},
+    "web": {"core", "map"},
     "changes": {"core", "jobs", "network"},
     "cli": {"core", "drives", "embedded", "exports", "main", "map", "network", "roads", "terrain", "upkeep"},
     "exports": {"core", "jobs", "map", "network", "roads", "terrain"},

@@ -26,7 +26,7 @@ from app.map.tiles.store import SEGMENTS, WAYS, Address
 from app.map.tiles.versions import Versions
 from app.map.tiles.watch import Watch
 
-TILE_SCHEMA = 5
+TILE_SCHEMA = 6
 """Raise it whenever tiles change without their data changing, so that caches notice."""
 MOST_BYTES = 250_000
 """Of a compressed tile of a low zoom; what is least important is left out of it."""
