@@ -26,23 +26,15 @@ export function queryAddress(name: string, values: Values = { f: "csv" }): strin
   return withQuery(`/v1/admin/${name}`, values);
 }
 
-/** The map at a place. */
-export function mapAt(lon: number, lat: number, zoom: number): string {
-  return `/map#${zoom.toFixed(1)}/${lat.toFixed(5)}/${lon.toFixed(5)}`;
-}
-
 /** The map with a segment opened. */
 export function mapOfSegment(id: number): string {
-  return `/map#segment=${id}`;
+  return `/map?segment=${id}`;
 }
 
-/** The map so that a box fills it, about. */
-export function mapOfBox(box: Bounds): string {
-  const [west, south, east, north] = box;
-  const width = east >= west ? east - west : east + 360 - west;
-  const span = Math.max(width, (north - south) * 1.5, 1e-4);
-  const lon = west + width / 2;
-  return mapAt(lon > 180 ? lon - 360 : lon, (south + north) / 2, Math.min(16, Math.log2(720 / span)));
+/** The map so that a box fills it, perhaps with other colours. */
+export function mapOfBox(box: Bounds, colour: "steepness" | "difference" = "steepness"): string {
+  const bbox = box.map((degrees) => Number(degrees.toFixed(5))).join(",");
+  return `/map?bbox=${bbox}${colour === "steepness" ? "" : `&colour=${colour}`}`;
 }
 
 /** The box of a tile that is named z/x/y. */

@@ -171,7 +171,7 @@ export interface Removal {
   drives: number;
   km: number;
   uploaded_bytes: number;
-  sentence: string | null;
+  sentence: string;
 }
 
 /** Per hour or day; what is missing is left out of its chart. */

@@ -90,12 +90,12 @@ export async function remove(selection: Selection, whom: string): Promise<string
   try {
     const address = "/v1/drives/remove";
     const would = await ask<Removal>("POST", withQuery(address, { ...selection, dry_run: true }));
-    if (would.drives === 0) return would.sentence ?? t("admin.remove.none");
+    if (would.drives === 0) return t("admin.remove.none");
     const yes = await confirmed({
       title: t("admin.remove.ask", { n: would.drives }),
       what: (
         <>
-          {would.sentence && <p>{would.sentence}</p>}
+          <p lang="en">{would.sentence}</p>
           <p>
             {t("admin.remove.what", {
               whom,

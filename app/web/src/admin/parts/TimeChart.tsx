@@ -8,6 +8,9 @@ export * from "./series";
 
 const COLOURS = ["measured", "danger", "model", "other", "fourth", "quiet"] as const;
 
+/** So few places are no line. */
+const FEW = 3;
+
 interface ChartProps extends Lines {
   title: string;
   unit: string;
@@ -23,6 +26,7 @@ export function TimeChart({ times, lines, title, unit, csv }: ChartProps) {
         ...line,
         colour: COLOURS[k % COLOURS.length] ?? "quiet",
         dashed: k > 2,
+        points: times.length < FEW,
         unit,
         decimals: 1,
       })),

@@ -23,19 +23,34 @@ function byTime<Row>(rows: Row[], at: (row: Row) => string): Row[] {
   return [...rows].sort((a, b) => seconds(at(a)) - seconds(at(b)));
 }
 
-export function throughputSeries(rows: Throughput[]): Lines {
+const HOUR_S = 3600;
+const DAY_S = 24 * HOUR_S;
+/** The service tells so many days by the hour, more by the day. */
+const HOURLY_DAYS = 2;
+
+/** Drives that ended; an hour or a day of which nothing is told had none. */
+export function throughputSeries(rows: Throughput[], days: number, nowS = Date.now() / 1000): Lines {
   const sorted = byTime(rows, (row) => row.at);
+  const first = sorted[0];
+  const step = days <= HOURLY_DAYS ? HOUR_S : DAY_S;
+  const told = new Map(sorted.map((row) => [seconds(row.at), row]));
+  const times: number[] = [];
+  if (first) for (let at = seconds(first.at); at <= nowS; at += step) times.push(at);
   return {
-    times: sorted.map((row) => seconds(row.at)),
+    times,
     lines: [
-      { label: t("admin.status.done"), values: sorted.map((row) => row.done) },
-      { label: t("admin.status.failed"), values: sorted.map((row) => row.failed) },
+      { label: t("admin.status.done"), values: times.map((at) => told.get(at)?.done ?? 0) },
+      { label: t("admin.status.failed"), values: times.map((at) => told.get(at)?.failed ?? 0) },
     ],
   };
 }
 
+/** What drives' time went into, of the hours or days in which any was done. */
 export function stageSeries(rows: Throughput[]): Lines {
-  const sorted = byTime(rows, (row) => row.at);
+  const sorted = byTime(
+    rows.filter((row) => row.done > 0),
+    (row) => row.at,
+  );
   return {
     times: sorted.map((row) => seconds(row.at)),
     lines: [

@@ -30,9 +30,8 @@ function Item({ row }: { row: Row }) {
         <span class="severity">{t(`admin.attention.${row.severity}`)}</span> {name}
         {row.count > 1 && <span class="count"> · {number(row.count)}</span>}
       </h3>
-      <p>
-        {row.what} {hasText(todo) && t(todo)}
-      </p>
+      <p lang="en">{row.what}</p>
+      {hasText(todo) && <p>{t(todo)}</p>}
       <p class="facts">
         {row.oldest_s !== null && (
           <span>{t("admin.attention.oldest", { time: duration(row.oldest_s) })}</span>

@@ -12,7 +12,7 @@ import { ImportFile } from "./ImportFile";
 import { Operations } from "./Operations";
 
 function Place({ name, box }: { name: string; box: Bounds | null }) {
-  return box ? <a href={mapOfBox(box)}>{name}</a> : <>{name}</>;
+  return box ? <a href={mapOfBox(box)}>{name}</a> : <span>{name}</span>;
 }
 
 function resolution(one: Raster): string {

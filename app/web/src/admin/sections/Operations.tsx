@@ -9,6 +9,7 @@ import { Loaded } from "../parts/Section";
 import { Table } from "../parts/Table";
 import type { Operation } from "../types";
 
+const PLANNED_FIRST = new Set(["import-roads", "remove-region", "remove-raster"]);
 const OPEN = new Set(["queued", "running", "planned"]);
 
 function kindText(one: Operation): string {
@@ -24,10 +25,14 @@ function sentenceOf(said: Record<string, unknown> | null): string | null {
   return typeof said?.["sentence"] === "string" ? said["sentence"] : null;
 }
 
+// Worth a look though it is none; others are left out then.
+const ALWAYS = new Set(["kept", "moved", "dropped", "added", "measured_lost", "drives_again"]);
+
 /** Figures that there are names for, in the order of the service. */
 function figuresOf(said: Record<string, unknown>): [string, number][] {
   return Object.entries(said).filter(
-    (one): one is [string, number] => typeof one[1] === "number" && hasText(`admin.plan.${one[0]}`),
+    (one): one is [string, number] =>
+      typeof one[1] === "number" && hasText(`admin.plan.${one[0]}`) && (one[1] !== 0 || ALWAYS.has(one[0])),
   );
 }
 
@@ -42,13 +47,20 @@ function Plan({ said }: { said: Record<string, unknown> }) {
           return (
             <div key={name}>
               <dt>{hasText(key) ? t(key) : name}</dt>
-              <dd>{number(value, Number.isInteger(value) ? 0 : 1)}</dd>
+              <dd class={name === "measured_lost" && value > 0 ? "error-text" : undefined}>
+                {number(value)}
+              </dd>
             </div>
           );
         })}
       </dl>
     </>
   );
+}
+
+/** Whether nothing of it is done yet: it waits, is planned, or is being planned. */
+function mayEnd(one: Operation): boolean {
+  return one.status !== "running" || (PLANNED_FIRST.has(one.kind) && one.plan === null);
 }
 
 function Card({ one }: { one: Operation }) {
@@ -68,7 +80,7 @@ function Card({ one }: { one: Operation }) {
       {one.status === "planned" && <p>{t("admin.operations.planned")}</p>}
       {one.plan && <Plan said={one.plan} />}
       <div class="buttons">
-        {one.status !== "running" && (
+        {mayEnd(one) && (
           <button type="button" onClick={() => void drop(one)}>
             {t(one.status === "planned" ? "admin.operations.drop" : "admin.operations.cancel")}
           </button>

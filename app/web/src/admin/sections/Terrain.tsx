@@ -22,7 +22,7 @@ export function Terrain() {
               columns={[
                 {
                   title: t("admin.terrain.tile"),
-                  cell: (row) => <a href={mapOfBox(boxOfTile(row.tile))}>{row.tile}</a>,
+                  cell: (row) => <a href={mapOfBox(boxOfTile(row.tile), "difference")}>{row.tile}</a>,
                 },
                 {
                   title: t("admin.terrain.mean"),

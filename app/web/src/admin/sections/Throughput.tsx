@@ -15,7 +15,12 @@ function Charts() {
       {({ rows }) => (
         <div class="charts">
           <div>
-            <TimeChart {...throughputSeries(rows)} title={t("admin.throughput.drives")} unit="" csv={csv} />
+            <TimeChart
+              {...throughputSeries(rows, days.value)}
+              title={t("admin.throughput.drives")}
+              unit=""
+              csv={csv}
+            />
           </div>
           <div>
             <TimeChart {...stageSeries(rows)} title={t("admin.throughput.stages")} unit="s" csv={csv} />
@@ -29,6 +34,12 @@ function Charts() {
 function statusText(status: string): string {
   const key = `admin.status.${status}`;
   return hasText(key) ? t(key) : status;
+}
+
+/** The moments that a day of UTC begins and ends with, as the list of drives is asked for it. */
+function dayOf(day: string): { created_after: string; created_before: string } {
+  const next = new Date(Date.parse(`${day}T00:00:00Z`) + 86_400_000).toISOString().slice(0, 10);
+  return { created_after: `${day}T00:00:00Z`, created_before: `${next}T00:00:00Z` };
 }
 
 function ByDay() {
@@ -48,9 +59,7 @@ function ByDay() {
               title: t("admin.throughput.count"),
               number: true,
               cell: (row) => (
-                <a href={drivesPage({ status: row.status, created_after: `${row.day}T00:00:00Z` })}>
-                  {number(row.drives)}
-                </a>
+                <a href={drivesPage({ status: row.status, ...dayOf(row.day) })}>{number(row.drives)}</a>
               ),
             },
             { title: t("admin.throughput.km"), number: true, cell: (row) => distance(row.km * 1000) },
