@@ -219,7 +219,7 @@ class Drive(Base):
         Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
         Index(
             "ix_drives_name_created_at_id",
-            text('"left"(lower(filename), 100) COLLATE "C"'),
+            text("left(lower(filename), 100)"),  # of collation "C", of which reflected indexes say nothing
             "created_at",
             "id",
         ),
