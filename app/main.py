@@ -38,6 +38,7 @@ from app.core.version import code_version
 from app.drives import events, upload
 from app.drives import results as drive_parts
 from app.drives import routes as drives
+from app.drives.batches import removing
 from app.drives.batches import routes as batches
 from app.drives.documents import Drive
 from app.drives.feed import Feed
@@ -55,6 +56,7 @@ from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
 from app.operations import ground
+from app.operations import routes as operations
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
@@ -65,6 +67,7 @@ from app.web import pages
 ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
     batches.router,  # before drives: its path would else be taken for a drive's
+    removing.router,
     drives.router,
     events.router,
     drive_parts.router,
@@ -81,6 +84,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     ogc_tiles.router,
     exports.router,
     ground.router,
+    operations.router,
     style.router,
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's
