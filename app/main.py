@@ -48,6 +48,7 @@ from app.drives.outputs.drawing import Drawing
 from app.drives.parts import raw as drive_sources
 from app.drives.parts import results as drive_parts
 from app.drives.store import get_drives
+from app.drives.trials import routes as trials
 from app.exports import routes as exports
 from app.map import segments
 from app.map.heights import profile
@@ -79,6 +80,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     drive_parts.router,
     drive_sources.router,
+    trials.router,
     segments.router,
     profile.router,
     changes.router,
