@@ -232,9 +232,13 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
         link(here, "self", title="This drive"),
         link(f"{here}/events", "events", "text/event-stream", "Its progress as server-sent events"),
         link(f"{here}/track", "track", GEO_JSON, "Its estimated track"),
+        link(f"{here}/track?f=gpx", "track", "application/gpx+xml", "The same for other programs"),
+        link(f"{here}/track?f=csv", "track", "text/csv", "The same as a log"),
         link(f"{here}/profile", "profile", title="Its elevation profile"),
         link(f"{here}/profile?f=png", "profile", "image/png", "Its elevation profile as a picture"),
         link(f"{here}/segments", "segments", GEO_JSON, "Its estimates per road segment"),
+        link(f"{here}/measurements", "measurements", title="What its sensors said along it"),
+        link(f"{here}/log", "enclosure", "application/octet-stream", "Its log as it was uploaded"),
         link(f"{here}/reprocess", "reprocess", title="POST: process it again"),
     ]
 
