@@ -109,7 +109,7 @@ def list_drives(
         "batch": batch,
         "q": q,
     }
-    places = {
+    places: dict[str, Any] = {
         "after": None if after is None else place_of(by, after, "after"),
         "before": None if before is None else place_of(by, before, "before"),
     }

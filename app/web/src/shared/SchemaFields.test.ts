@@ -1,6 +1,8 @@
-import { expect, it } from "vitest";
+import { expect, it, vi } from "vitest";
 import { chosenQuery, type Methods, USUAL, usable } from "./methods";
 import { allowed, range } from "./SchemaFields";
+
+vi.mock("./api", () => ({ api: {}, got: undefined })); // it needs a page
 
 const bounded = { type: "number", exclusiveMinimum: 0, maximum: 10 };
 
