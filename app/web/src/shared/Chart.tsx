@@ -162,6 +162,7 @@ export function Chart(props: ChartProps) {
     <figure class="chart" aria-label={title}>
       <figcaption>
         <h3>{title}</h3>
+        <span class="quiet-text chart-at">{at === null ? "" : place(axis, x[at] as number)}</span>
         {!plain && (
           <fieldset class="chart-zoom" aria-label={t("chart.zoom", { title })}>
             {range && (
@@ -207,7 +208,6 @@ export function Chart(props: ChartProps) {
             </button>
           </li>
         ))}
-        <li class="quiet-text">{at === null ? "" : place(axis, x[at] as number)}</li>
       </ul>
       <div class="chart-place" ref={into} aria-hidden="true" />
       <input

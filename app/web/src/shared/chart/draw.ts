@@ -1,7 +1,7 @@
 /** Lines, bands and error bars as uPlot draws them. */
 import uPlot from "uplot";
 import { number } from "../format";
-import { type Axis, type ChartColour, known, type Line, type Stretch, ticks } from "./lines";
+import { type Axis, type ChartColour, decimalsOf, known, type Line, type Stretch, ticks } from "./lines";
 
 export interface Drawing {
   title: string;
@@ -111,7 +111,7 @@ function axes(drawing: Drawing, colour: Palette): uPlot.Axis[] {
   const marks = { stroke: colour("line"), width: 1, size: 4 };
   const heights = (unit: string | undefined) => (_chart: uPlot, splits: number[]) => {
     const step = Math.abs((splits[1] ?? 1) - (splits[0] ?? 0));
-    const decimals = step >= 1 ? 0 : step >= 0.1 ? 1 : 2;
+    const decimals = decimalsOf(step);
     return splits.map((value) => `${number(value, decimals)}${unit ? ` ${unit}` : ""}`);
   };
   const width = (_chart: uPlot, values: string[] | null) =>

@@ -35,6 +35,11 @@ test("a band takes two columns more", () => {
   expect([0, 1, 2, 3].map((n) => columnOf(lines, n))).toEqual([1, 4, 5, 6]);
 });
 
+test("ticks are never rounded to what they are not", () => {
+  expect(ticks("distance", [0, 2.5, 5], 5)).toEqual(["0.0 m", "2.5 m", "5.0 m"]);
+  expect(ticks("distance", [1000, 1250, 1500], 500)).toEqual(["1.00 km", "1.25 km", "1.50 km"]);
+});
+
 test("ticks by what the axis counts", () => {
   expect(elapsed(3725)).toBe("1:02:05");
   expect(ticks("distance", [0, 50, 100], 100)).toEqual(["0 m", "50 m", "100 m"]);

@@ -77,14 +77,23 @@ function distanceFull(metres: number): string {
   return metres < 10_000 ? `${number(metres)} m` : `${number(metres / 1000, 2)} km`;
 }
 
+/** How many decimals tell ticks of such a step apart, and none of them wrong. */
+export function decimalsOf(step: number): number {
+  const exact = [0, 1, 2, 3].find((decimals) => {
+    const whole = step * 10 ** decimals;
+    return Math.abs(whole - Math.round(whole)) < 1e-6 * Math.max(whole, 1) && Math.round(whole) > 0;
+  });
+  return exact ?? 3;
+}
+
 /** What stands at the ticks of the horizontal axis. */
 export function ticks(axis: Axis, splits: number[], span: number): string[] {
   if (axis === "elapsed") return splits.map(elapsed);
   if (axis === "distance") {
     const step = (splits[1] ?? 1) - (splits[0] ?? 0);
     if ((splits.at(-1) ?? 0) < 1000 || step < 100)
-      return splits.map((x) => `${number(x, step < 1 ? 1 : 0)} m`);
-    return splits.map((x) => (x === 0 ? distance(0) : `${number(x / 1000, step < 1000 ? 1 : 0)} km`));
+      return splits.map((x) => `${number(x, decimalsOf(step))} m`);
+    return splits.map((x) => (x === 0 ? distance(0) : `${number(x / 1000, decimalsOf(step / 1000))} km`));
   }
   const day = 86_400;
   const style: Intl.DateTimeFormatOptions =

@@ -1,0 +1,62 @@
+/** What a click on the map opens: a segment, or a way with its segments. On a phone it is a sheet at the bottom. */
+import { useEffect, useRef } from "preact/hooks";
+import { selected } from "../map/state";
+import { t } from "../shared/texts";
+import { pointedPlace, pointedSegment } from "./data";
+import { SegmentView } from "./SegmentView";
+import { WayView } from "./WayView";
+import "./segment.css";
+
+function close(): void {
+  selected.value = null;
+}
+
+export function Panel() {
+  const chosen = selected.value;
+  const panel = useRef<HTMLElement>(null);
+  const before = useRef<Element | null>(null);
+  const open = chosen !== null;
+
+  // Focus comes into the panel with whatever is chosen, and goes back to where it was.
+  useEffect(() => {
+    if (!open) return;
+    before.current = document.activeElement;
+    return () => {
+      pointedPlace.value = null;
+      pointedSegment.value = null;
+      const back = before.current;
+      if (back instanceof HTMLElement && back !== document.body && back.isConnected) back.focus();
+      else document.getElementById("content")?.focus();
+    };
+  }, [open]);
+  useEffect(() => {
+    if (chosen) panel.current?.focus({ preventScroll: true });
+    panel.current?.scrollTo(0, 0);
+  }, [chosen]);
+  useEffect(() => {
+    if (!open) return;
+    const key = (event: KeyboardEvent) => {
+      if (event.key !== "Escape" || event.defaultPrevented || document.querySelector("dialog[open]")) return;
+      close();
+    };
+    document.addEventListener("keydown", key);
+    return () => document.removeEventListener("keydown", key);
+  }, [open]);
+
+  if (!chosen) return null;
+  const View = chosen.kind === "segment" ? SegmentView : WayView;
+  return (
+    <aside
+      class="panel"
+      ref={panel}
+      // biome-ignore lint/a11y/noNoninteractiveTabindex: focus comes here, and the keyboard scrolls what is long
+      tabIndex={0}
+      aria-label={t(`segment.panel_${chosen.kind}`, { id: String(chosen.id) })}
+    >
+      <button type="button" class="quiet panel-close" aria-label={t("page.close")} onClick={close}>
+        ×
+      </button>
+      <View key={`${chosen.kind} ${chosen.id}`} id={chosen.id} />
+    </aside>
+  );
+}
