@@ -35,7 +35,7 @@ web: $(INSTALLED)  ## build the pages anew into app/web/built, checked and teste
 
 pictures: setup  ## draw the pages of the README anew, from a demonstration in Chromium
 	@.ci/prepare chromium
-	@PYTHONPATH=.:benchmarks $(BIN)/python benchmarks/pictures.py
+	@PYTHONPATH=.:benchmarks $(BIN)/python -m service.pictures
 
 check: $(INSTALLED)  ## linters, types and the fast tests, in under a minute
 	@$(BIN)/ruff check .
