@@ -1,0 +1,4 @@
+/** What a click on the map opens. */
+export function Panel() {
+  return null;
+}

@@ -1,0 +1,4 @@
+/** Finds places on the map. */
+export function Search() {
+  return null;
+}
