@@ -55,8 +55,8 @@ ThemeQuery = Annotated[
 ColourQuery = Annotated[
     str,
     Query(
-        description="What colours stand for: how steep roads are, how sure that is, how steep they are by the elevation "
-        "model alone, or how far that is from what was measured. The last two are known of single segments only.",
+        description="What colours stand for: how steep roads are, how sure that is, how steep they are by the "
+        "elevation model alone, or how far that is from what was measured. The last two are known of segments only.",
         json_schema_extra={"enum": [*COLOUR_NAMES]},
         examples=["steepness"],
     ),

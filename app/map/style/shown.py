@@ -1,4 +1,4 @@
-"""What the colours of the map can stand for: which roads have a colour, by which figure, and what is said beside them."""
+"""What the colours of the map can stand for: which roads have a colour, by which figure, what is said beside them."""
 
 from __future__ import annotations
 
