@@ -13,7 +13,7 @@ import {
   orMissing,
   POINTS,
 } from "./data";
-import { drive, link, other, problem, profile, removed, segments, sensors, trials } from "./state";
+import { drive, link, other, problem, profile, removed, segments, sensors, trials, whole } from "./state";
 
 const POLL_MS = 2000;
 /** From this share of the axis on a closer look is worth all rows. */
@@ -31,6 +31,7 @@ async function showResult(): Promise<void> {
   const slow = Promise.all([loadSegments(address), loadSensors(address)]);
   profile.value = await orMissing(loadProfile(address, POINTS), null);
   [segments.value, sensors.value] = await slow;
+  await loadWhole();
   await showOther();
 }
 
@@ -80,25 +81,36 @@ export async function compareWith(kind: "drive" | "trial" | null, id = ""): Prom
   await showOther();
 }
 
-let whole: Promise<void> | null = null;
+let asked: Promise<void> | null = null;
 
-/** All rows of the profile, where it was thinned. */
-export function loadWhole(): Promise<void> {
+/** All rows of the profile, for the map at once: a thinned track cuts corners. */
+function loadWhole(): Promise<void> {
+  const now = profile.peek();
+  if (!now) return Promise.resolve();
   // The service thins to so many rows at most, and leaves alone what has fewer.
-  const thinned = (drive.peek()?.epochs ?? 0) > POINTS;
-  if (!profile.peek() || !thinned) return Promise.resolve();
-  whole ??= loadProfile(addressOf(driveId), 0).then((all) => {
-    profile.value = all;
-  }, tellError);
-  return whole;
+  if ((drive.peek()?.epochs ?? 0) <= POINTS) {
+    whole.value = now;
+    return Promise.resolve();
+  }
+  asked ??= loadProfile(addressOf(driveId), 0).then((all) => {
+    whole.value = all;
+    refineOnZoom(link.range.peek());
+  });
+  return asked;
 }
 
-/** Ask for all rows as soon as somebody looks closely. */
+/** Charts get all rows, too. */
+export async function drawWhole(): Promise<void> {
+  await loadWhole();
+  if (whole.peek()) profile.value = whole.peek();
+}
+
+/** Draw all rows as soon as somebody looks closely. */
 export function refineOnZoom(range: [number, number] | null): void {
   const all = profile.peek()?.distance_m;
   if (!range || !all || all.length < 2) return;
   const length = (all[all.length - 1] as number) - (all[0] as number);
-  if (range[1] - range[0] < CLOSE * length) void loadWhole();
+  if (range[1] - range[0] < CLOSE * length && whole.peek()) profile.value = whole.peek();
 }
 
 let stopFollowing: (() => void) | null = null;
@@ -127,7 +139,7 @@ function followDrive(): void {
 
 /** The result as it is now, after a run. */
 async function again(): Promise<void> {
-  whole = null;
+  asked = null;
   link.range.value = null;
   await showResult().catch(tellError);
 }
