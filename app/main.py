@@ -45,6 +45,7 @@ from app.drives.outputs.drawing import Drawing
 from app.drives.parts import raw as drive_sources
 from app.drives.parts import results as drive_parts
 from app.drives.store import get_drives
+from app.drives.trials import routes as trials
 from app.exports import routes as exports
 from app.map import segments
 from app.map.heights import routes as heights
@@ -71,6 +72,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     events.router,
     drive_parts.router,
     drive_sources.router,
+    trials.router,
     segments.router,
     changes.router,
     webhooks.router,

@@ -23,8 +23,20 @@ from app.core.tables import roads as _roads
 from app.core.tables import served as _served
 from app.core.tables import service as _service
 from app.core.tables import tiles as _tiles
+from app.core.tables import trials as _trials
 
-_OF_THE_SAME_BASE = (_batches, _cells, _exports, _following, _passes, _roads, _served, _service, _tiles)
+_OF_THE_SAME_BASE = (
+    _batches,
+    _cells,
+    _exports,
+    _following,
+    _passes,
+    _roads,
+    _served,
+    _service,
+    _tiles,
+    _trials,
+)
 """They describe the other tables of it."""
 
 

@@ -45,6 +45,7 @@ SQL_PLACES = {
         "drives/parts/store.py",
         "drives/store.py",
         "drives/tracks.py",
+        "drives/trials/store.py",
         "exports/provenance.py",
         "exports/source.py",
         "exports/store.py",

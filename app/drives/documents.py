@@ -239,6 +239,7 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
         link(f"{here}/segments", "segments", GEO_JSON, "Its estimates per road segment"),
         link(f"{here}/measurements", "measurements", title="What its sensors said along it"),
         link(f"{here}/log", "enclosure", "application/octet-stream", "Its log as it was uploaded"),
+        link(f"{here}/trials", "trials", title="What other methods made of it; POST: try one"),
         link(f"{here}/reprocess", "reprocess", title="POST: process it again"),
     ]
 

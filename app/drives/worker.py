@@ -24,6 +24,8 @@ from app.drives.batches import enqueuing
 from app.drives.process import Workbench, give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.renewal import HeightFiller, renew
+from app.drives.trials.run import tend as tend_trials
+from app.drives.trials.run import trial_task
 from app.exports.run import export_task, sweep_files
 from app.exports.run import tend as tend_exports
 from app.jobs.task import Task, Work
@@ -93,6 +95,7 @@ def tasks_of(bench: Workbench, settings: Settings) -> tuple[Task, ...]:
         _removal_task(bench),
         _solver_task(bench),
         export_task(settings, bench.sessions),
+        trial_task(bench),
     )
 
 
@@ -159,6 +162,7 @@ def _chores(
     )
     tended = functools.partial(enqueuing.tend, bench.sessions)
     expired = functools.partial(tend_exports, settings, bench.sessions)
+    forgotten = functools.partial(tend_trials, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
     figured = functools.partial(figures.renew_one, bench.sessions)
@@ -173,6 +177,7 @@ def _chores(
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
         (in_thread(expired, "old exports could not be removed"), RENEW_EVERY_S),
+        (in_thread(forgotten, "old trials could not be forgotten"), RENEW_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
         (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),

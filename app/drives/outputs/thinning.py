@@ -66,7 +66,7 @@ def _stretches(along_m: Floats, count: int) -> Ints:
     if not whole > 0:
         return np.asarray(np.arange(len(along_m)) * count // len(along_m))
     share = (along_m - along_m[0]) / whole
-    return np.minimum((share * count).astype(np.int64), count - 1)
+    return np.asarray(np.minimum((share * count).astype(np.int64), count - 1))
 
 
 def _extremes(stretch: Ints, values: Floats) -> Ints:
