@@ -1,4 +1,5 @@
 /** Asks for what the page of a drive shows, again where it changes, and follows a drive that waits or runs. */
+import { batch } from "@preact/signals";
 import { ApiProblem } from "../shared/api";
 import { errorText, tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
@@ -30,7 +31,11 @@ async function showResult(): Promise<void> {
   // Nothing waits for the slower ones: charts are drawn at once, and each other part when it comes.
   const slow = Promise.all([loadSegments(address), loadSensors(address)]);
   profile.value = await orMissing(loadProfile(address, POINTS), null);
-  [segments.value, sensors.value] = await slow;
+  const [rows, said] = await slow;
+  batch(() => {
+    segments.value = rows;
+    sensors.value = said;
+  });
   await loadWhole();
   await showOther();
 }
