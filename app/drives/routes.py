@@ -10,6 +10,7 @@ from fastapi import APIRouter, Body, Query, Request, Response
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, found, link, problems, with_query
 from app.core.query import refuse_unknown
+from app.core.telemetry.audit import Origin
 from app.drives import intake
 from app.drives import store as drives
 from app.drives.batches.documents import Name, Time
@@ -141,14 +142,14 @@ def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
 
 @router.delete("/{drive_id}", status_code=202, summary="Remove a drive", responses=problems(403, 404, 503))
 def delete_drive(
-    drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, response: Response
+    drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, response: Response, origin: Origin
 ) -> DriveAccepted:
     """Always works, whatever the status: a worker that computes it stops and discards its result.
 
     The drive is `cancelled` at once. Its influence leaves every segment within seconds, then the drive and its log are
     gone: `GET` answers 404. The same bytes uploaded meanwhile are a drive of their own.
     """
-    drive = found(intake.remove_drive(service.sessions, drive_id), "drive", drive_id)
+    drive = found(intake.remove_drive(service.sessions, drive_id, origin), "drive", drive_id)
     response.headers["Location"] = drive_address(base, drive)
     return accepted(base, drive)
 
