@@ -21,6 +21,13 @@ function useLines(profile: Profile): [Line[], Line[]] {
     const height: Line[] = [
       ...sensorLines(profile, dots, true),
       {
+        label: t("drive.chart.model"),
+        values: profile.dem_height_m,
+        colour: "model",
+        unit: "m",
+        dashed: true,
+      },
+      {
         label: t("drive.chart.height"),
         values: profile.alt_m,
         sigma: profile.alt_sigma_m,

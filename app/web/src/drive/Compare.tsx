@@ -2,7 +2,6 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import { getJson, problemOf } from "../shared/api";
-import { stageText } from "../shared/drives";
 import { distance, moment, number, percent, slope } from "../shared/format";
 import { tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
@@ -11,6 +10,7 @@ import { addressOf, type Drive, type Trial } from "./data";
 import { compareWith, driveId, lookAtTrials } from "./load";
 import { Scrolled } from "./Scrolled";
 import { segmentName, showSegment } from "./Segments";
+import { stageOf } from "./Status";
 import { other, profile, segments, trials } from "./state";
 
 const STEP = 25;
@@ -86,7 +86,7 @@ function TrialRow({ trial }: { trial: Trial }) {
     trial.status === "failed"
       ? (trial.failure?.reason ?? "")
       : trial.status === "running"
-        ? t("drive.status.at", { stage: stageText(trial.stage), percent: Math.round(100 * trial.progress) })
+        ? t("drive.status.at", { stage: stageOf(trial.stage), percent: Math.round(100 * trial.progress) })
         : t(trial.status === "done" ? "drive.trial.done" : "drive.status.queued");
   return (
     <li>

@@ -4,7 +4,7 @@ import { number, slope } from "../shared/format";
 import { tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
 import type { DriveSegment } from "./data";
-import { loadWhole } from "./load";
+import { drawWhole } from "./load";
 import { Scrolled } from "./Scrolled";
 import { link, profile, rejected, segments, wantedBounds } from "./state";
 import { stays } from "./stretches";
@@ -35,7 +35,7 @@ export async function showSegment(segment: DriveSegment): Promise<void> {
   let stay = find();
   if (!stay) {
     // A short one may have no row among those of a thinned profile.
-    await loadWhole().catch(tellError);
+    await drawWhole().catch(tellError);
     stay = find();
   }
   const along = profile.peek()?.distance_m;

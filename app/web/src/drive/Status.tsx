@@ -1,8 +1,14 @@
 /** Where a drive is that has not ended well yet: its progress, why it failed, that it is gone. */
 import { stageText } from "../shared/drives";
-import { t } from "../shared/texts";
+import { hasText, t } from "../shared/texts";
 import { RetryButton } from "./Actions";
 import { addressOf, type Drive } from "./data";
+
+/** What the worker is, or was, doing: parts of a run besides the stages that the list of uploads knows. */
+export function stageOf(stage: string | null): string {
+  const key = `drive.status.${stage}`;
+  return hasText(key) ? t(key) : stageText(stage);
+}
 
 export function Waiting({ drive }: { drive: Drive }) {
   const percent = Math.round(100 * drive.progress);
@@ -14,7 +20,7 @@ export function Waiting({ drive }: { drive: Drive }) {
       <p role="status">
         {drive.status === "queued"
           ? t("drive.status.waits")
-          : t("drive.status.at", { stage: stageText(drive.stage), percent })}
+          : t("drive.status.at", { stage: stageOf(drive.stage), percent })}
       </p>
       <p class="quiet-text">{t(again ? "drive.status.old_shown" : "drive.status.live")}</p>
     </section>
@@ -33,7 +39,7 @@ export function Failed({ drive }: { drive: Drive }) {
       <dl class="figures">
         <div>
           <dt>{t("drive.failed.stage")}</dt>
-          <dd>{stageText(failure.stage)}</dd>
+          <dd>{stageOf(failure.stage)}</dd>
         </div>
         {failure.where && (
           <div>

@@ -50,11 +50,11 @@ function pause(into: Aligned, at_m: number): void {
 
 /** Another method's rows on the first one's axis, by time. */
 export function alignedByTime(first: Profile, other: Profile): Aligned {
-  const time = first.time.map((at) => Date.parse(at));
+  const time = first.time_s;
   const out = empty();
   let before = Number.NEGATIVE_INFINITY;
-  for (let row = 0; row < other.time.length; row += 1) {
-    const at = Date.parse(other.time[row] as string);
+  for (let row = 0; row < other.time_s.length; row += 1) {
+    const at = other.time_s[row] as number;
     if (time.length === 0 || at < (time[0] as number) || at > (time[time.length - 1] as number)) continue;
     const near = rowAt(time, at);
     const low = (time[near] as number) > at ? near - 1 : near;

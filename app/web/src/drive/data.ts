@@ -21,8 +21,10 @@ export interface Profile {
   forward: (boolean | null)[];
   gap: boolean[];
   has_gnss: boolean[];
+  time_s: number[];
   lon_deg: number[];
   lat_deg: number[];
+  dem_height_m: Column;
 }
 
 export interface Sensor {
@@ -30,8 +32,10 @@ export interface Sensor {
   is_height: boolean;
   along_m: number[];
   time_s: number[];
-  /** Metres, or a grade as a ratio. */
+  /** Heights in metres, grades in percent. */
   value: Column;
+  /** What to add to heights that refer to something else than the estimate does. */
+  shift_m: number | null;
 }
 
 export interface SegmentProperties {
@@ -85,16 +89,8 @@ export function loadDrive(id: string): Promise<Drive> {
 }
 
 /** The profile at an address, thinned to `points` rows; 0 asks for all. */
-export async function loadProfile(address: string, points: number): Promise<Profile> {
-  const profile = await getJson<Profile>(`${address}/profile?f=json${points ? `&points=${points}` : ""}`);
-  if (profile.lon_deg) return profile;
-  const track = await getJson<{
-    features: { geometry: { type: string; coordinates: [number, number] } | null }[];
-  }>(`${address}/track`);
-  const places = track.features.flatMap((one) =>
-    one.geometry?.type === "Point" ? [one.geometry.coordinates] : [],
-  );
-  return { ...profile, lon_deg: places.map(([lon]) => lon), lat_deg: places.map(([, lat]) => lat) };
+export function loadProfile(address: string, points: number): Promise<Profile> {
+  return getJson<Profile>(`${address}/profile?f=json${points ? `&points=${points}` : ""}`);
 }
 
 interface Page {

@@ -1,4 +1,5 @@
 /** Asks for what the page of a drive shows, again where it changes, and follows a drive that waits or runs. */
+import { batch } from "@preact/signals";
 import { ApiProblem } from "../shared/api";
 import { errorText, tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
@@ -13,7 +14,7 @@ import {
   orMissing,
   POINTS,
 } from "./data";
-import { drive, link, other, problem, profile, removed, segments, sensors, trials } from "./state";
+import { drive, link, other, problem, profile, removed, segments, sensors, trials, whole } from "./state";
 
 const POLL_MS = 2000;
 /** From this share of the axis on a closer look is worth all rows. */
@@ -30,7 +31,12 @@ async function showResult(): Promise<void> {
   // Nothing waits for the slower ones: charts are drawn at once, and each other part when it comes.
   const slow = Promise.all([loadSegments(address), loadSensors(address)]);
   profile.value = await orMissing(loadProfile(address, POINTS), null);
-  [segments.value, sensors.value] = await slow;
+  const [rows, said] = await slow;
+  batch(() => {
+    segments.value = rows;
+    sensors.value = said;
+  });
+  await loadWhole();
   await showOther();
 }
 
@@ -80,25 +86,36 @@ export async function compareWith(kind: "drive" | "trial" | null, id = ""): Prom
   await showOther();
 }
 
-let whole: Promise<void> | null = null;
+let asked: Promise<void> | null = null;
 
-/** All rows of the profile, where it was thinned. */
-export function loadWhole(): Promise<void> {
+/** All rows of the profile, for the map at once: a thinned track cuts corners. */
+function loadWhole(): Promise<void> {
+  const now = profile.peek();
+  if (!now) return Promise.resolve();
   // The service thins to so many rows at most, and leaves alone what has fewer.
-  const thinned = (drive.peek()?.epochs ?? 0) > POINTS;
-  if (!profile.peek() || !thinned) return Promise.resolve();
-  whole ??= loadProfile(addressOf(driveId), 0).then((all) => {
-    profile.value = all;
-  }, tellError);
-  return whole;
+  if ((drive.peek()?.epochs ?? 0) <= POINTS) {
+    whole.value = now;
+    return Promise.resolve();
+  }
+  asked ??= loadProfile(addressOf(driveId), 0).then((all) => {
+    whole.value = all;
+    refineOnZoom(link.range.peek());
+  });
+  return asked;
 }
 
-/** Ask for all rows as soon as somebody looks closely. */
+/** Charts get all rows, too. */
+export async function drawWhole(): Promise<void> {
+  await loadWhole();
+  if (whole.peek()) profile.value = whole.peek();
+}
+
+/** Draw all rows as soon as somebody looks closely. */
 export function refineOnZoom(range: [number, number] | null): void {
   const all = profile.peek()?.distance_m;
   if (!range || !all || all.length < 2) return;
   const length = (all[all.length - 1] as number) - (all[0] as number);
-  if (range[1] - range[0] < CLOSE * length) void loadWhole();
+  if (range[1] - range[0] < CLOSE * length && whole.peek()) profile.value = whole.peek();
 }
 
 let stopFollowing: (() => void) | null = null;
@@ -127,7 +144,7 @@ function followDrive(): void {
 
 /** The result as it is now, after a run. */
 async function again(): Promise<void> {
-  whole = null;
+  asked = null;
   link.range.value = null;
   await showResult().catch(tellError);
 }

@@ -12,16 +12,18 @@ import { look, open } from "./load";
 import { Contradictions } from "./Segments";
 import { Failed, Nothing, Waiting } from "./Status";
 import { Downloads, Figures, ReportCard, Warnings } from "./Summary";
-import { drive, kinds, link, other, problem, profile, removed } from "./state";
+import { drive, kinds, link, other, problem, profile, removed, whole, wholeKinds } from "./state";
 import { TrackMap } from "./TrackMap";
 import { KINDS } from "./trackLayers";
 import "./drive.css";
 
-function Track({ profile: shown }: { profile: Profile }) {
+function Track({ profile: thinned }: { profile: Profile }) {
+  const shown = whole.value ?? thinned;
+  const what = whole.value ? wholeKinds.value : kinds.value;
   const beside = other.value?.profile ?? null;
   const map = useMemo(
-    () => <TrackMap profile={shown} kinds={kinds.value} other={beside} link={link} />,
-    [shown, kinds.value, beside],
+    () => <TrackMap profile={shown} kinds={what} other={beside} link={link} />,
+    [shown, what, beside],
   );
   return (
     <section class="drive-map" aria-labelledby="track">
@@ -67,6 +69,7 @@ function Shown({ drive: now }: { drive: Drive }) {
                 <Figures drive={now} />
               </section>
               <Warnings drive={now} />
+              <Downloads drive={now} />
             </div>
           </div>
           {rows && <Charts profile={rows} />}
@@ -75,10 +78,7 @@ function Shown({ drive: now }: { drive: Drive }) {
           <ReportCard drive={now} />
         </>
       )}
-      <div class="drive-end">
-        <Downloads drive={now} />
-        <Actions drive={now} />
-      </div>
+      <Actions drive={now} />
     </>
   );
 }

@@ -43,6 +43,13 @@ function found(one: Found | null | undefined, decimals: number): string {
   return one ? `${number(one.value, decimals)} ± ${number(one.sigma, decimals)}` : said("unknown");
 }
 
+/** What was set right, that nothing was to be, or that nothing shows it. */
+function setRight(key: string, used: number, shown: Found | null, decimals: number): string[] {
+  if (!shown) return [said(`${key}_unknown`)];
+  const values = { [key]: number(used, decimals), found: found(shown, decimals) };
+  return [said(used === 0 ? `${key}_none` : key, values)];
+}
+
 interface Mount {
   pitch_deg: number;
   sigma_deg: number;
@@ -151,15 +158,17 @@ const SAYINGS: Sayings = {
   sensors: {
     topic: "sensors",
     say: (sensors: Record<string, SensorWorth>) =>
-      Object.entries(sensors).map(([name, one]) =>
-        said(one.outliers > 0 ? "sensor_outliers" : "sensor", {
-          name: nameOf("sensor", name),
-          n: one.measurements,
-          outliers: one.outliers,
-          sigma: number(one.grade_sigma_percent, 2),
-          without: number(one.grade_sigma_percent_without, 2),
-        }),
-      ),
+      Object.entries(sensors)
+        .sort(([, a], [, b]) => b.grade_sigma_percent_without - a.grade_sigma_percent_without)
+        .map(([name, one]) =>
+          said(one.outliers > 0 ? "sensor_outliers" : "sensor", {
+            name: nameOf("sensor", name),
+            n: one.measurements,
+            outliers: one.outliers,
+            sigma: number(one.grade_sigma_percent, 2),
+            without: number(one.grade_sigma_percent_without, 2),
+          }),
+        ),
   },
   mount: {
     topic: "mount",
@@ -183,15 +192,8 @@ const SAYINGS: Sayings = {
       inertia === null
         ? []
         : [
-            inertia.imu_lag_s === 0
-              ? said("lag_none", { found: found(inertia.found_imu_lag_s, 3) })
-              : said("lag", { lag: number(inertia.imu_lag_s, 3), found: found(inertia.found_imu_lag_s, 3) }),
-            inertia.mount_yaw_deg === 0
-              ? said("yaw_none", { found: found(inertia.found_mount_yaw_deg, 1) })
-              : said("yaw", {
-                  yaw: number(inertia.mount_yaw_deg, 1),
-                  found: found(inertia.found_mount_yaw_deg, 1),
-                }),
+            ...setRight("lag", inertia.imu_lag_s, inertia.found_imu_lag_s, 3),
+            ...setRight("yaw", inertia.mount_yaw_deg, inertia.found_mount_yaw_deg, 1),
           ],
   },
   mount_pitch_deg: {
@@ -210,9 +212,9 @@ const SAYINGS: Sayings = {
     topic: "noise",
     say: (noise: Record<string, number>, report) => {
       const used = report["sensors"] as Record<string, unknown> | undefined;
-      return Object.entries(noise).flatMap(([name, value]) => {
-        const write = LEVELS[name];
-        return write && (!used || (OF[name] ?? "") in used)
+      return Object.entries(LEVELS).flatMap(([name, write]) => {
+        const value = noise[name];
+        return value !== undefined && (!used || (OF[name] ?? "") in used)
           ? [said(`noise_${name}`, { value: write(value) })]
           : [];
       });
@@ -257,9 +259,11 @@ const SAYINGS: Sayings = {
     topic: "positions",
     say: (gnss: Gnss) => {
       if (gnss.solved === undefined)
-        return gnss.positioning
-          ? [said("positioning", { name: nameOf("positioning", gnss.positioning) })]
-          : [];
+        return gnss.positioning === "receiver"
+          ? [t("drive.positioning.receiver")]
+          : gnss.positioning
+            ? [t("drive.positioning.of", { name: gnss.positioning })]
+            : [];
       return [
         said("positions_computed", {
           name: gnss.positioning ?? "",

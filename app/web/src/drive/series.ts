@@ -9,17 +9,14 @@ import { type Kind, rowAt, runsOf } from "./stretches";
 
 type Column = (number | null)[];
 
-/** Heights whose median lies farther from the estimate refer to something else, like the ellipsoid. */
-const OTHER_DATUM_M = 10;
 /** A measurement belongs to no row that is farther away in time, unless rows themselves are farther apart. */
 const NEAR_S = 2;
 
 const COLOURS: Record<string, ChartColour> = {
   altitude: "other",
-  barometer: "fourth",
-  dem: "model",
+  barometer: "quiet",
   doppler: "other",
-  pitch: "fourth",
+  pitch: "danger",
   "specific force": "model",
 };
 const HIDDEN = new Set(["doppler", "pitch", "specific force"]);
@@ -43,33 +40,17 @@ export function onRows(time_s: readonly number[], sensor: Sensor): Column {
   return out;
 }
 
-function median(values: number[]): number {
-  const sorted = values.sort((a, b) => a - b);
-  return sorted[sorted.length >> 1] ?? 0;
-}
-
-/** What to add to heights that refer to something else than the estimate does; 0 where they agree roughly. */
-export function datumShift(own: Column, theirs: Column): number {
-  const off = own.flatMap((height, row) => {
-    const other = theirs[row];
-    return height === null || other === null || other === undefined ? [] : [height - other];
-  });
-  const shift = off.length > 0 ? median(off) : 0;
-  return Math.abs(shift) > OTHER_DATUM_M ? shift : 0;
-}
-
-/** Sensors as dots: heights in metres, moved where their datum is another one; grades in percent. */
+/** Sensors as dots: heights moved where their datum is another one. */
 export function sensorLines(profile: Profile, sensors: readonly Sensor[], heights: boolean): Line[] {
-  const time_s = profile.time.map((at) => Date.parse(at) / 1000);
   return sensors
-    .filter((sensor) => sensor.is_height === heights)
+    .filter((sensor) => sensor.is_height === heights && sensor.name !== "dem")
     .map((sensor): Line => {
-      const raw = onRows(time_s, sensor);
-      const shift = heights ? datumShift(profile.alt_m, raw) : 0;
+      const shift = sensor.shift_m ?? 0;
+      const values = onRows(profile.time_s, sensor);
       const name = nameOf("sensor", sensor.name);
       return {
         label: shift ? t("drive.chart.moved", { name, by: Math.round(shift) }) : name,
-        values: raw.map((value) => (value === null ? null : heights ? value + shift : 100 * value)),
+        values: shift ? values.map((value) => (value === null ? null : value + shift)) : values,
         colour: COLOURS[sensor.name] ?? "quiet",
         unit: heights ? "m" : "%",
         decimals: 1,
@@ -112,7 +93,7 @@ export function otherLine(profile: Profile, aligned: Aligned, name: string, heig
     label: name,
     values: on(heights ? aligned.height_m : aligned.grade_percent),
     sigma: on(heights ? aligned.height_sigma_m : aligned.grade_sigma_percent),
-    colour: "danger",
+    colour: "fourth",
     unit: heights ? "m" : "%",
     dashed: true,
   };
