@@ -39,6 +39,7 @@ from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
 from app.drives import events, upload
 from app.drives import routes as drives
+from app.drives.batches import removing
 from app.drives.batches import routes as batches
 from app.drives.catalogue import routes as methods
 from app.drives.documents import Drive
@@ -61,6 +62,7 @@ from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
 from app.map.tiles.told import WatchedMap
 from app.operations import ground
+from app.operations import routes as operations
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
@@ -72,6 +74,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
     methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
+    removing.router,
     drives.router,
     events.router,
     drive_parts.router,
@@ -91,6 +94,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     ogc_tiles.router,
     exports.router,
     ground.router,
+    operations.router,
     style.router,
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's

@@ -51,7 +51,7 @@ SERVICE = {
     "terrain": {"core", "network"},
     "network": {"core", "jobs"},
     "map": {"changes", "core", "network", "roads", "terrain"},
-    "drives": {"changes", "core", "exports", "jobs", "map", "network", "roads", "terrain"},
+    "drives": {"changes", "core", "exports", "jobs", "map", "network", "operations", "roads", "terrain"},
     "ops": {"core", "drives", "map", "network", "roads"},
     "upkeep": {"changes", "core", "drives", "embedded", "network", "ops", "terrain"},
     "operations": {"core", "jobs", "map", "network", "roads", "terrain"},

@@ -21,6 +21,8 @@ from app.core.settings import Settings
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
 from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
+from app.drives.batches.removing import removing_task
+from app.drives.batches.touched import queue_touched
 from app.drives.process import Workbench, give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.renewal import HeightFiller, renew
@@ -30,6 +32,8 @@ from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
 from app.map import figures, growth
 from app.map.derived import following
+from app.operations.run import operation_task
+from app.operations.run import tend as tend_operations
 from app.roads import attic
 from app.terrain.files import sweep_rasters
 
@@ -93,6 +97,8 @@ def tasks_of(bench: Workbench, settings: Settings) -> tuple[Task, ...]:
         _removal_task(bench),
         _solver_task(bench),
         export_task(settings, bench.sessions),
+        removing_task(bench.sessions),
+        operation_task(settings, bench.sessions, queue_touched),
     )
 
 
@@ -159,6 +165,7 @@ def _chores(
     )
     tended = functools.partial(enqueuing.tend, bench.sessions)
     expired = functools.partial(tend_exports, settings, bench.sessions)
+    forgotten = functools.partial(tend_operations, settings, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
     figured = functools.partial(figures.renew_one, bench.sessions)
@@ -174,6 +181,7 @@ def _chores(
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
         (in_thread(expired, "old exports could not be removed"), RENEW_EVERY_S),
+        (in_thread(forgotten, "plans that nobody wanted could not be forgotten"), RENEW_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
         (in_thread(grown, "what is driven by now could not be noted"), growth.LOOK_EVERY_S),

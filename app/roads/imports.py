@@ -146,6 +146,8 @@ def bring_in(
         if wishes.dry_run:
             return counts
         work.require_acceptance()
+        if wishes.agree is not None:
+            wishes.agree(counts)
         while True:
             try:
                 counts = work.carry_out(counts)

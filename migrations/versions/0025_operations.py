@@ -64,6 +64,8 @@ def upgrade() -> None:
         sa.Column("progress", sa.Double(), server_default="0", nullable=False),
         sa.Column("stage", sa.String()),
         sa.Column("run", sa.Integer(), server_default="0", nullable=False),
+        sa.Column("yields", sa.SmallInteger(), server_default="0", nullable=False),
+        sa.Column("state", postgresql.JSONB(), server_default=sa.text("'{}'"), nullable=False),
         sa.Column("approved", sa.Boolean(), server_default=sa.text("false"), nullable=False),
         sa.Column("plan", postgresql.JSONB()),
         sa.Column("result", postgresql.JSONB()),

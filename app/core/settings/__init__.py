@@ -69,6 +69,12 @@ class Settings(Places):
     max_upload_bytes: int = Field(
         GIB, ge=1, description="Largest upload accepted, bytes as sent; a larger one is answered by 413."
     )
+    max_import_bytes: int = Field(
+        8 * GIB,
+        ge=1,
+        description="Largest file of roads or elevation that the API takes, bytes as sent; a larger one is answered by "
+        "413.",
+    )
     items_limit_default: int = Field(100, ge=1, description="Items per page when a request names no limit.")
     items_limit_max: int = Field(
         10_000, ge=1, description="Most items per page; a larger limit is reduced to it."

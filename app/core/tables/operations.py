@@ -9,7 +9,7 @@ import uuid
 from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import BigInteger, CheckConstraint, Identity, Index, func, text
+from sqlalchemy import BigInteger, CheckConstraint, Identity, Index, SmallInteger, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from app.core.tables import Base
@@ -30,6 +30,10 @@ class Operation(Base):
     stage: Mapped[str | None]
     run: Mapped[int] = mapped_column(server_default="0")
     """Counts the runs of a worker; one that holds an older number says no more of it."""
+    yields: Mapped[int] = mapped_column(SmallInteger, server_default="0")
+    """How often it went back into the queue to let others go first."""
+    state: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+    """What a later run has to know of the former ones: whether anything was changed yet, how far it came."""
     approved: Mapped[bool] = mapped_column(server_default=text("false"))
     """Its plan is to be carried out."""
     plan: Mapped[dict[str, Any] | None]
