@@ -88,10 +88,12 @@ export function loadDrive(id: string): Promise<Drive> {
 export async function loadProfile(address: string, points: number): Promise<Profile> {
   const profile = await getJson<Profile>(`${address}/profile?f=json${points ? `&points=${points}` : ""}`);
   if (profile.lon_deg) return profile;
-  const track = await getJson<{ features: { geometry: { type: string; coordinates: [number, number] } | null }[] }>(
-    `${address}/track`,
+  const track = await getJson<{
+    features: { geometry: { type: string; coordinates: [number, number] } | null }[];
+  }>(`${address}/track`);
+  const places = track.features.flatMap((one) =>
+    one.geometry?.type === "Point" ? [one.geometry.coordinates] : [],
   );
-  const places = track.features.flatMap((one) => (one.geometry?.type === "Point" ? [one.geometry.coordinates] : []));
   return { ...profile, lon_deg: places.map(([lon]) => lon), lat_deg: places.map(([, lat]) => lat) };
 }
 
