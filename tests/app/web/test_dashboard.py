@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -12,7 +14,10 @@ from app.core import databases
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
 from app.map import figures
+from app.operations.run import Desk, operate
 from browser_fixtures import Tab
+from fusion.simulate.scene.town import Town
+from fusion.simulate.write.osm_file import write_osm
 from many_drives import execute, make_drives, rows
 from web_fixtures import Web, add_drive, fill_roads, served
 
@@ -86,10 +91,14 @@ def test_every_link_leads_somewhere(looked_at: Web, tab: Tab) -> None:
         if address.startswith("#"):
             assert page.locator(address).count() == 1, address
         else:
-            answer = looked_at.client.get(address, headers={"Accept": "text/html, */*"}, follow_redirects=True)
+            answer = looked_at.client.get(
+                address, headers={"Accept": "text/html, */*"}, follow_redirects=True
+            )
             assert answer.status_code == 200, (address, answer.text)
-    page.get_by_role("table", name="Failures by reason").get_by_role("link", name=str(FAILED), exact=True).click()
-    page.wait_for_url("**/drives?status=failed&failure=no-match")
+    page.get_by_role("table", name="Failures by reason").get_by_role(
+        "link", name=str(FAILED), exact=True
+    ).click()
+    page.wait_for_url("**/drives?status=failed&failure=no-match&created_after=*")
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -126,7 +135,7 @@ def test_a_busy_service_is_left_in_peace(looked_at: Web, tab: Tab) -> None:
     page.route("**/v1/**", busy)
     page.get_by_role("button", name="Read now").click()
     page.get_by_text("too busy to answer").wait_for()
-    page.wait_for_timeout(2500)
+    page.wait_for_timeout(1500)
     assert 1 <= len(asked) <= 3
     assert page.get_by_role("table", name="Failures by reason").is_visible()
     page.unroute("**/v1/**")
@@ -200,3 +209,62 @@ def test_nothing_needs_anybody(web: Web, tab: Tab) -> None:
     execute(web.sessions, "INSERT INTO procrastinate_workers DEFAULT VALUES")
     tab.page.goto(f"{web.base}/admin")
     tab.page.get_by_text("Nothing needs you.", exact=True).wait_for()
+
+
+def test_many_drives_are_removed_after_a_look(worked_on: Web, tab: Tab) -> None:
+    page = opened(tab, worked_on, "bulk", "audit")
+    form = page.locator("#bulk")
+    form.get_by_role("combobox", name="Drives", exact=True).select_option("all")
+    form.get_by_label("Uploaded before this day (UTC)").fill("2000-01-01")
+    form.get_by_role("button", name="Remove").click()
+    form.get_by_text("No drive would be removed.").wait_for()
+    form.get_by_label("Uploaded before this day (UTC)").fill("")
+    form.get_by_role("button", name="Remove").click()
+    question = page.get_by_role("dialog", name=f"Remove {DRIVES + 2} drives?")
+    assert "cannot be undone" in question.inner_text()
+    question.get_by_role("button", name="Cancel").click()
+    assert rows(worked_on.sessions, "SELECT count(*) FROM audit_log") == [(0,)]
+    form.get_by_role("combobox", name="Drives", exact=True).select_option("failed")
+    form.get_by_label("Failed for the reason").select_option("no-match")
+    form.get_by_role("button", name="Remove").click()
+    page.get_by_role("dialog").get_by_role("button", name=f"Remove {FAILED}").click()
+    page.get_by_role("table", name="Who asked for what").get_by_text("drives removed").wait_for()
+
+
+def test_a_region_is_imported_once_its_plan_is_approved_and_removed_again(
+    web: Web, tab: Tab, town: Town, tmp_path: Path
+) -> None:
+    write_osm(town, tmp_path / "town.osm")
+
+    def work() -> None:
+        desk = Desk(web.settings, web.sessions, lambda _: 0)
+        waiting = "SELECT id FROM operations WHERE status = 'queued'"
+        for (number,) in rows(web.sessions, waiting):
+            operate(desk, number, lambda: False, nullcontext)
+
+    page = tab.page
+    page.goto(f"{web.base}/admin#roads")
+    form = page.locator("form", has=page.get_by_role("heading", name="Import roads"))
+    form.get_by_label("File", exact=True).set_input_files(tmp_path / "town.osm")
+    page.get_by_label("Region (empty").fill("here")
+    page.get_by_role("button", name="Send and plan").click()
+    card = page.get_by_role("region", name="Import of roads: town.osm")
+    card.get_by_role("heading", name="Waiting").wait_for()
+    work()
+    card.get_by_role("heading", name="Planned").wait_for()
+    assert "Region here would have" in card.inner_text()
+    assert web.client.get("/v1/regions").json()["regions"] == []
+    card.get_by_role("button", name="Carry it out").click()
+    question = page.get_by_role("dialog", name="Carry it out: town.osm?")
+    assert "Added" in question.inner_text()
+    question.get_by_role("button", name="Carry it out").click()
+    card.get_by_role("heading", name="Waiting").wait_for()
+    work()
+    regions = page.get_by_role("table", name="Regions of the road network")
+    regions.get_by_role("link", name="here").wait_for()
+    regions.get_by_role("button", name="Remove here").click()
+    card = page.get_by_role("region", name="Removal of a region: here")
+    work()
+    card.get_by_role("button", name="Drop the plan").click()
+    card.wait_for(state="detached")
+    assert [one["name"] for one in web.client.get("/v1/regions").json()["regions"]] == ["here"]

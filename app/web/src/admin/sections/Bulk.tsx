@@ -24,6 +24,9 @@ export function Bulk() {
   const failures = useQuery<Failure>("failures", 60, days.value).data.value?.rows ?? [];
   const regions = useReading<{ regions: Region[] }>("/v1/regions", 60).data.value?.regions ?? [];
 
+  const methods =
+    useReading<{ methods: { name: string; title: string }[] }>("/v1/methods", 600).data.value?.methods ?? [];
+
   async function go(action: typeof reprocess) {
     if (!form.current?.reportValidity()) return;
     const selection = selectionOf(new FormData(form.current).entries() as Iterable<[string, unknown]>);
@@ -75,7 +78,14 @@ export function Bulk() {
         </label>
         <label>
           {t("admin.bulk.from_method")}
-          <input type="text" name="from_method" maxLength={100} />
+          <select name="from_method">
+            <option value="">{t("admin.bulk.any")}</option>
+            {methods.map(({ name }) => (
+              <option key={name} value={name}>
+                {name}
+              </option>
+            ))}
+          </select>
         </label>
         <label>
           {t("admin.bulk.created_after")}
@@ -87,7 +97,14 @@ export function Bulk() {
         </label>
         <label>
           {t("admin.bulk.method")}
-          <input type="text" name="method" maxLength={100} />
+          <select name="method">
+            <option value="">{t("admin.bulk.own_method")}</option>
+            {methods.map(({ name, title }) => (
+              <option key={name} value={name} title={title}>
+                {name}
+              </option>
+            ))}
+          </select>
         </label>
       </div>
       {said && <p role="status">{said}</p>}

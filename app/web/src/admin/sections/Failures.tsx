@@ -9,13 +9,22 @@ import { Loaded } from "../parts/Section";
 import { Table } from "../parts/Table";
 import type { Failure } from "../types";
 
+/** When the first of so many days began, the last of which is today, in UTC as the service counts. */
+function firstMoment(count: number): string {
+  return `${new Date(Date.now() - (count - 1) * 86_400_000).toISOString().slice(0, 10)}T00:00:00Z`;
+}
+
+function listOf(row: Failure): string {
+  return drivesPage({ status: "failed", failure: row.kind, created_after: firstMoment(days.value) });
+}
+
 export function Failures() {
   const [said, say] = useState<string | null>(null);
   const reading = useQuery<Failure>("failures", 30, days.value);
   const acts = (row: Failure) => {
     if (row.kind === null) return null;
-    const whom = t("admin.failures.whom", { kind: row.kind });
-    const selection = { which: "failed", failure: row.kind };
+    const whom = t("admin.failures.whom", { kind: row.kind, n: days.value });
+    const selection = { which: "failed", failure: row.kind, created_after: firstMoment(days.value) };
     return (
       <span class="acts">
         <button
@@ -52,10 +61,9 @@ export function Failures() {
               {
                 title: t("admin.failures.drives"),
                 number: true,
-                cell: (row) => (
-                  <a href={drivesPage({ status: "failed", failure: row.kind })}>{number(row.drives)}</a>
-                ),
+                cell: (row) => <a href={listOf(row)}>{number(row.drives)}</a>,
               },
+              { title: t("admin.failures.acts"), cell: acts },
               {
                 title: t("admin.failures.share"),
                 number: true,
@@ -75,7 +83,6 @@ export function Failures() {
                   </>
                 ),
               },
-              { title: t("admin.failures.acts"), cell: acts },
             ]}
           />
         </>
