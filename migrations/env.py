@@ -24,6 +24,7 @@ from app.core.tables import roads as _roads
 from app.core.tables import served as _served
 from app.core.tables import service as _service
 from app.core.tables import tiles as _tiles
+from app.core.tables import trials as _trials
 
 _OF_THE_SAME_BASE = (
     _batches,
