@@ -14,10 +14,11 @@ depends_on = None
 oldest_program = down_revision
 
 # Words are what lies between characters that are neither letters nor digits; a number is a word of its own. Of the
-# server's own functions alone: no extension has to be there, and a dump comes back without one. No function of SQL: that
-# would be dissolved into its parts, whose cost the planner takes for nothing, and names would be taken apart row by row.
+# server's own functions alone: no extension has to be there, and a dump comes back without one. No function of SQL:
+# that would be dissolved into parts whose cost the planner takes for nothing, and names be taken apart row by row.
 _WORDS = r"""
-CREATE FUNCTION file_words(name text) RETURNS tsvector LANGUAGE plpgsql IMMUTABLE STRICT PARALLEL SAFE COST 4000 AS $$
+CREATE FUNCTION file_words(name text) RETURNS tsvector LANGUAGE plpgsql IMMUTABLE STRICT PARALLEL SAFE
+    COST 4000 AS $$
 BEGIN
     RETURN to_tsvector('simple', regexp_replace(regexp_replace(name, '[^[:alnum:]]+', ' ', 'g'),
                                                 '([0-9]+)', ' \1 ', 'g'));

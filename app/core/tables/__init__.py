@@ -154,6 +154,10 @@ class Segment(Base):
     )
 
 
+_NAME = '"left"(lower(filename), 100) COLLATE "C"'
+_FAILED: dict[str, Any] = {"postgresql_where": text("status = 'failed'")}
+
+
 class Drive(Base):
     """An uploaded log and what became of it."""
 
@@ -217,20 +221,9 @@ class Drive(Base):
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
         Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
         Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
-        Index(
-            "ix_drives_name_created_at_id",
-            text("left(lower(filename), 100)"),  # of collation "C", of which reflected indexes say nothing
-            "created_at",
-            "id",
-        ),
+        Index("ix_drives_name_created_at_id", text(_NAME), "created_at", "id"),
         Index("ix_drives_words", text("file_words(filename)"), postgresql_using="gin"),
-        Index(
-            "ix_drives_failure_kind_created_at_id",
-            "failure_kind",
-            "created_at",
-            "id",
-            postgresql_where=text("status = 'failed'"),
-        ),
+        Index("ix_drives_failure_kind_created_at_id", "failure_kind", "created_at", "id", **_FAILED),
     )
 
 
