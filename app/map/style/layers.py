@@ -60,12 +60,17 @@ class Theme:
     ground: str
     unknown: str
     ink: str
+    rim: str
     arrow: str
     arrow_edge: str
 
 
-LIGHT = Theme(ground="#f7f6f2", unknown="#bfc4c8", ink="#20262b", arrow="#ffffff", arrow_edge="#20262b")
-DARK = Theme(ground="#15191d", unknown="#4b555d", ink="#e8ecef", arrow="#0c0f11", arrow_edge="#f4f6f7")
+LIGHT = Theme(
+    ground="#f7f6f2", unknown="#bfc4c8", ink="#20262b", rim="#5d666d", arrow="#ffffff", arrow_edge="#20262b"
+)
+DARK = Theme(
+    ground="#15191d", unknown="#4b555d", ink="#e8ecef", rim="#98a3ab", arrow="#0c0f11", arrow_edge="#f4f6f7"
+)
 
 RIM_PX = 1.5
 """Of a bridge, on both sides."""
@@ -87,7 +92,8 @@ def layers(theme: Theme, scale: ColourScale, shown: Shown, drawn: str = LAYER) -
     cases = [_known(kind, "case", theme.ground, shown) for kind in kinds]
     known = [_known(kind, "slope", _stepped(scale, shown), shown) for kind in kinds]
     arrows = [] if shown.uphill is None else [_arrows(theme, shown, shown.uphill)]
-    roads = [*unknown, *cases, _rims(theme, shown), *known, _dashes(theme), *arrows, _figures(theme, shown)]
+    under, over = (_rims(theme, shown, known=one) for one in (False, True))
+    roads = [under, *unknown, *cases, over, *known, _dashes(theme), *arrows, _figures(theme, shown)]
     return [*grounds, *(one | {"source-layer": drawn} for one in roads)]
 
 
@@ -129,15 +135,18 @@ def _known(kind: str, part: str, colour: Any, shown: Shown) -> dict[str, Any]:
     return _line(f"{part}-{kind}", [shown.known, _of_kind(kind)], paint, layout=layout, **first)
 
 
-def _rims(theme: Theme, shown: Shown) -> dict[str, Any]:
-    """Of bridges, below the road; of an unknown slope beside the thin line."""
-    by_kind = {kind: (_known_widths(kind, shown), _unknown_widths(kind)) for kind in WIDTHS_PX}
-    widths = []
-    for k in range(len(ZOOMS)):
-        known, unknown = ({kind: by_kind[kind][n][k] for kind in by_kind} for n in (0, 1))
-        widths.append(["+", ["case", shown.known, _by_kind(known), _by_kind(unknown)], 2 * RIM_PX])
-    paint = {"line-color": theme.ink, "line-width": _by_zoom(widths)}
-    return _line("bridge", [["has", "bridge"]], paint, layout={"line-cap": "butt"}, minzoom=RIMS_FROM)
+def _rims(theme: Theme, shown: Shown, *, known: bool) -> dict[str, Any]:
+    """Of bridges, below the road that they carry."""
+    widths_of = {
+        kind: _known_widths(kind, shown) if known else list(_unknown_widths(kind)) for kind in WIDTHS_PX
+    }
+    widths = [
+        ["+", _by_kind({kind: widths_of[kind][k] for kind in WIDTHS_PX}), 2 * RIM_PX]
+        for k in range(len(ZOOMS))
+    ]
+    name, mine = ("bridge", shown.known) if known else ("bridge-unknown", ["!", shown.known])
+    paint = {"line-color": theme.rim, "line-width": _by_zoom(widths)}
+    return _line(name, [["has", "bridge"], mine], paint, layout={"line-cap": "butt"}, minzoom=RIMS_FROM)
 
 
 def _dashes(theme: Theme) -> dict[str, Any]:

@@ -72,7 +72,7 @@ function Slider(props: {
   return (
     <label class="slider">
       <span>{props.name}</span>
-      <output>{props.said(moving === null ? value : (steps[moving] ?? null))}</output>
+      <span aria-hidden="true">{props.said(moving === null ? value : (steps[moving] ?? null))}</span>
       <input
         type="range"
         min={0}

@@ -116,9 +116,9 @@ export function drawn(own: OwnStyle, state: State, theme: Theme): StyleSpecifica
     if (!passing.length && unknown) return one;
     const base = (one as { filter?: ExpressionSpecification }).filter ?? true;
     const known: unknown = ["all", ...passing];
-    const passes = one.id.startsWith("unknown-")
+    const passes = /^unknown-|-unknown$/.test(one.id)
       ? unknown
-      : one.id === "bridge" || one.id === "tunnel"
+      : one.id === "tunnel"
         ? ["case", legend.known, known, unknown]
         : known;
     return { ...one, filter: ["all", base, passes] } as LayerSpecification;
