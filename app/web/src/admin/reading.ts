@@ -63,10 +63,12 @@ export class Reader {
     if (one) one.watchers -= 1;
   }
 
-  /** Everything that is shown, or what begins so, is read at the next look. */
-  readNow(beginning = ""): void {
-    for (const [address, one] of this.watched) if (address.startsWith(beginning)) one.dueAt = 0;
-    if (beginning === "") this.restsUntil.value = null;
+  /** Everything that is shown is read at once, or what begins with one of these. */
+  readNow(...beginnings: string[]): void {
+    for (const [address, one] of this.watched)
+      if (beginnings.length === 0 || beginnings.some((beginning) => address.startsWith(beginning)))
+        one.dueAt = 0;
+    if (beginnings.length === 0) this.restsUntil.value = null;
     void this.look(true);
   }
 

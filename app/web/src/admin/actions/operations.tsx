@@ -9,10 +9,14 @@ import type { Operation } from "../types";
 
 export const OPERATIONS = "/v1/operations";
 
-/** Something of the operations changed: read them, and what they may have changed. */
+/** Something of the operations changed. */
 export function operationsChanged(): void {
-  for (const address of [OPERATIONS, "/v1/regions", "/v1/rasters", "/v1/admin/attention"])
-    reader.readNow(address);
+  reader.readNow(OPERATIONS, "/v1/admin/attention", "/v1/admin/audit");
+}
+
+/** An operation ended: roads and elevation may be others. */
+export function groundChanged(): void {
+  reader.readNow("/v1/regions", "/v1/rasters", "/v1/admin/attention");
 }
 
 /** Ask for an operation without a file. */

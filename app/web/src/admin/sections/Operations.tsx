@@ -1,8 +1,8 @@
 /** Imports, removals and settling: what is under way, what is planned and waits for a yes, and what was done. */
-import { useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { moment, number } from "../../shared/format";
 import { hasText, t } from "../../shared/texts";
-import { approve, drop, OPERATIONS } from "../actions/operations";
+import { approve, drop, groundChanged, OPERATIONS } from "../actions/operations";
 import { useReading } from "../page_state";
 import { Progress } from "../parts/Progress";
 import { Loaded } from "../parts/Section";
@@ -18,7 +18,7 @@ function kindText(one: Operation): string {
 }
 
 function titleOf(one: Operation): string {
-  return one.subject ? `${kindText(one)}: ${one.subject}` : kindText(one);
+  return one.subject && one.kind !== "settle" ? `${kindText(one)}: ${one.subject}` : kindText(one);
 }
 
 function sentenceOf(said: Record<string, unknown> | null): string | null {
@@ -107,6 +107,17 @@ function Outcome({ one }: { one: Operation }) {
 export function Operations() {
   const [everyS, setEvery] = useState(5);
   const reading = useReading<{ operations: Operation[] }>(`${OPERATIONS}?limit=30`, everyS);
+  const ended = (reading.data.value?.operations ?? [])
+    .filter((one) => !OPEN.has(one.status))
+    .map((one) => one.id)
+    .join();
+  const before = useRef<string | null>(null);
+  const known = reading.data.value !== null;
+  useEffect(() => {
+    if (!known) return;
+    if (before.current !== null && before.current !== ended) groundChanged();
+    before.current = ended;
+  }, [known, ended]);
   return (
     <Loaded of={reading}>
       {({ operations }) => {
