@@ -7,6 +7,7 @@ import io
 import re
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import pytest
@@ -14,6 +15,7 @@ from playwright.sync_api import Page, expect
 
 from app.core import databases
 from app.core.settings import Settings
+from app.drives.trials.run import run_trial
 from app.embedded.cluster import EmbeddedPostgres
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
@@ -186,6 +188,25 @@ def test_two_drives_side_by_side(drives: Drives, tab: Tab) -> None:
     expect(table.get_by_role("row").nth(1)).to_contain_text("±")
     page.get_by_role("button", name="Stop comparing").click()
     expect(table).to_have_count(0)
+
+
+def test_a_trial_is_made_beside_the_drive(drives: Drives, tab: Tab) -> None:
+    page = opened(tab, drives.address("first.csv"))
+    page.get_by_text("Another method or other options").click()
+    page.get_by_label("Method", exact=True).select_option("raw")
+    page.get_by_role("button", name="Try it beside").click()
+    trials = page.get_by_role("region", name="Compare").get_by_role("listitem")
+    expect(trials).to_have_count(1)
+    address = f"/v1/drives/{drives.ids['first.csv']}/trials"
+    trial = drives.web.client.get(address).json()["trials"][0]
+    run_trial(drives.web.bench, uuid.UUID(trial["id"]), lambda: False, nullcontext)
+    page.get_by_role("button", name="Compare with raw").click()
+    table = page.get_by_role("table", name="Slopes of common segments")
+    expect(table.get_by_role("row").nth(1)).to_contain_text("±")
+    expect(page.get_by_text("over the same instants")).to_be_visible()
+    page.get_by_role("button", name="Forget raw").click()
+    expect(trials).to_have_count(0)
+    assert drives.web.client.get(address).json()["trials"] == []
 
 
 def test_one_that_failed_says_why_and_is_tried_again(drives: Drives, tab: Tab) -> None:

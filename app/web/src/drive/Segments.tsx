@@ -1,5 +1,6 @@
 /** Where the drive contradicts others: those segments are not heard. */
 import { useSignal } from "@preact/signals";
+import { mapOf } from "../shared/drives";
 import { number, slope } from "../shared/format";
 import { tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
@@ -19,17 +20,21 @@ export function segmentName(segment: DriveSegment): string {
   return segment.properties.name ?? t("drive.segments.unnamed", { id: segment.id });
 }
 
+/** West, south, east and north of a segment. */
+function boxOf(segment: DriveSegment): [number, number, number, number] {
+  const lon = segment.geometry.coordinates.map(([x]) => x);
+  const lat = segment.geometry.coordinates.map(([, y]) => y);
+  return [Math.min(...lon), Math.min(...lat), Math.max(...lon), Math.max(...lat)];
+}
+
 /** The service's map at a segment. */
-export function mapOfSegment(segment: DriveSegment): string {
-  return `/map?segment=${segment.id}`;
+function mapOfSegment(segment: DriveSegment): string {
+  return `${mapOf(boxOf(segment))}&segment=${segment.id}`;
 }
 
 /** Show a segment on the page's own map and charts. */
 export async function showSegment(segment: DriveSegment): Promise<void> {
-  const line = segment.geometry.coordinates;
-  const lon = line.map(([x]) => x);
-  const lat = line.map(([, y]) => y);
-  wantedBounds.value = [Math.min(...lon), Math.min(...lat), Math.max(...lon), Math.max(...lat)];
+  wantedBounds.value = boxOf(segment);
   const find = () =>
     profile.peek() && stays(profile.peek() as never).find((one) => one.segment === segment.id);
   let stay = find();

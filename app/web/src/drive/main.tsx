@@ -61,6 +61,7 @@ function Shown({ drive: now }: { drive: Drive }) {
       {(now.status === "queued" || now.status === "running") && <Waiting drive={now} />}
       {now.report !== null && (
         <>
+          <Warnings drive={now} />
           <div class="drive-top">
             {rows ? <Track profile={rows} /> : <div class="drive-map" />}
             <div class="drive-side">
@@ -68,7 +69,6 @@ function Shown({ drive: now }: { drive: Drive }) {
                 <h2 id="figures">{t("drive.figure.title")}</h2>
                 <Figures drive={now} />
               </section>
-              <Warnings drive={now} />
               <Downloads drive={now} />
             </div>
           </div>
