@@ -154,7 +154,7 @@ class Segment(Base):
     )
 
 
-_NAME = '"left"(lower(filename), 100) COLLATE "C"'
+_NAME = "left(lower(filename), 100)"  # of collation "C", of which reflected indexes say nothing
 _FAILED: dict[str, Any] = {"postgresql_where": text("status = 'failed'")}
 
 
