@@ -38,15 +38,18 @@ from app.core.settings import Settings, SettingsError, get_settings
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
 from app.drives import events, upload
-from app.drives import results as drive_parts
 from app.drives import routes as drives
 from app.drives.batches import routes as batches
+from app.drives.catalogue import routes as methods
 from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
+from app.drives.parts import raw as drive_sources
+from app.drives.parts import results as drive_parts
 from app.drives.store import get_drives
 from app.exports import routes as exports
 from app.map import segments
+from app.map.heights import profile
 from app.map.heights import routes as heights
 from app.map.ogc import api, collections, items, landing, schemas
 from app.map.ogc.landing import BIND_NOTE
@@ -57,20 +60,24 @@ from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
 from app.map.tiles.told import WatchedMap
+from app.operations import ground
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
 from app.ops.metrics import router as metrics_router
-from app.web import pages
+from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
+    methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
     drives.router,
     events.router,
     drive_parts.router,
+    drive_sources.router,
     segments.router,
+    profile.router,
     changes.router,
     change_events.router,
     webhooks.router,
@@ -83,12 +90,14 @@ ROUTERS: tuple[APIRouter, ...] = (
     heights.router,
     ogc_tiles.router,
     exports.router,
+    ground.router,
     style.router,
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's
     health.router,
     metrics_router,
     problem_kinds.router,
+    docs.router,
     pages.router,
     collections.unknown,  # after all: what no other route of collections answers
 )

@@ -28,7 +28,7 @@ from app.exports.run import export_task, sweep_files
 from app.exports.run import tend as tend_exports
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
-from app.map import figures
+from app.map import figures, growth
 from app.map.derived import following
 from app.roads import attic
 from app.terrain.files import sweep_rasters
@@ -162,6 +162,7 @@ def _chores(
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
     figured = functools.partial(figures.renew_one, bench.sessions)
+    grown = functools.partial(growth.note_today, bench.sessions)
     numbered = functools.partial(begin_epoch, bench.sessions)
     derived = publishing.Deriver(bench.sessions).piece
     return (
@@ -175,6 +176,7 @@ def _chores(
         (in_thread(expired, "old exports could not be removed"), RENEW_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
+        (in_thread(grown, "what is driven by now could not be noted"), growth.LOOK_EVERY_S),
         (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),
         (in_thread(swept, "what nobody needs any more could not be swept"), SWEEP_EVERY_S),
     )

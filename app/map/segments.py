@@ -173,6 +173,7 @@ def get_segment(
     links = [
         link(with_query(here, gaps=gaps), "self", GEO_JSON),
         link(f"{here}/observations", "observations", title="The drives behind it"),
+        link(with_query(f"{here}/profile", gaps=gaps), "related", title="The heights along it"),
         link(with_query(item, gaps=gaps), "alternate", GEO_JSON),
     ]
     return geojson_response({**row.geojson(), "links": link_documents(links)})

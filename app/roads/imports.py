@@ -342,4 +342,5 @@ def _end(
         segments=counts.segments,
         file_uri=source.file_uri,
         file_sha256=source.file_sha256,
+        bounds=list(table.bounds_deg()),
     )

@@ -6,6 +6,7 @@ build ``Settings(...)`` themselves. Every field carries its unit, its default an
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, Literal
@@ -31,7 +32,16 @@ def _http_url(url: str) -> str:
     return url.rstrip("/")
 
 
+def _login_url(url: str) -> str:
+    if re.match(r"/(?![/\\])", url):
+        return url
+    if not url.startswith(("http://", "https://")):
+        raise ValueError("it must begin with http://, https:// or one /")
+    return url
+
+
 HttpUrlText = Annotated[str, AfterValidator(_http_url)]
+LoginUrlText = Annotated[str, AfterValidator(_login_url)]
 Zoom = Annotated[int, Field(ge=0, le=24)]
 
 
@@ -111,6 +121,11 @@ class Settings(Places):
         None,
         description="A MapLibre style that the map page draws below the roads; its host, and no other, is then asked "
         "for it by browsers. None: the roads stand on a plain ground.",
+    )
+    login_url: LoginUrlText | None = Field(
+        None,
+        description="Where pages send whoever is answered 401, with the address to come back to as return_to: a path "
+        "of this service's own host or an address, of whatever stands in front of the service and checks who asks.",
     )
     allowed_hosts: str | None = Field(
         None,

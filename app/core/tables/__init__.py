@@ -206,7 +206,31 @@ class Drive(Base):
         Index("ix_drives_created_at_id", "created_at", "id"),
         Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
         Index("ix_drives_queued_at", "queued_at", postgresql_where=text("status = 'queued'")),
+        # How many ended in an hour or a day is answered out of the index.
+        Index(
+            "ix_drives_finished_at",
+            "finished_at",
+            postgresql_include=["status", "distance_m"],
+            postgresql_where=text("finished_at IS NOT NULL"),
+        ),
         Index("ix_drives_same_as", "same_as", postgresql_where=text("same_as IS NOT NULL")),
+        # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
+        Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
+        Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
+        Index(
+            "ix_drives_name_created_at_id",
+            text('"left"(lower(filename), 100) COLLATE "C"'),
+            "created_at",
+            "id",
+        ),
+        Index("ix_drives_words", text("file_words(filename)"), postgresql_using="gin"),
+        Index(
+            "ix_drives_failure_kind_created_at_id",
+            "failure_kind",
+            "created_at",
+            "id",
+            postgresql_where=text("status = 'failed'"),
+        ),
     )
 
 

@@ -52,7 +52,7 @@ def heights_of(session: Session, places: Sequence[OnRoad | None]) -> list[RoadHe
 def _height(place: OnRoad, decks: dict[int, RoadHeight]) -> RoadHeight | None:
     road = place.road
     if road.measured:
-        return _measured(road, place.share)
+        return measured_height(road, place.share)
     if not road.structure:
         return _of_model(road, place.share)
     start, end = (decks.get(node) for node in road.nodes)
@@ -63,7 +63,8 @@ def _height(place: OnRoad, decks: dict[int, RoadHeight]) -> RoadHeight | None:
     return RoadHeight(height_m, sigma_m, BETWEEN)
 
 
-def _measured(road: RoadHere, share: float) -> RoadHeight:
+def measured_height(road: RoadHere, share: float) -> RoadHeight:
+    """The height at a share of the length of a segment that is ``measured``."""
     start_m, end_m = float(road.height_from_m or 0.0), float(road.height_to_m or 0.0)
     at_m = share * road.length_m
     height_m = float(np.interp(at_m, *_course(road, start_m, end_m)))

@@ -40,6 +40,13 @@ _AT_NODES = f"""
 """  # noqa: S608 - constants
 
 
+_ONE = f"""
+    SELECT coalesce(a.drives, 0), {_COLUMNS}
+    FROM segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id
+    WHERE s.id = %(id)s
+"""  # noqa: S608 - constants
+
+
 @dataclass(frozen=True)
 class RoadHere:
     """A segment with what is known of its heights, metres; None where that is unknown.
@@ -102,6 +109,15 @@ def roads_at(session: Session, nodes: dict[int, tuple[float, float]]) -> list[Ro
         "lat": np.array([lat for _, lat in nodes.values()]),
     }
     return [RoadHere(*columns) for columns in fetch_binary(session, _AT_NODES, values)]
+
+
+def one_road(session: Session, segment_id: int) -> tuple[RoadHere, int] | None:
+    """A segment by its number, and how many drives measured it: 0 of a gap, whose heights are its neighbours'."""
+    rows = [
+        (RoadHere(*columns), int(drives))
+        for drives, *columns in fetch_binary(session, _ONE, {"id": segment_id})
+    ]
+    return rows[0] if rows else None
 
 
 def is_known(height_m: float | None) -> bool:
