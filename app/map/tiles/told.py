@@ -51,9 +51,9 @@ def box_of(squares: Squares) -> Bounds:
     left, top, right, bottom = squares
 
     def longitude(column: int) -> float:
-        return column / 2**ZOOM * 360 - 180
+        return column / (1 << ZOOM) * 360 - 180
 
     def latitude(row: int) -> float:
-        return math.degrees(math.atan(math.sinh(math.pi * (1 - 2 * row / 2**ZOOM))))
+        return math.degrees(math.atan(math.sinh(math.pi * (1 - 2 * row / (1 << ZOOM)))))
 
     return longitude(left), latitude(bottom + 1), longitude(right + 1), latitude(top)
