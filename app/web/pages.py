@@ -20,7 +20,7 @@ from app.core.http import REVALIDATE, ServiceDep, etag_matches
 from app.core.settings import Settings
 from app.core.version import code_version
 
-BUILT = Path(__file__).parent / "built"
+BUILT = (Path(__file__).parent / "built").resolve()
 FOR_EVER = "public, max-age=31536000, immutable"
 """Files below ``assets/`` are named by what is in them."""
 PLACE = '<meta name="versant" content="{}"'

@@ -51,7 +51,7 @@ def box_of(squares: Squares) -> Bounds:
     left, top, right, bottom = squares
 
     def longitude(column: int) -> float:
-        return column / (1 << ZOOM) * 360 - 180
+        return float(column / (1 << ZOOM) * 360 - 180)
 
     def latitude(row: int) -> float:
         return math.degrees(math.atan(math.sinh(math.pi * (1 - 2 * row / (1 << ZOOM)))))
