@@ -60,8 +60,6 @@ def test_texts_are_whole(language: str) -> None:
             wrong.append(f"{key}: empty, or with space at an end")
         if not isinstance(text, str) and set(text) != PLURALS[language]:
             wrong.append(f"{key}: its forms are {sorted(text)}, not {sorted(PLURALS[language])}")
-        if not isinstance(text, str) and "n" not in names(text):
-            wrong.append(f"{key}: forms without {{n}}, which chooses among them")
         if names(text) != names(ENGLISH[key]):
             wrong.append(f"{key}: {sorted(names(text))} where English has {sorted(names(ENGLISH[key]))}")
         if isinstance(text, str) is not isinstance(ENGLISH[key], str):
@@ -78,7 +76,7 @@ def scripts() -> list[Path]:
 def used(sources: list[str]) -> tuple[set[str], list[re.Pattern[str]]]:
     """Keys that stand in the sources, and patterns of those that are put together (``t(`page.${name}`)``)."""
     written = {key for text in sources for key in QUOTED.findall(text)}
-    made = {r"[\w.]+".join(map(re.escape, HOLE.split(one))) for text in sources for one in MADE.findall(text)}
+    made = {r"[\w.-]+".join(map(re.escape, HOLE.split(one))) for text in sources for one in MADE.findall(text)}
     return written, [re.compile(one) for one in made]
 
 
