@@ -24,7 +24,7 @@ from app.core.http import (
 )
 from app.core.query import refuse_unknown
 from app.core.text import dumps
-from app.map.coverage import cached_extent
+from app.map.coverage import cached_crowd
 from app.map.style.glyphs import FONT_CREDIT, FONTS, first_of_range, fonts_of, glyphs
 from app.map.style.layers import DARK, LIGHT, SOURCE, layers
 from app.map.style.scale import COLOUR_NAMES, ColourScale, scale_of
@@ -107,7 +107,7 @@ def style(
             f"colour: {colour} is known of segments only. Ask for layer=segments.", field="colour"
         )
     with service.reading() as session:
-        bounds = cached_extent(service, session)
+        bounds = cached_crowd(service, session)
     document = style_document(base, theme, colour, layer)
     document["metadata"]["versant:segments_from_zoom"] = service.settings.tile_full_zoom
     if bounds is not None:
