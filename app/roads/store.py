@@ -30,7 +30,7 @@ def road_extent(session: Session) -> Bounds | None:
 
 def road_crowds(session: Session) -> dict[int, int]:
     """How many segments have their middle in each square of the map that has any."""
-    return {cell: count for cell, count in session.execute(_CROWDED)}
+    return {int(cell): int(count) for cell, count in session.execute(_CROWDED)}
 
 
 @dataclass(frozen=True)
