@@ -4,12 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 POSTGRES := $(VENV)/.postgres
+WEB := app/web
+DESCRIBE := import json; from app.main import create_app; print(json.dumps(create_app().openapi()))
 CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache
 UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-hashes --python-version 3.11
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test soak check check-types check-tests lock clean
+.PHONY: help setup demo test soak web pictures check check-types check-tests lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 16
@@ -19,11 +21,21 @@ setup: $(INSTALLED) $(POSTGRES)  ## make .venv and, as root on Debian, install P
 demo: setup  ## from nothing to slopes: the whole job on simulated drives, result in demo/
 	@$(BIN)/versant demo --output demo
 
-test: setup  ## every test, on a private PostGIS
+test: setup  ## every test, on a private PostGIS, the pages' in Chromium
+	@.ci/prepare chromium
 	@$(BIN)/python -m pytest -n 3 --dist worksteal
 
 soak: setup  ## ten minutes of uploads, removals, imports and kills at random (SOAK=--seed 7: that one again)
 	@PYTHONPATH=.:benchmarks $(BIN)/python -m soak $(SOAK)
+
+web: $(INSTALLED)  ## build the pages anew into app/web/built, checked and tested (needs npm)
+	@.ci/prepare npm $(WEB)
+	@$(BIN)/python -c '$(DESCRIBE)' > $(WEB)/openapi.json
+	@cd $(WEB) && npm run --silent types > /dev/null && npm run --silent check && npm test --silent && npm run --silent build
+
+pictures: setup  ## draw the pages of the README anew, from a demonstration in Chromium
+	@.ci/prepare chromium
+	@PYTHONPATH=.:benchmarks $(BIN)/python -m service.pictures
 
 check: $(INSTALLED)  ## linters, types and the fast tests, in under a minute
 	@$(BIN)/ruff check .

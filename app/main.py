@@ -13,7 +13,9 @@ from fastapi import APIRouter, FastAPI
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 
+from app.changes import events as change_events
 from app.changes import routes as changes
+from app.changes.live import Live
 from app.changes.webhooks import routes as webhooks
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
@@ -36,13 +38,17 @@ from app.core.settings import Settings, SettingsError, get_settings
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
 from app.drives import events, upload
-from app.drives import results as drive_parts
 from app.drives import routes as drives
+from app.drives.batches import removing
 from app.drives.batches import routes as batches
+from app.drives.catalogue import routes as methods
 from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
+from app.drives.parts import raw as drive_sources
+from app.drives.parts import results as drive_parts
 from app.drives.store import get_drives
+from app.drives.trials import routes as trials
 from app.exports import routes as exports
 from app.map import segments
 from app.map.heights import profile
@@ -55,22 +61,30 @@ from app.map.tiles import ogc as ogc_tiles
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
+from app.map.tiles.told import WatchedMap
+from app.operations import ground
+from app.operations import routes as operations
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
 from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
 from app.ops.metrics import router as metrics_router
-from app.web import pages
+from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
     upload.router,
+    methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
+    removing.router,
     drives.router,
     events.router,
     drive_parts.router,
+    drive_sources.router,
+    trials.router,
     segments.router,
     profile.router,
     changes.router,
+    change_events.router,
     webhooks.router,
     landing.router,
     api.router,
@@ -81,12 +95,15 @@ ROUTERS: tuple[APIRouter, ...] = (
     heights.router,
     ogc_tiles.router,
     exports.router,
+    ground.router,
+    operations.router,
     style.router,
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's
     health.router,
     metrics_router,
     problem_kinds.router,
+    docs.router,
     pages.router,
     collections.unknown,  # after all: what no other route of collections answers
 )
@@ -180,7 +197,9 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, settings.events_max
     )
     app.state.tiles = Tiles(url, settings, app.state.lanes)
-    beside = [asyncio.create_task(one) for one in (app.state.feed.run(), app.state.tiles.run())]
+    app.state.live = Live(WatchedMap(app.state.tiles.watch), settings.events_max)
+    running = (app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
+    beside = [asyncio.create_task(one) for one in running]
     try:
         yield
     finally:

@@ -18,13 +18,27 @@ from app.core.tables import batches as _batches
 from app.core.tables import cells as _cells
 from app.core.tables import exports as _exports
 from app.core.tables import following as _following
+from app.core.tables import operations as _operations
 from app.core.tables import passes as _passes
 from app.core.tables import roads as _roads
 from app.core.tables import served as _served
 from app.core.tables import service as _service
 from app.core.tables import tiles as _tiles
+from app.core.tables import trials as _trials
 
-_OF_THE_SAME_BASE = (_batches, _cells, _exports, _following, _passes, _roads, _served, _service, _tiles)
+_OF_THE_SAME_BASE = (
+    _batches,
+    _cells,
+    _exports,
+    _following,
+    _operations,
+    _passes,
+    _roads,
+    _served,
+    _service,
+    _tiles,
+    _trials,
+)
 """They describe the other tables of it."""
 
 

@@ -212,7 +212,8 @@ def welcome(service: Service, settings: Settings) -> list[str]:
     home = f"--data-dir {settings.data_dir}"
     server = f"--server {service.address}"
     return [
-        f"Versant is ready at {service.address}  (described at {service.address}/openapi.json)",
+        f"Versant is ready at {service.address}  (described at {service.address}/docs)",
+        f"The map: {service.address}/map",
         reach(settings),
         f"  versant import-roads {home} FILE.osm.pbf",
         f"  versant import-dem {home} FILE...",

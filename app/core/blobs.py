@@ -30,8 +30,8 @@ UNKNOWN_DATABASE = "unknown"
 NOTED_WITHIN = timedelta(hours=1)
 """The first upload's blob is there before its database is noted."""
 
-LOGS, EXPORTS = "drives", "exports"
-"""The parts of a store: logs of drives, and files that were made for somebody."""
+LOGS, EXPORTS, IMPORTS = "drives", "exports", "imports"
+"""The parts of a store: logs of drives, files that were made for somebody, and files that the operator imports."""
 
 _INCOMING = "incoming"
 _DATABASES = "databases"

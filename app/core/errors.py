@@ -12,6 +12,7 @@ ServiceError            a request cannot be answered as asked
 ├── StorageFullError         there is no room for what was sent
 ├── UnknownHostError         the request came under a name that is not the service's
 ├── BusyError                too many ask for the same kind of thing
+├── TooManyError             there is as much of it already as there may be
 ├── NotDoneError             what is asked for is still being made
 └── NotReadyError            the service waits for something else
 """
@@ -107,6 +108,10 @@ class BusyError(ServiceError):
     """Too many ask for the same kind of thing at once."""
 
 
+class TooManyError(ServiceError):
+    """There is as much of something already as there may be."""
+
+
 class NotDoneError(ServiceError):
     """What is asked for is still being made."""
 
@@ -158,6 +163,12 @@ KINDS: Mapping[type[Exception], Kind] = {
     ),
     BusyError: Kind(
         503, "busy", "Too busy", "Too many requests of this kind at once; try again in a moment."
+    ),
+    TooManyError: Kind(
+        409,
+        "too-many",
+        "Too many of them",
+        "There are as many as there may be; remove one that is not needed.",
     ),
     NotDoneError: Kind(
         409, "not-done", "Not done yet", "What is asked for is being made; ask again after a moment."

@@ -17,7 +17,7 @@ from fastapi import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.errors import BusyError, kind_of
-from app.core.middleware import FOR_PROBES, UPLOAD_PATH
+from app.core.middleware import FOR_PROBES, UPLOAD_PATHS
 from app.core.problems import problem_response
 
 LONGEST_WAIT_S = 10.0
@@ -150,5 +150,5 @@ class Lanes:
 def kind_of_request(method: str, path: str) -> str | None:
     """The name of the lane of a request; None for what is quick, and for uploads, which go at the client's pace."""
     if method not in {"GET", "HEAD", "OPTIONS"}:
-        return None if path == UPLOAD_PATH else CHANGES
+        return None if path in UPLOAD_PATHS else CHANGES
     return next((name for name, pattern in _KINDS if pattern.fullmatch(path)), None)

@@ -43,12 +43,12 @@ COLLECT_AFTER = 20_000
 LASTING_S, LASTING_WEIGHT = 1.0, 20
 """From so long on a request has outlived the looks at what is young, and counts as so many."""
 
-UPLOAD_PATH = "/v1/drives"
+UPLOAD_PATHS = frozenset({"/v1/drives", "/v1/operations"})
 CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 FOR_PROBES = frozenset({"/healthz", "/readyz"})
 """Balancers ask for these under whatever name they know the machine by; the answers tell nothing about anybody."""
 ANY_HOST = "*"
-_IN_PARTS = re.compile(r"/v1/exports/[^/]+/file")
+_IN_PARTS = re.compile(r"/v1/exports/[^/]+/file|/v1/drives/[^/]+/log")
 _HOST = re.compile(r"(\[(?P<literal>[0-9A-Fa-f:.]+)\]|(?P<name>[^:\[\]/@\s]+))(:\d*)?")
 PUBLISHED = (
     "/collections",
@@ -267,14 +267,14 @@ class PublishedCors:
 
 
 class SmallBodies:
-    """Limits every body but an upload, which has its own limit: the others are held in memory."""
+    """Limits every body but those of uploads, which have limits of their own: the others are held in memory."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Count what is read; more than ``SMALL_BODY_BYTES`` is a 413."""
-        if scope["type"] != "http" or scope["path"] == UPLOAD_PATH:
+        if scope["type"] != "http" or scope["path"] in UPLOAD_PATHS:
             await self.app(scope, receive, send)
             return
         await _LimitedBody(self.app, SMALL_BODY_BYTES)(scope, receive, send)

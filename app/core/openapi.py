@@ -23,7 +23,10 @@ TAGS: list[dict[str, str]] = [
         "description": "Heights of the road at places, as other services give them of the ground.",
     },
     {"name": "exports", "description": "The map, or a part of it, as files."},
-    {"name": "operation", "description": "Health, metrics, figures for operators, kinds of problems."},
+    {
+        "name": "operation",
+        "description": "Health, metrics, figures and long work of operators, kinds of problems.",
+    },
 ]
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
 """FastAPI's own models, which no answer follows."""

@@ -46,7 +46,7 @@ def demo(
     """
     from app.cli.children import stop_signals
     from app.cli.supervisor import reach
-    from app.demo.files import figures, write_files
+    from app.demo.files import figures, map_address, write_files
     from app.demo.run import demo_service, run_demo
 
     console: Console = ctx.obj
@@ -64,8 +64,10 @@ def demo(
                 typer.echo(f"  {path}  ({what})")
             write_json(json_file, figures(result))
             if not serve:
+                typer.echo("On a map in your browser: versant demo --serve")
                 return
             typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(settings)}")
+            typer.echo(f"Open the map: {map_address(service.address, result.features)}")
             service.serve_forever()
         return
     if not serve:  # interrupted before the end

@@ -70,6 +70,13 @@ def draw_map(features: Sequence[Mapping[str, Any]], path: Path, *, title: str, c
     write_map(path, segments, title=title, credit=credit)
 
 
+def map_address(service: str, features: Sequence[Mapping[str, Any]]) -> str:
+    """The map page, on the roads of these features."""
+    places = np.array([place for f in features for place in f["geometry"]["coordinates"]], float)
+    box = [*places.min(axis=0), *places.max(axis=0)]
+    return f"{service}/map?bbox={','.join(f'{degrees:.5f}' for degrees in box)}"
+
+
 def figures(result: DemoResult) -> dict[str, Any]:
     """What ``--json`` says."""
     return {

@@ -118,6 +118,7 @@ class Drive(BaseModel):
     blob_key: str = Field(exclude=True)
     generation: int = Field(exclude=True)
     traceparent: str | None = Field(None, exclude=True)
+    list_key: Any = Field(None, exclude=True)  # what a list has it ordered by, beside its time and id
 
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Drive:
@@ -171,15 +172,17 @@ class DrivePlace(NamedTuple):
 
     created_at: datetime
     id: uuid.UUID
+    key: Any = None
+    """What the list is ordered by before these; None: not known, or nothing (``app.drives.listing.orders``)."""
 
 
 class DriveList(BaseModel):
-    """One page of drives, newest upload first."""
+    """One page of drives, in the order asked for."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"drives": [DRIVE_EXAMPLE], "links": []}]})
 
     drives: list[Drive]
-    links: list[Link] = Field(description="`next` is missing on the last page.")
+    links: list[Link] = Field(description="`next` is missing on the last page, `prev` on the first.")
 
 
 class DriveAccepted(BaseModel):
@@ -229,9 +232,14 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
         link(here, "self", title="This drive"),
         link(f"{here}/events", "events", "text/event-stream", "Its progress as server-sent events"),
         link(f"{here}/track", "track", GEO_JSON, "Its estimated track"),
+        link(f"{here}/track?f=gpx", "track", "application/gpx+xml", "The same for other programs"),
+        link(f"{here}/track?f=csv", "track", "text/csv", "The same as a log"),
         link(f"{here}/profile", "profile", title="Its elevation profile"),
         link(f"{here}/profile?f=png", "profile", "image/png", "Its elevation profile as a picture"),
         link(f"{here}/segments", "segments", GEO_JSON, "Its estimates per road segment"),
+        link(f"{here}/measurements", "measurements", title="What its sensors said along it"),
+        link(f"{here}/log", "enclosure", "application/octet-stream", "Its log as it was uploaded"),
+        link(f"{here}/trials", "trials", title="What other methods made of it; POST: try one"),
         link(f"{here}/reprocess", "reprocess", title="POST: process it again"),
     ]
 

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.databases import database_identity
 from app.core.db import Sessions
+from app.core.telemetry import audit
 from app.core.telemetry.logs import about, tell
 from app.drives import queue
 from app.drives import store as drives
@@ -170,16 +171,18 @@ def reprocess(
     return drive
 
 
-def remove_drive(sessions: Sessions, drive_id: uuid.UUID) -> Drive | None:
+def remove_drive(sessions: Sessions, drive_id: uuid.UUID, origin: str | None = None) -> Drive | None:
     """Cancel a drive whatever its status, and queue its removal; None when there is none.
 
     A worker that computes it finds it cancelled and discards its result. Its influence, its row and its bytes go in
-    that order (``app.drives.publishing``).
+    that order (``app.drives.publishing``). ``origin``: who asked over HTTP, for the audit log.
     """
     with sessions.begin() as session:
         drive, generation = drives.request_removal(session, drive_id)
         if generation is not None:
             queue.enqueue_removal(session, drive_id, generation)
+            if origin is not None and drive is not None:
+                audit.note(session, origin, "drive removed", drive_id, filename=drive.filename)
     if generation is not None:
         tell(logger, "drive cancelled", drive=drive_id, reason="its removal was asked for")
     return drive

@@ -28,6 +28,7 @@ from app.core.telemetry.logs import about, tell
 from app.core.version import code_version
 from app.drives import claims, publishing, queue, tracks
 from app.drives.documents import Drive
+from app.drives.faults import NoRoadsError, ProcessingError, fault_of
 from app.drives.lags import with_settled_lag
 from app.drives.progress import (
     Discarded,
@@ -47,14 +48,13 @@ from app.roads import store as road_store
 from app.terrain import store as dem
 from app.terrain.heights import fill_heights_along, open_dem
 from app.terrain.store import DemSet
-from fusion.errors import FusionError
 from fusion.formats import read_log
 from fusion.formats.base import NO_DATE
 from fusion.gnss import Positioned
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
-from fusion.roads.table import rows_of
-from fusion.types import DriveLog, Ints
+from fusion.roads.table import RoadTable, rows_of
+from fusion.types import DriveLog, Ints, Progress
 
 logger = logging.getLogger(__name__)
 
@@ -72,18 +72,6 @@ class Outcome(Enum):
     """All is said; solvers publish it."""
     FAILED = "failed"
     DISCARDED = "discarded"
-
-
-class ProcessingError(FusionError):
-    """The service, not the log, is the reason that a drive fails."""
-
-    kind = "processing-failed"
-
-
-class NoRoadsError(ProcessingError):
-    """There are no roads at all yet."""
-
-    kind = "no-roads"
 
 
 @dataclass(frozen=True)
@@ -104,7 +92,7 @@ class Workbench:
 
 
 @dataclass(frozen=True)
-class _Surroundings:
+class Surroundings:
     """Roads and elevation around a log, as they were at one moment."""
 
     roads: Roads
@@ -186,7 +174,7 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
     run.begin("reading")
     with computing():
         options = parse_options(drive.method, drive.options)
-        log = _read(bench, drive, run, options.columns)
+        log = read_drive(bench, drive.blob_key, options.columns, run.part("reading"))
         run.begin("positioning")
         found = positions_of(log, options, run.part("positioning"))
     with bench.sessions.begin() as session:
@@ -194,7 +182,7 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
-            around = _surroundings(bench, found.log)
+            around = surroundings_of(bench, found.log)
         ids, result = _estimate(bench, found, around, drive, run, computing)
         run.begin("saving")
         if _append(bench, drive, found.log, around, ids, result, behind=behind):
@@ -209,18 +197,20 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
     )
 
 
-def _read(bench: Workbench, drive: Drive, run: RunProgress, columns: Mapping[str, str]) -> DriveLog:
+def read_drive(bench: Workbench, blob_key: str, columns: Mapping[str, str], progress: Progress) -> DriveLog:
+    """The log of a drive; ``ProcessingError`` where its file is lost."""
     try:
-        file = bench.blobs.open(drive.blob_key)
+        file = bench.blobs.open(blob_key)
     except FileNotFoundError as error:
         raise ProcessingError(
             "The uploaded file is no longer in the service's storage. Delete the drive and upload it again."
         ) from error
     with file:
-        return read_log(file, columns=columns, max_bytes=bench.max_log_bytes, progress=run.part("reading"))
+        return read_log(file, columns=columns, max_bytes=bench.max_log_bytes, progress=progress)
 
 
-def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
+def surroundings_of(bench: Workbench, log: DriveLog) -> Surroundings:
+    """What lies around a log; ``NoRoadsError`` where there are no roads at all."""
     with bench.sessions() as session:
         # One snapshot, so that the roads are those of the version that is noted beside them.
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
@@ -231,28 +221,35 @@ def _surroundings(bench: Workbench, log: DriveLog) -> _Surroundings:
                 "computed by itself."
             )
         roads = roads_in(session, road_boxes(log))
-        return _Surroundings(roads, version.id, dem.current_dem(session, bench.dem_dir))
+        return Surroundings(roads, version.id, dem.current_dem(session, bench.dem_dir))
+
+
+def estimate(
+    found: Positioned, around: Surroundings, method: str, options: Mapping[str, Any], progress: Progress
+) -> tuple[Ints, RoadTable, DriveResult]:
+    """The result, the roads that it refers to, and the database's id of each of them. Writes nothing."""
+    with ExitStack() as stack:
+        terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
+        network, result = run_drive(
+            found, around.roads.table, terrain, method=method, options=options, progress=progress
+        )
+    return around.roads.ids[rows_of(around.roads.table, network.table)], network.table, result
 
 
 def _estimate(
     bench: Workbench,
     found: Positioned,
-    around: _Surroundings,
+    around: Surroundings,
     drive: Drive,
     run: RunProgress,
     computing: Computing,
 ) -> tuple[Ints, DriveResult]:
-    """The result, and the database's id of each segment of the network that it refers to."""
+    """What the drive says, after all that the database knows of its roads and of others' lags."""
     run.begin("estimating")
-    progress = run.part("estimating")
-    with computing(), ExitStack() as stack:
-        terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
-        network, result = run_drive(
-            found, around.roads.table, terrain, method=drive.method, options=drive.options, progress=progress
-        )
-    ids = around.roads.ids[rows_of(around.roads.table, network.table)]
+    with computing():
+        ids, roads, result = estimate(found, around, drive.method, drive.options, run.part("estimating"))
     if result.factors:
-        driven = network.table.subset(np.unique([f.segment for f in result.factors]))
+        driven = roads.subset(np.unique([f.segment for f in result.factors]))
         fill_heights_along(bench.sessions, bench.dem_dir, driven)
     return ids, with_settled_lag(bench.sessions, drive.id, ids, result)
 
@@ -261,7 +258,7 @@ def _append(
     bench: Workbench,
     drive: Drive,
     log: DriveLog,
-    around: _Surroundings,
+    around: Surroundings,
     ids: Ints,
     result: DriveResult,
     *,
@@ -296,7 +293,7 @@ def _append(
         claims.mark_publishing(
             session,
             drive.id,
-            report=_report(result, provenance),
+            report=full_report(result, provenance.road_version_id, provenance.dem_version_id),
             bounds=log.bounds_deg(),
             epochs=len(result.track),
             distance_m=result.report["distance_m"],
@@ -311,30 +308,14 @@ def drive_time(log: DriveLog) -> datetime | None:
     return None if NO_DATE in log.repaired else datetime.fromtimestamp(float(log.fix.time_s[0]), UTC)
 
 
-def _report(result: DriveResult, provenance: slopes.RunProvenance) -> dict[str, Any]:
-    return {
-        **result.report,
-        "code_version": provenance.code_version,
-        "road_version": provenance.road_version_id,
-        "dem_version": provenance.dem_version_id,
-    }
+def full_report(result: DriveResult, road_version: int, dem_version: int | None) -> dict[str, Any]:
+    """What a result reports, and by which code, roads and elevation it was made."""
+    versions = {"code_version": code_version(), "road_version": road_version, "dem_version": dem_version}
+    return {**result.report, **versions}
 
 
 def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outcome:
-    where = None
-    if isinstance(error, FusionError):
-        kind, reason, where = error.kind, str(error), error.where
-    elif isinstance(error, MemoryError):
-        logger.error("drive %s: out of memory in stage %s", drive.id, stage)
-        kind = "out-of-memory"
-        reason = "The drive needs more memory than the worker has. Split the log into shorter drives."
-    else:
-        logger.error("drive %s failed unexpectedly in stage %s", drive.id, stage, exc_info=error)
-        kind = "internal"
-        reason = (
-            f"Processing failed in stage '{stage}' by a fault of the service, not of the log "
-            f"({type(error).__name__}). It is in the worker's log under the drive's id; ask the operator."
-        )
+    kind, reason, where = fault_of(error, "drive", drive.id, stage)
     with bench.sessions.begin() as session:
         mine = claims.mark_failed(
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where

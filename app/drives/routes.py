@@ -9,7 +9,8 @@ from fastapi import APIRouter, Body, Query, Request, Response
 
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, found, link, problems, with_query
-from app.core.query import cursor_of, parse_cursor, refuse_unknown
+from app.core.query import refuse_unknown
+from app.core.telemetry.audit import Origin
 from app.drives import intake
 from app.drives import store as drives
 from app.drives.batches.documents import Name, Time
@@ -24,6 +25,7 @@ from app.drives.documents import (
     drive_address,
     linked,
 )
+from app.drives.listing.orders import Direction, Order, Sort, cursor, default_direction, place_of
 from app.drives.method_choice import (
     GnssOptionQuery,
     GnssQuery,
@@ -34,7 +36,21 @@ from app.drives.method_choice import (
     asked_positioning,
 )
 
-LIST_PARAMETERS = frozenset({"status", "failure", "created_after", "batch", "limit", "after"})
+LIST_PARAMETERS = frozenset(
+    [
+        "status",
+        "failure",
+        "created_after",
+        "created_before",
+        "batch",
+        "q",
+        "sort",
+        "order",
+        "limit",
+        "after",
+        "before",
+    ]
+)
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
@@ -49,33 +65,71 @@ def list_drives(
         Name | None, Query(description="Only drives that failed for this reason.", examples=["no-match"])
     ] = None,
     created_after: Annotated[Time | None, Query(description="Only drives uploaded then or later.")] = None,
+    created_before: Annotated[Time | None, Query(description="Only drives uploaded before.")] = None,
     batch: Annotated[
         int | None,
         Query(ge=1, le=2**63 - 1, description="Only drives that were last asked for with this batch."),
+    ] = None,
+    q: Annotated[
+        Name | None,
+        Query(
+            description="Only drives whose file's name has words that begin so (a number is a word of its own), or "
+            "whose id begins so (8 digits at least).",
+            examples=["karlsruhe 2026"],
+        ),
+    ] = None,
+    sort: Annotated[
+        Sort, Query(description="What the drives are ordered by; what is not known comes last.")
+    ] = Sort.CREATED_AT,
+    order: Annotated[
+        Direction | None,
+        Query(description="Which end comes first. Unset: `asc` for `filename` and `status`, else `desc`."),
     ] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="Drives per page.")] = 100,
     after: Annotated[
         str | None, Query(description="Where the page begins; only `next` links know what to write here.")
     ] = None,
+    before: Annotated[
+        str | None, Query(description="Where the page ends; only `prev` links know what to write here.")
+    ] = None,
 ) -> DriveList:
-    """Newest upload first. Follow the `next` link until there is none; each drive comes once."""
+    """Newest upload first, unless another order is asked for. Follow the `next` link until there is none.
+
+    Each drive comes once; one whose place in the order changes meanwhile (its status, say) may come again or be missed.
+    """
     refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
-    place = None if after is None else _place(after)
+    if after is not None and before is not None:
+        raise BadRequestError("before: say either after or before.", field="before")
+    by = Order(sort, (order or default_direction(sort)) is Direction.DESC)
     asked: dict[str, Any] = {
         "status": status,
         "failure": failure,
         "created_after": created_after,
+        "created_before": created_before,
         "batch": batch,
+        "q": q,
+    }
+    places: dict[str, Any] = {
+        "after": None if after is None else place_of(by, after, "after"),
+        "before": None if before is None else place_of(by, before, "before"),
     }
     with service.reading() as session:
-        listed = drives.list_drives(session, **asked, limit=limit + 1, after=place)
-    shown, more = listed[:limit], len(listed) > limit
+        listed = drives.list_drives(session, **asked, order=by, limit=limit + 1, **places)
+    more = len(listed) > limit
+    shown = listed[-limit:] if before is not None else listed[:limit]
+    query = asked | {
+        "created_after": created_after and created_after.isoformat(),
+        "created_before": created_before and created_before.isoformat(),
+        "sort": None if sort is Sort.CREATED_AT else sort,
+        "order": order,
+        "limit": limit,
+    }
     here = f"{base}/v1/drives"
-    asked |= {"created_after": created_after and created_after.isoformat(), "limit": limit}
-    links = [link(with_query(here, **asked, after=after), "self")]
-    if more:
-        following = cursor_of(shown[-1].created_at, shown[-1].id.int)
-        links.append(link(with_query(here, **asked, after=following), "next"))
+    links = [link(with_query(here, **query, after=after, before=before), "self")]
+    if shown and (more or before is not None):
+        links.append(link(with_query(here, **query, after=_cursor(by, shown[-1])), "next"))
+    if shown and (more if before is not None else after is not None):
+        links.append(link(with_query(here, **query, before=_cursor(by, shown[0])), "prev"))
     return DriveList(drives=[linked(base, drive) for drive in shown], links=links)
 
 
@@ -88,14 +142,14 @@ def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
 
 @router.delete("/{drive_id}", status_code=202, summary="Remove a drive", responses=problems(403, 404, 503))
 def delete_drive(
-    drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, response: Response
+    drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, response: Response, origin: Origin
 ) -> DriveAccepted:
     """Always works, whatever the status: a worker that computes it stops and discards its result.
 
     The drive is `cancelled` at once. Its influence leaves every segment within seconds, then the drive and its log are
     gone: `GET` answers 404. The same bytes uploaded meanwhile are a drive of their own.
     """
-    drive = found(intake.remove_drive(service.sessions, drive_id), "drive", drive_id)
+    drive = found(intake.remove_drive(service.sessions, drive_id, origin), "drive", drive_id)
     response.headers["Location"] = drive_address(base, drive)
     return accepted(base, drive)
 
@@ -136,6 +190,5 @@ def reprocess_drive(
     return accepted(base, drive)
 
 
-def _place(cursor: str) -> DrivePlace:
-    moment, number = parse_cursor(cursor)
-    return DrivePlace(moment, uuid.UUID(int=number))
+def _cursor(order: Order, drive: Drive) -> str:
+    return cursor(order, DrivePlace(drive.created_at, drive.id, drive.list_key))

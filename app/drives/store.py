@@ -18,6 +18,8 @@ from sqlalchemy.orm import Session
 from app.core.db import plain_json, plain_text
 from app.core.telemetry.tracing import traceparent
 from app.drives.documents import Drive, DrivePlace
+from app.drives.listing.orders import Order, key_of, stretches
+from app.drives.listing.search import matching
 from app.network.hearing import hearings
 from app.network.marks import PATIENCE
 
@@ -41,14 +43,12 @@ _GET_BY_CONTENT = text(
     """
 )
 
-# Answered from the indexes on (created_at, id) and (status, created_at, id): what is not asked for is left out.
+# Answered from the indexes of the orders, of the status and of the failure: what is not asked for is left out.
 _OF_STATUS = " AND d.status = :status"
 _OF_FAILURE = " AND d.status = 'failed' AND d.failure_kind = :failure"
 _SINCE = " AND d.created_at >= :created_after"
+_UNTIL = " AND d.created_at < :created_before"
 _OF_BATCH = " AND d.batch_id = :batch"
-_AFTER = " AND (d.created_at, d.id) < (:after_created_at, :after_id)"
-_NEWEST_FIRST = " ORDER BY d.created_at DESC, d.id DESC LIMIT :limit"
-
 # Another upload of the same bytes or content that has not committed yet is waited for.
 _CREATE = text(
     """
@@ -90,6 +90,8 @@ _ASK_ANEW = text(
     WHERE id = :id AND status <> 'cancelled' RETURNING id
     """  # noqa: S608 - constants
 )
+
+NEWEST_FIRST = Order()
 
 _WAIT_AT_MOST = text("SELECT set_config('lock_timeout', :timeout, true)")
 _BLOBS = text("SELECT blob_key FROM drives")
@@ -159,28 +161,44 @@ def list_drives(
     status: str | None = None,
     failure: str | None = None,
     created_after: datetime | None = None,
+    created_before: datetime | None = None,
     batch: int | None = None,
+    q: str | None = None,
+    order: Order = NEWEST_FIRST,
     limit: int = 100,
     after: DrivePlace | None = None,
+    before: DrivePlace | None = None,
 ) -> list[Drive]:
-    """At most ``limit`` drives, newest upload first, that come after the place ``after`` in that order.
+    """At most ``limit`` drives in this order, those next behind the place ``after`` or the last before ``before``.
 
-    Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, of a batch.
+    Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, before
+    that, of a batch, with words of ``q`` in the file's name.
     """
-    values: dict[str, Any] = {"limit": limit}
     asked: dict[str, dict[str, Any]] = {
         _OF_STATUS: {"status": status},
         _OF_FAILURE: {"failure": failure},
         _SINCE: {"created_after": created_after},
+        _UNTIL: {"created_before": created_before},
         _OF_BATCH: {"batch": batch},
-        _AFTER: {} if after is None else {"after_created_at": after.created_at, "after_id": after.id},
     }
-    query = _DRIVES + "WHERE true"
-    for condition, named in asked.items():
-        if named and None not in named.values():
-            query += condition
-            values |= named
-    return _shown(session, session.execute(text(query + _NEWEST_FIRST), values))
+    chosen = {condition: named for condition, named in asked.items() if None not in named.values()}
+    conditions, values = (
+        "".join(chosen),
+        {name: value for named in chosen.values() for name, value in named.items()},
+    )
+    if q is not None:
+        named_so, words = matching(session, q)
+        conditions, values = conditions + named_so, values | words
+    found: list[Row[Any]] = []
+    for part in stretches(order, after or before, backwards=before is not None):
+        query = (
+            f"SELECT {key_of(order)} AS list_key,{_SHOWN}FROM drives AS d WHERE true{conditions}{part.condition} "
+            f"ORDER BY {part.order_by} LIMIT :limit"
+        )
+        found += session.execute(text(query), {**values, **part.values, "limit": limit - len(found)})
+        if len(found) == limit:
+            break
+    return _shown(session, found if before is None else found[::-1])
 
 
 def request_reprocess(

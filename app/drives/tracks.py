@@ -118,7 +118,7 @@ def encode(track: Track, segment_ids: Ints) -> bytes:
     columns["segment"] = np.full(len(track), -1, np.int64)
     matched = track.segment >= 0
     columns["segment"][matched] = segment_ids[track.segment[matched]]
-    return _stream(columns)
+    return stream(columns)
 
 
 def decode(data: bytes) -> StoredTrack:
@@ -139,7 +139,7 @@ def encode_measurements(measurements: DrawnMeasurements) -> bytes:
         "value": measurements.value.astype(np.float32),
         "along_m": measurements.along_m.astype(np.float32),
     }
-    return _stream(columns, {_SENSORS: json.dumps(sensors).encode()})
+    return stream(columns, {_SENSORS: json.dumps(sensors).encode()})
 
 
 def decode_measurements(data: bytes) -> DrawnMeasurements:
@@ -157,7 +157,7 @@ def decode_measurements(data: bytes) -> DrawnMeasurements:
     )
 
 
-def _stream(columns: Mapping[str, Any], metadata: Mapping[bytes, bytes] | None = None) -> bytes:
+def stream(columns: Mapping[str, Any], metadata: Mapping[bytes, bytes] | None = None) -> bytes:
     """One record batch of these columns as a stream, compressed by zstd."""
     batch = pa.record_batch([pa.array(column) for column in columns.values()], names=list(columns))
     batch = batch.replace_schema_metadata(metadata)

@@ -15,6 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.errors import BodyTooLargeError
 from app.core.http import BaseUrl, ServiceDep, problems
+from app.core.receiving.body import Piece, UploadSource, upload_source
 from app.core.settings import Settings
 from app.drives import intake
 from app.drives.documents import DriveAccepted, accepted, drive_address
@@ -32,7 +33,6 @@ from app.drives.method_choice import (
     default_method,
     with_positioning,
 )
-from app.drives.receiving.body import Piece, UploadSource, upload_source
 from app.drives.receiving.bundles import MAX_FILES
 from app.drives.receiving.first_look import FirstLook
 from app.drives.receiving.parcel import Parcel

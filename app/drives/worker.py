@@ -21,15 +21,21 @@ from app.core.settings import Settings
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
 from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
+from app.drives.batches.removing import removing_task
+from app.drives.batches.touched import queue_touched
 from app.drives.process import Workbench, give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.renewal import HeightFiller, renew
+from app.drives.trials.run import tend as tend_trials
+from app.drives.trials.run import trial_task
 from app.exports.run import export_task, sweep_files
 from app.exports.run import tend as tend_exports
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
-from app.map import figures
+from app.map import figures, growth
 from app.map.derived import following
+from app.operations.run import operation_task
+from app.operations.run import tend as tend_operations
 from app.roads import attic
 from app.terrain.files import sweep_rasters
 
@@ -93,6 +99,9 @@ def tasks_of(bench: Workbench, settings: Settings) -> tuple[Task, ...]:
         _removal_task(bench),
         _solver_task(bench),
         export_task(settings, bench.sessions),
+        removing_task(bench.sessions),
+        operation_task(settings, bench.sessions, queue_touched),
+        trial_task(bench),
     )
 
 
@@ -159,9 +168,12 @@ def _chores(
     )
     tended = functools.partial(enqueuing.tend, bench.sessions)
     expired = functools.partial(tend_exports, settings, bench.sessions)
+    unplanned = functools.partial(tend_operations, settings, bench.sessions)
+    forgotten = functools.partial(tend_trials, bench.sessions)
     published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
     settled = functools.partial(publishing.settle_quietly, bench.sessions)
     figured = functools.partial(figures.renew_one, bench.sessions)
+    grown = functools.partial(growth.note_today, bench.sessions)
     numbered = functools.partial(begin_epoch, bench.sessions)
     derived = publishing.Deriver(bench.sessions).piece
     return (
@@ -173,8 +185,11 @@ def _chores(
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
         (in_thread(expired, "old exports could not be removed"), RENEW_EVERY_S),
+        (in_thread(unplanned, "plans that nobody wanted could not be forgotten"), RENEW_EVERY_S),
+        (in_thread(forgotten, "old trials could not be forgotten"), RENEW_EVERY_S),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
+        (in_thread(grown, "what is driven by now could not be noted"), growth.LOOK_EVERY_S),
         (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),
         (in_thread(swept, "what nobody needs any more could not be swept"), SWEEP_EVERY_S),
     )

@@ -108,11 +108,11 @@ class PmTiles:
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """As ``Format``; counts tiles."""
         # A module of routes: who exports no tiles need not load it.
-        from app.map.tiles.routes import FIELDS, kinds  # noqa: PLC0415
+        from app.map.tiles.routes import SEGMENT_FIELDS, kinds  # noqa: PLC0415
         from app.map.tiles.store import LAYER  # noqa: PLC0415
 
         zooms = (options.min_zoom, options.max_zoom)
-        layer = {"id": LAYER, "fields": kinds(FIELDS), "minzoom": zooms[0], "maxzoom": zooms[1]}
+        layer = {"id": LAYER, "fields": kinds(SEGMENT_FIELDS), "minzoom": zooms[0], "maxzoom": zooms[1]}
         metadata = {
             "name": "Versant road slopes",
             "description": "Slopes of road segments, measured by vehicles",

@@ -26,6 +26,8 @@ from app.core.http import (
 )
 from app.core.problems import problem_response
 from app.core.query import cursor_of, parse_bbox, parse_cursor, refuse_unknown
+from app.core.telemetry import audit
+from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
 from app.exports import store
 from app.exports.documents import (
@@ -156,14 +158,16 @@ def get_export(export_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Expo
 
 
 @router.delete("/{export_id}", status_code=204, summary="Remove an export", responses=problems(403, 404, 503))
-def delete_export(export_id: uuid.UUID, service: ServiceDep) -> None:
+def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> None:
     """Always works, whatever the status: a worker that makes it stops, its file goes at once.
 
     The export is `cancelled`, and is told as such until it would have expired. Once more changes nothing.
     """
     with service.sessions.begin() as session:
-        found(store.get_export(session, export_id), "export", export_id)
+        export: Export = found(store.get_export(session, export_id), "export", export_id)
         blob_key = store.cancel(session, export_id, service.settings.export_keep_days)
+        if export.status is not ExportStatus.CANCELLED:
+            audit.note(session, origin, "export removed", export_id, file_name=export.file_name)
     if blob_key is not None:
         _blobs(service).delete(blob_key)
 

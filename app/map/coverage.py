@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
 from app.core.http import Service
 from app.map.segment import Segment
-from app.roads.store import road_extent, road_tag
+from app.network.cells import ZOOM, square_bounds
+from app.roads.store import road_crowds, road_extent, road_tag
 from app.terrain.coverage import names_over, rasters_over
 from app.terrain.store import current_dem
+
+MOST_ROADS = 0.98
+"""Share of the roads that an opened map shows from west to east, and from south to north."""
 
 
 def cached_extent(service: Service, session: Session) -> Bounds | None:
@@ -21,6 +26,32 @@ def cached_extent(service: Service, session: Session) -> Bounds | None:
         service.extents.clear()
         service.extents[version] = road_extent(session)
     return service.extents.get(version)
+
+
+def cached_crowd(service: Service, session: Session) -> Bounds | None:
+    """A box that holds most roads, degrees: extracts have lone roads that lead far away. As ``cached_extent``."""
+    tag = ("crowd", road_tag(session))
+    if tag not in service.extents:
+        whole = cached_extent(service, session)  # first: it forgets what was of other roads
+        service.extents[tag] = None if whole is None else crowded_box(road_crowds(session), whole)
+    return service.extents[tag]
+
+
+def crowded_box(crowds: Mapping[int, int], whole: Bounds) -> Bounds:
+    """The smallest box of squares outside of which, on each side, lie no more of the segments than is left out."""
+    squares = np.array(list(crowds), np.int64)
+    weights = np.array(list(crowds.values()), float)
+    beyond = (1 - MOST_ROADS) / 2
+    sides = []
+    for along in (squares >> ZOOM, squares & ((1 << ZOOM) - 1)):
+        order = np.argsort(along, kind="stable")
+        share = np.cumsum(weights[order]) / weights.sum()
+        low, high = np.searchsorted(share, (beyond + 1e-9, 1 - beyond - 1e-9))
+        sides.append((int(along[order[low]]), int(along[order[high]])))
+    (left, right), (top, bottom) = sides
+    west, south, _, _ = square_bounds(left << ZOOM | bottom)
+    _, _, east, north = square_bounds(right << ZOOM | top)
+    return max(west, whole[0]), max(south, whole[1]), min(east, whole[2]), min(north, whole[3])
 
 
 def dem_names(service: Service, session: Session, shown: Sequence[Segment] | None = None) -> tuple[str, ...]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import text
+from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.map.tiles.census import tiles_by_zoom
 
 LOOK_EVERY_S = 60.0
 """How often a worker looks."""
@@ -86,13 +88,27 @@ TERRAIN = text(
     """
 )
 
-KEPT = {
-    "coverage": COVERAGE,
-    "sigmas": SIGMAS,
-    "disagreements": DISAGREEMENTS,
-    "terrain": TERRAIN,
+Rows = list[dict[str, Any]]
+
+
+def _by(statement: TextClause) -> Callable[[Session], Rows]:
+    def made(session: Session) -> Rows:
+        return [dict(row._mapping) for row in session.execute(statement, {"most": MOST_ROWS})]
+
+    return made
+
+
+KEPT: Mapping[str, Callable[[Session], Rows]] = {
+    "coverage": _by(COVERAGE),
+    "sigmas": _by(SIGMAS),
+    "disagreements": _by(DISAGREEMENTS),
+    "terrain": _by(TERRAIN),
+    "tiles": tiles_by_zoom,
 }
 """Name of figures -> how they are made."""
+
+OF_NO_STATE = frozenset({"tiles"})
+"""They change by themselves, whatever becomes of the map."""
 
 # The last transaction that changed what any square shows, the roads, and the rasters.
 _STATE = text(
@@ -128,9 +144,9 @@ class Kept:
     made_at: datetime
 
 
-def make(session: Session, name: str) -> list[dict[str, Any]]:
+def make(session: Session, name: str) -> Rows:
     """The figures of this moment, JSON-serialisable."""
-    return [dict(row._mapping) for row in session.execute(KEPT[name], {"most": MOST_ROWS})]
+    return KEPT[name](session)
 
 
 def kept(session: Session, name: str) -> Kept | None:
@@ -171,5 +187,5 @@ def renew_one(sessions: Sessions) -> bool:
         rows = make(session, name)
         took_s = time.monotonic() - began
     with sessions.begin() as session:
-        keep(session, name, rows, took_s, state_then)
+        keep(session, name, rows, took_s, "" if name in OF_NO_STATE else state_then)
     return True

@@ -7,6 +7,7 @@ of requests and formats; how a segment's properties are read is said in ``app.ma
 from __future__ import annotations
 
 import uuid
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -70,6 +71,7 @@ _BY_WAY = """
 """
 _COUNT = "SELECT count(*) FROM {segments} WHERE {driven} AND {in_box}"
 _ONE = "SELECT {columns} FROM {segments} WHERE s.id = :id"
+_EACH = "SELECT {columns} FROM {segments} WHERE s.id = ANY(:ids)"
 
 
 def segment_items(
@@ -119,6 +121,11 @@ def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> Seg
     """The segment, or None; ``gaps`` as in ``segment_items``."""
     row = session.execute(_statement(_ONE, gaps=gaps), {"id": segment_id}).one_or_none()
     return None if row is None else _segment(row)
+
+
+def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
+    """Those of these segments that there are, in any order."""
+    return [_segment(row) for row in session.execute(_statement(_EACH), {"ids": list(ids)})]
 
 
 def _corners(bbox: Bounds | None) -> dict[str, float]:

@@ -8,7 +8,7 @@ change of the library's adjustment, and to be sure. No drive is read again: what
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 import numpy as np
 from sqlalchemy import text
@@ -63,17 +63,26 @@ _IN_NETWORK_OF_CELL = text(
 _PUBLISHED_OF_CELL = text(_PUBLISHED.format(of_cell=_OF_CELL))
 
 
-def settle_network(sessions: Sessions, progress: Progress = no_progress) -> int:
+def settle_network(
+    sessions: Sessions,
+    progress: Progress = no_progress,
+    *,
+    after_cell: int = -1,
+    told: Callable[[int], None] = lambda _: None,
+) -> int:
     """Make slopes and aggregates anew, square by square; returns the number of segments of the network.
 
     Drives come and go meanwhile, and one that is cut off leaves a network that is right throughout. Run it again to go
-    on.
+    on; with ``after_cell``, the last square that ``told`` heard of, it goes on there.
     """
     with sessions() as session:
         squares = session.execute(_SQUARES).all()
     for done, square in enumerate(squares):
+        if square.cell <= after_cell:
+            continue
         progress("slopes", done / len(squares))
         _settle(sessions, square.cell)
+        told(square.cell)
     progress("slopes", 1.0)
     return sum(square.in_network for square in squares)
 

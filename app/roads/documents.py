@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from app.roads.comparing import Loss
@@ -74,6 +74,9 @@ class Wishes:
     accept_losses: bool = False
     """Though it takes away more than ``MOST_LOST``"""
     tolerance_m: float = TOLERANCE_M
+    agree: Callable[[ImportCounts], None] | None = None
+    """Is told what would be done, once nobody else can change roads and before anything is; what it raises ends the
+    import with nothing changed"""
 
 
 USUAL = Wishes()

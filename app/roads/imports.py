@@ -146,6 +146,8 @@ def bring_in(
         if wishes.dry_run:
             return counts
         work.require_acceptance()
+        if wishes.agree is not None:
+            wishes.agree(counts)
         while True:
             try:
                 counts = work.carry_out(counts)
@@ -342,4 +344,5 @@ def _end(
         segments=counts.segments,
         file_uri=source.file_uri,
         file_sha256=source.file_sha256,
+        bounds=list(table.bounds_deg()),
     )

@@ -58,7 +58,8 @@ _MAKE = text(
 _NOTE = text(
     """
     UPDATE regions SET source_name = :source_name, sha256 = :sha256, road_version_id = :version,
-        segments = :segments, imported_at = clock_timestamp(), file_uri = :file_uri, file_sha256 = :file_sha256
+        segments = :segments, imported_at = clock_timestamp(), file_uri = :file_uri, file_sha256 = :file_sha256,
+        bounds = CAST(:bounds AS float8[])
     WHERE id = :id
     """
 )
@@ -69,6 +70,15 @@ _EXTENT = text(
     """
 )
 _REMOVE = text("DELETE FROM regions WHERE id = :id")
+# Of what is published: a look at each driven segment, not at what each drive says of it.
+_DRIVEN = text(
+    """
+    SELECT r.name, count(*) FROM segment_slopes AS a JOIN segments AS s ON s.id = a.segment_id
+    CROSS JOIN LATERAL unnest(s.regions) AS of_region JOIN regions AS r ON r.id = of_region
+    WHERE a.drives > 0 GROUP BY r.name
+    """
+)
+_STANDING = text("SELECT name, source_name, imported_at, segments, bounds FROM regions ORDER BY name")
 _FIGURES = text(
     """
     SELECT r.name, r.source_name, r.imported_at, r.segments, coalesce(m.measured, 0) AS measured
@@ -149,13 +159,35 @@ def make_region(session: Session, name: str, source_name: str, sha256: str, vers
 
 def note_import(session: Session, region_id: int, **said: Any) -> None:
     """Note what an import brought: ``source_name``, ``sha256``, ``version``, ``segments``, ``file_uri``,
-    ``file_sha256``."""
+    ``file_sha256``, ``bounds``."""
     session.execute(_NOTE, {"id": region_id, **said})
 
 
 def forget_region(session: Session, region_id: int) -> None:
     """Let the region go; no segment is in it any more."""
     session.execute(_REMOVE, {"id": region_id})
+
+
+@dataclass(frozen=True)
+class RegionStanding:
+    """A region as its last import left it, as far as its row tells."""
+
+    name: str
+    source_name: str
+    imported_at: datetime
+    segments: int
+    bounds: list[float] | None
+    """West, south, east, north, degrees"""
+
+
+def region_standings(session: Session) -> list[RegionStanding]:
+    """All regions by name. Reads their rows alone."""
+    return [RegionStanding(**row._mapping) for row in session.execute(_STANDING)]
+
+
+def driven_by_region(session: Session) -> dict[str, int]:
+    """How many segments of each region were driven, those of which any was. Reads all that is published."""
+    return {row[0]: row[1] for row in session.execute(_DRIVEN)}
 
 
 def region_figures(session: Session) -> Sequence[RegionFigures]:

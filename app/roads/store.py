@@ -19,11 +19,18 @@ _EXTENT = text(
     """
 )
 
+_CROWDED = text("SELECT cell, count(*) FROM segments GROUP BY cell")
+
 
 def road_extent(session: Session) -> Bounds | None:
     """West, south, east, north of all segments, degrees; None without any. Reads the whole table."""
     west, south, east, north = session.execute(_EXTENT).one()
     return None if west is None else (float(west), float(south), float(east), float(north))
+
+
+def road_crowds(session: Session) -> dict[int, int]:
+    """How many segments have their middle in each square of the map that has any."""
+    return {int(cell): int(count) for cell, count in session.execute(_CROWDED)}
 
 
 @dataclass(frozen=True)

@@ -142,7 +142,9 @@ def _store(path: Path, quality: Path | None, dem_dir: FilePlace) -> DemSource:
             # Renamed within one file system: the file is there complete or not at all, and after its quality layer.
             part.replace(final / part.name)
         _send(path, dem_dir, [f"{folder}/{part.name}" for part in parts])
-        return DemSource(copied.name, f"{folder}/{copied.name}", sha256)
+        with Dem.open([final / copied.name]) as dem:
+            posting_m = float(f"{max(dem.postings_m[0]):.4g}")
+        return DemSource(copied.name, f"{folder}/{copied.name}", sha256, posting_m=posting_m)
     finally:
         shutil.rmtree(incoming)
 

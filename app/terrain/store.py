@@ -29,7 +29,8 @@ class DemSource:
 
     With a quality layer, the folder's name is that of both contents: the same elevations with another layer are
     another source. ``priority``: the higher the sooner it counts. ``bounds_deg``: west, south, east, north of its
-    pixels, degrees; None of sources of before 0014 until they are needed (``app.terrain.files``).
+    pixels, degrees; None of sources of before 0014 until they are needed (``app.terrain.files``). ``posting_m``: the
+    distance of its posts, the larger one of rows and columns; None of sources that came before it was noted.
     """
 
     name: str
@@ -37,13 +38,20 @@ class DemSource:
     sha256: str
     priority: int = 0
     bounds_deg: Bounds | None = field(default=None, compare=False)
+    posting_m: float | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, stored: Mapping[str, Any]) -> Self:
         """The source of what ``dem_versions`` lists; what a later version may add is left out."""
         corners = stored.get("bounds_deg")
         bounds = None if corners is None else (corners[0], corners[1], corners[2], corners[3])
-        return cls(stored["name"], stored["uri"], stored["sha256"], stored.get("priority") or 0, bounds)
+        known = stored["name"], stored["uri"], stored["sha256"], stored.get("priority") or 0
+        return cls(*known, bounds, stored.get("posting_m"))
+
+    @property
+    def with_quality(self) -> bool:
+        """Whether a quality layer belongs to it: its folder is named after both contents then."""
+        return self.uri.partition("/")[0] != self.sha256
 
     def may_meet(self, bounds_deg: Bounds) -> bool:
         """Whether the raster reaches a box; of unknown bounds, that it may."""
@@ -118,6 +126,13 @@ _RETIRED = text(
 )
 
 
+# The version that named the file first, though it may have been out of use since.
+_CAME = text(
+    """
+    SELECT s ->> 'uri' AS uri, min(v.imported_at) FROM dem_versions AS v, jsonb_array_elements(v.sources) AS s
+    GROUP BY s ->> 'uri'
+    """
+)
 # Only rows whose values change are written; NaN stands for an unknown slope in the array.
 _ACTIVE_ID = text("SELECT coalesce(max(id), 0) FROM dem_versions WHERE active")
 
@@ -194,6 +209,11 @@ def set_sources(session: Session, version_id: int, sources: Sequence[DemSource])
 def retired_rasters(session: Session, older_than: timedelta) -> list[str]:
     """Paths of rasters that have been in no active set for so long."""
     return list(session.execute(_RETIRED, {"age": older_than}).scalars())
+
+
+def rasters_came(session: Session) -> dict[str, datetime]:
+    """When each raster was imported first, by its path."""
+    return {row[0]: row[1] for row in session.execute(_CAME)}
 
 
 def dem_version_id(session: Session) -> int:

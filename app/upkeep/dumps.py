@@ -14,8 +14,8 @@ from app.core.settings.places import libpq_url
 from app.embedded.binaries import find_client
 from fusion.errors import FusionError
 
-LEFT_OUT = ("exports",)
-"""Tables whose rows are of no use elsewhere: their files are made anew by whoever asks for them again."""
+LEFT_OUT = ("drive_trials", "exports", "operations")
+"""Tables whose rows are of no use elsewhere: whoever needs what they are about asks for it again, with its files."""
 _LINES_QUOTED = 5
 
 

@@ -20,11 +20,13 @@ from app.core.http import REVALIDATE, ServiceDep, etag_matches
 from app.core.settings import Settings
 from app.core.version import code_version
 
-BUILT = Path(__file__).parent / "built"
+BUILT = (Path(__file__).parent / "built").resolve()
 FOR_EVER = "public, max-age=31536000, immutable"
 """Files below ``assets/`` are named by what is in them."""
 PLACE = '<meta name="versant" content="{}"'
 """Where a page is told what the service has set."""
+WITHOUT_SCRIPTS = "</noscript>"
+"""What is seen without scripts ends here."""
 
 router = APIRouter(include_in_schema=False)
 
@@ -79,28 +81,30 @@ def _origin(address: str | None) -> str:
 
 
 @lru_cache(maxsize=64)
-def _page(name: str, told: str) -> File:
+def _page(name: str, told: str, plainly: str) -> File:
     file = built_file(f"{name}.html")
     if file is None:
         raise NotFoundError(
             "The pages are not built. Build them with `make web`, or install the released package."
         )
-    text = file.content.decode()
-    return _file(
-        text.replace(PLACE, f'<meta name="versant" content="{escape(told)}"', 1).encode(), f"{name}.html"
-    )
+    text = file.content.decode().replace(PLACE, f'<meta name="versant" content="{escape(told)}"', 1)
+    return _file(text.replace(WITHOUT_SCRIPTS, plainly + WITHOUT_SCRIPTS, 1).encode(), f"{name}.html")
 
 
-def page_answer(request: Request, settings: Settings, name: str) -> Response:
-    """A page as this service's settings make it."""
-    told = {"version": code_version(), "background_style_url": settings.map_background_url, "login_url": None}
+def page_answer(request: Request, settings: Settings, name: str, plainly: str = "") -> Response:
+    """A page as this service's settings make it; ``plainly`` is HTML that it has for who runs no scripts."""
+    told = {
+        "version": code_version(),
+        "background_style_url": settings.map_background_url,
+        "login_url": settings.login_url,
+    }
     headers = {
         "Content-Security-Policy": policy(settings),
         "X-Content-Type-Options": "nosniff",
         "Referrer-Policy": "same-origin",
         "Cache-Control": REVALIDATE,
     }
-    return _answer(request, _page(name, json.dumps(told)), headers)
+    return _answer(request, _page(name, json.dumps(told), plainly), headers)
 
 
 def _answer(request: Request, file: File, headers: dict[str, str]) -> Response:

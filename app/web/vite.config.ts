@@ -1,15 +1,20 @@
 import { readdirSync } from "node:fs";
 import { resolve } from "node:path";
 import { defineConfig } from "vite";
+import { guides } from "./plugins/guides.ts";
+import { manifest } from "./plugins/manifest.ts";
 
 const here = import.meta.dirname;
+const repository = resolve(here, "../..");
 const pages = readdirSync(resolve(here, "src")).filter((name) => name.endsWith(".html"));
 
 // What is built is shipped with the package (app/web/pages.py serves it under /web/): no source maps, no other host.
 export default defineConfig({
   root: resolve(here, "src"),
   base: "/web/",
+  cacheDir: resolve(here, "node_modules/.vite"),
   publicDir: resolve(here, "src/public"),
+  plugins: [guides(resolve(repository, ".docs")), manifest(repository)],
   build: {
     outDir: resolve(here, "built"),
     emptyOutDir: true,
@@ -21,5 +26,13 @@ export default defineConfig({
     rolldownOptions: { input: pages.map((name) => resolve(here, "src", name)) },
   },
   oxc: { jsx: { runtime: "automatic", importSource: "preact" } },
-  server: { proxy: { "/v1": "http://127.0.0.1:8000" } },
+  server: {
+    fs: { allow: [repository] },
+    proxy: Object.fromEntries(
+      ["/v1", "/tiles", "/style.json", "/sprites", "/glyphs", "/collections", "/openapi.json"].map((path) => [
+        path,
+        "http://127.0.0.1:8000",
+      ]),
+    ),
+  },
 });

@@ -46,6 +46,7 @@ class Scene:
 
     address: str
     database_url: str
+    service: Service
 
 
 @contextmanager
@@ -67,7 +68,7 @@ def scene(roads: Path) -> Iterator[Scene]:
         service = Service(HERE, libpq_url(cluster.url), folder / "data")
         with service.started("api", "--port", str(service.port)):
             service.await_ready()
-            yield Scene(service.address, service.url)
+            yield Scene(service.address, service.url, service)
 
 
 def fill(sessions: Sessions) -> None:

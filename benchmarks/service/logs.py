@@ -31,10 +31,10 @@ def make_logs(roads: Path, count: int, folder: Path) -> list[bytes]:
     return logs
 
 
-def columns_of(log: DriveLog, later_s: float) -> Columns:
-    """The first ``LENGTH_M`` of a log as columns, so much later."""
+def columns_of(log: DriveLog, later_s: float, length_m: float = LENGTH_M) -> Columns:
+    """The first ``length_m`` of a log as columns, so much later."""
     speed = np.hypot(log.velocity.vel_n_mps, log.velocity.vel_e_mps)
-    keep = np.cumsum(speed) <= LENGTH_M
+    keep = np.cumsum(speed) <= length_m
     columns = {
         "time_s": log.fix.time_s + later_s,
         "lat_deg": log.fix.lat_deg,

@@ -21,6 +21,7 @@ pytestmark = [
 def test_ctrl_c_leaves_nothing_running_and_the_drive_is_taken_up_again(idle: Up, simulated: Bundle) -> None:
     idle.start()
     assert "Only this machine can reach it" in idle.said()
+    assert f"The map: {idle.address}/map\n" in idle.said()
     for command, file in (("import-roads", simulated.osm), ("import-dem", simulated.dem)):
         assert versant(command, "--data-dir", idle.data_dir, file).returncode == 0
     with Client(idle.address) as client:

@@ -48,8 +48,8 @@ def _matched(arguments: list[Any], feature: Feature, zoom: float) -> Any:
     found = evaluate(value, feature, zoom)
     for labels, out in zip(pairs[::2], pairs[1::2], strict=True):
         if found in labels:
-            return out
-    return otherwise
+            return evaluate(out, feature, zoom)
+    return evaluate(otherwise, feature, zoom)
 
 
 def _coalesced(arguments: list[Any], feature: Feature, zoom: float) -> Any:

@@ -6,6 +6,7 @@ build ``Settings(...)`` themselves. Every field carries its unit, its default an
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, Literal
@@ -31,7 +32,16 @@ def _http_url(url: str) -> str:
     return url.rstrip("/")
 
 
+def _login_url(url: str) -> str:
+    if re.match(r"/(?![/\\])", url):
+        return url
+    if not url.startswith(("http://", "https://")):
+        raise ValueError("it must begin with http://, https:// or one /")
+    return url
+
+
 HttpUrlText = Annotated[str, AfterValidator(_http_url)]
+LoginUrlText = Annotated[str, AfterValidator(_login_url)]
 Zoom = Annotated[int, Field(ge=0, le=24)]
 
 
@@ -58,6 +68,12 @@ class Settings(Places):
     )
     max_upload_bytes: int = Field(
         GIB, ge=1, description="Largest upload accepted, bytes as sent; a larger one is answered by 413."
+    )
+    max_import_bytes: int = Field(
+        8 * GIB,
+        ge=1,
+        description="Largest file of roads or elevation that the API takes, bytes as sent; a larger one is answered by "
+        "413.",
     )
     items_limit_default: int = Field(100, ge=1, description="Items per page when a request names no limit.")
     items_limit_max: int = Field(
@@ -111,6 +127,11 @@ class Settings(Places):
         None,
         description="A MapLibre style that the map page draws below the roads; its host, and no other, is then asked "
         "for it by browsers. None: the roads stand on a plain ground.",
+    )
+    login_url: LoginUrlText | None = Field(
+        None,
+        description="Where pages send whoever is answered 401, with the address to come back to as return_to: a path "
+        "of this service's own host or an address, of whatever stands in front of the service and checks who asks.",
     )
     allowed_hosts: str | None = Field(
         None,

@@ -1,10 +1,11 @@
-"""The tables of what drives say of the network: passes, sums of old ones, verdicts; the others: ``app.core.tables``."""
+"""The tables of what drives and surveyors say of the network: passes, sums of old ones, verdicts, points."""
 
 from __future__ import annotations
 
 import uuid
+from datetime import datetime
 
-from sqlalchemy import BigInteger, ForeignKey, Identity, Index, SmallInteger, text
+from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Identity, Index, SmallInteger, func, text
 from sqlalchemy.dialects.postgresql import ARRAY
 from sqlalchemy.orm import Mapped, mapped_column
 
@@ -89,3 +90,19 @@ class DriveConstants(Base):
     epoch_s: Mapped[bytes]
     regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger))
     """Where its passes are: all regions, so that nobody looks for them elsewhere."""
+
+
+class ControlPoint(Base):
+    """A surveyed height, above the datum that the drives' altitudes use; one at a place."""
+
+    __tablename__ = "control_points"
+
+    lon_deg: Mapped[float] = mapped_column(primary_key=True)
+    lat_deg: Mapped[float] = mapped_column(primary_key=True)
+    height_m: Mapped[float]
+    sigma_m: Mapped[float]
+    name: Mapped[str]
+    """Where it came from: a line of a file."""
+    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+    __table_args__ = (CheckConstraint("sigma_m > 0", name="sigma"),)

@@ -28,6 +28,8 @@ class Region(Base):
     file_uri: Mapped[str | None]
     """What a file of changes is applied to: its ways and their nodes, where ``app.roads.region_files`` keeps them."""
     file_sha256: Mapped[str | None]
+    bounds: Mapped[list[float] | None]
+    """West, south, east, north of its roads, degrees, as its last import left them."""
 
 
 class AtticSegment(Base):

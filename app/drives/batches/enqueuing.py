@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.errors import BadRequestError
+from app.core.telemetry import audit
 from app.core.telemetry.logs import tell
 from app.drives.batches import store
 from app.drives.batches.documents import Selection, Which
@@ -34,17 +35,26 @@ _Piece = Callable[[Session, int], bool]
 
 
 def reprocess_all(
-    sessions: Sessions, selection: Selection, method: str | None, for_s: float = ENQUEUE_FOR_S
+    sessions: Sessions,
+    selection: Selection,
+    method: str | None,
+    for_s: float = ENQUEUE_FOR_S,
+    *,
+    origin: str | None = None,
 ) -> tuple[int, int]:
     """Queue every drive of the selection again, behind uploads: by ``method``, or (None) as each was asked for.
 
     Returns the batch's number and how many drives it has put into the queue after at most ``for_s`` seconds; a worker
     goes on with the rest. The same request again, while it is enqueued, goes on as well; once it is enqueued, its
     drives wait, and are none of a further batch. Raises ``UnknownNameError`` for a method that there is not.
+    ``origin``: who asked over HTTP, for the audit log.
     """
     check(selection, method)
     with sessions.begin() as session:
         batch = store.open_batch(session, selection, method)
+        if origin is not None:
+            chosen = selection.model_dump(mode="json", exclude_none=True)
+            audit.note(session, origin, "drives asked for again", f"batch {batch}", **chosen, method=method)
     _go_on(sessions, store.enqueue_piece, batch, for_s)
     with sessions() as session:
         count = store.enqueued(session, batch)
@@ -61,7 +71,9 @@ def check(selection: Selection, method: str | None) -> None:
             check_options(name, {})
 
 
-def cancel(sessions: Sessions, batch: int, for_s: float = ENQUEUE_FOR_S) -> None:
+def cancel(
+    sessions: Sessions, batch: int, for_s: float = ENQUEUE_FOR_S, *, origin: str | None = None
+) -> None:
     """Take what still waits of the batch out of the queue: those drives are as they were, with all they published.
 
     What runs runs to its end. Raises ``BadRequestError`` for a batch that an update asked for: what its drives said
@@ -74,6 +86,8 @@ def cancel(sessions: Sessions, batch: int, for_s: float = ENQUEUE_FOR_S) -> None
                 "they said before cannot be read any more.",
                 field="batch",
             )
+        if origin is not None:
+            audit.note(session, origin, "batch cancelled", f"batch {batch}")
     _go_on(sessions, store.put_back_piece, batch, for_s)
 
 

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from app.core.errors import BadQueryError, BadRequestError
 from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems
 from app.core.query import parse_bbox, refuse_unknown
+from app.core.telemetry.audit import Origin
 from app.drives.batches import enqueuing
 from app.drives.batches.documents import Batch, BatchAccepted, BatchRequest, Selection, Which
 from app.drives.batches.notes import note
@@ -38,6 +39,7 @@ def reprocess_drives(
     service: ServiceDep,
     base: BaseUrl,
     response: Response,
+    origin: Origin,
     asked: Annotated[BatchRequest, Query()],
 ) -> BatchAccepted:
     """Queue every done or failed drive that is meant; without any filter, those that are not of `method` already.
@@ -62,7 +64,7 @@ def reprocess_drives(
     if asked.dry_run:
         response.status_code = 200
     else:
-        number, count = enqueuing.reprocess_all(service.sessions, selection, method)
+        number, count = enqueuing.reprocess_all(service.sessions, selection, method, origin=origin)
         address = _address(base, number)
         response.headers["Location"] = address
         complete = _seen(service, base, number).state != "enqueuing"
@@ -106,13 +108,15 @@ def batch(
 
 
 @router.delete("/reprocess", summary="Cancel such a batch", responses=problems(403, 404, 422, 503))
-def cancel_batch(request: Request, service: ServiceDep, base: BaseUrl, batch: BatchNumber) -> Batch:
+def cancel_batch(
+    request: Request, service: ServiceDep, base: BaseUrl, origin: Origin, batch: BatchNumber
+) -> Batch:
     """Take what still waits of it out of the queue: those drives are done or failed as they were before, with all that
     they published. What runs runs to its end, and what is done stays so.
     """
     refuse_unknown(request, {"batch"}, BadRequestError)
     _seen(service, base, batch)  # there is one
-    enqueuing.cancel(service.sessions, batch)
+    enqueuing.cancel(service.sessions, batch, origin=origin)
     return _seen(service, base, batch)
 
 

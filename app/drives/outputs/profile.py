@@ -1,21 +1,17 @@
-"""A drive's elevation profile: height and slope over the distance driven, as columns and as JSON.
+"""A drive's elevation profile: height and slope over the distance driven, as columns.
 
-Knows no database, no route and no picture.
+Knows no database, no route, no picture and no file (``profile_document``).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.core.text import LENGTH_DIGITS, SLOPE_DIGITS, rounded
-from app.drives.outputs.track import time_text
 from fusion.roads.table import RoadTable
 from fusion.types import PAUSE_S, Floats, Ints, Track
 
@@ -27,20 +23,33 @@ ASKEW = 0.5
 
 @dataclass(frozen=True)
 class RoadFacts:
-    """What a profile uses of a segment: its bearing, clockwise from north, from from_node to to_node."""
+    """What a profile uses of a segment: its bearing, clockwise from north, from from_node to to_node.
+
+    ``dem_heights_m`` are the elevation model's at equal distances over its ``length_m``; empty where there are none.
+    """
 
     bearing_rad: float
     bridge: bool
     tunnel: bool
+    length_m: float = math.nan
+    dem_heights_m: tuple[float, ...] = ()
 
     @classmethod
     def between(
-        cls, start_deg: tuple[float, float], end_deg: tuple[float, float], *, bridge: bool, tunnel: bool
+        cls,
+        start_deg: tuple[float, float],
+        end_deg: tuple[float, float],
+        *,
+        bridge: bool,
+        tunnel: bool,
+        length_m: float = math.nan,
+        dem_heights_m: Iterable[float] | None = None,
     ) -> RoadFacts:
         """The facts of a segment from its ends, (lon, lat)."""
         (lon0, lat0), (lon1, lat1) = start_deg, end_deg
         turn = math.remainder(lon1 - lon0, 360.0) * math.cos(math.radians((lat0 + lat1) / 2))
-        return cls(math.atan2(turn, lat1 - lat0), bridge, tunnel)
+        bearing = math.atan2(turn, lat1 - lat0)
+        return cls(bearing, bridge, tunnel, length_m, tuple(dem_heights_m or ()))
 
 
 def table_facts(table: RoadTable, segment: Ints) -> dict[int, RoadFacts]:
@@ -63,10 +72,13 @@ class Profile:
     ``distance_m`` is driven since the first epoch; ``forward`` is +1 where the vehicle went from from_node
     to to_node, -1 against it, 0 unknown. ``slope_percent`` is the drive's estimate of the segment **in the
     direction of travel**, ``grade_percent`` that of the road at the very epoch; ``gap`` marks the first epoch after
-    an interruption. ``bridge`` and ``tunnel`` are False where that is not known.
+    an interruption. ``bridge`` and ``tunnel`` are False where that is not known. ``dem_height_m`` is the elevation
+    model's height of the ground at that place of the segment, on the model's own datum.
     """
 
     time_s: Floats
+    lon_deg: Floats
+    lat_deg: Floats
     distance_m: Floats
     alt_m: Floats
     alt_sigma_m: Floats
@@ -80,9 +92,14 @@ class Profile:
     has_gnss: NDArray[np.bool_]
     bridge: NDArray[np.bool_]
     tunnel: NDArray[np.bool_]
+    dem_height_m: Floats
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def take(self, rows: Ints) -> Profile:
+        """These rows alone."""
+        return Profile(**{spec.name: getattr(self, spec.name)[rows] for spec in fields(self)})
 
 
 def build_profile(
@@ -98,51 +115,93 @@ def build_profile(
     """
     known = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
     segment = segment_id[known]
-    forward = _directions(segment, track.distance_m[known])
-    facts = [(roads or {}).get(int(s)) for s in segment]
-    forward = np.where(forward == 0, _headed(facts, track.heading_rad[known]), forward)
-    estimates = np.array([slopes.get(int(s), (np.nan, np.nan)) for s in segment], float).reshape(-1, 2)
+    along_m = track.distance_m[known]
+    driven = _Driven.of(segment, slopes, roads or {})
+    forward = _directions(segment, along_m)
+    forward = np.where(forward == 0, driven.headed(track.heading_rad[known]), forward)
     signs = np.where(forward == 0, np.nan, forward)
     grade, sigma = _grade_percent(track)
     return Profile(
         time_s=track.time_s[known],
+        lon_deg=track.lon_deg[known],
+        lat_deg=track.lat_deg[known],
         distance_m=_driven_m(track.lat_deg[known], track.lon_deg[known]),
         alt_m=track.alt_m[known],
         alt_sigma_m=track.alt_sigma_m[known],
-        slope_percent=estimates[:, 0] * signs,
-        slope_sigma_percent=estimates[:, 1],
+        slope_percent=driven.of_each("slope_percent") * signs,
+        slope_sigma_percent=driven.of_each("slope_sigma_percent"),
         grade_percent=grade[known],
         grade_sigma_percent=sigma[known],
         segment_id=segment,
         forward=forward,
         gap=(np.diff(track.time_s[known], prepend=-np.inf) > PAUSE_S) | track.after_gap[known],
         has_gnss=track.has_gnss[known],
-        bridge=np.array([f is not None and f.bridge for f in facts], bool),
-        tunnel=np.array([f is not None and f.tunnel for f in facts], bool),
+        bridge=driven.of_each("bridge") > 0,
+        tunnel=driven.of_each("tunnel") > 0,
+        dem_height_m=driven.dem_height_m(along_m),
     )
 
 
-def profile_json(profile: Profile) -> dict[str, Any]:
-    """The profile as columns, JSON-serialisable; unknown is null."""
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """What is known of the segments of a drive, once for each: a drive of hours has tens of thousands of epochs.
 
-    def column(values: Floats, digits: int) -> list[float | None]:
-        return [rounded(float(v), digits) for v in values]
+    ``row`` is an epoch's place in all other columns but ``knots_m``, which holds the heights of the elevation model of
+    one segment after the other, ``knots`` of each.
+    """
 
-    return {
-        "epochs": len(profile),
-        "distance_m": column(profile.distance_m, LENGTH_DIGITS),
-        "time": [time_text(float(t)) for t in profile.time_s],
-        "alt_m": column(profile.alt_m, LENGTH_DIGITS),
-        "alt_sigma_m": column(profile.alt_sigma_m, LENGTH_DIGITS),
-        "slope_percent": column(profile.slope_percent, SLOPE_DIGITS),
-        "slope_sigma_percent": column(profile.slope_sigma_percent, SLOPE_DIGITS),
-        "grade_percent": column(profile.grade_percent, SLOPE_DIGITS),
-        "grade_sigma_percent": column(profile.grade_sigma_percent, SLOPE_DIGITS),
-        "segment_id": [int(s) if s >= 0 else None for s in profile.segment_id],
-        "forward": [bool(f > 0) if f else None for f in profile.forward],
-        "gap": [bool(g) for g in profile.gap],
-        "has_gnss": [bool(g) for g in profile.has_gnss],
-    }
+    row: Ints
+    slope_percent: Floats
+    slope_sigma_percent: Floats
+    bearing_rad: Floats
+    bridge: Floats
+    tunnel: Floats
+    length_m: Floats
+    knots: Ints
+    knots_m: Floats
+
+    @classmethod
+    def of(
+        cls, segment: Ints, slopes: Mapping[int, tuple[float, float]], roads: Mapping[int, RoadFacts]
+    ) -> _Driven:
+        """What the two know of the segments of these epochs."""
+        each, row = np.unique(segment, return_inverse=True)
+        said = [slopes.get(int(s), (math.nan, math.nan)) for s in each]
+        facts = [roads.get(int(s), _UNKNOWN) for s in each]
+        slope, sigma = np.array(said, float).reshape(-1, 2).T
+        known = [(f.bearing_rad, f.bridge, f.tunnel, f.length_m, len(f.dem_heights_m)) for f in facts]
+        bearing, bridge, tunnel, length, knots = np.array(known, float).reshape(-1, 5).T
+        heights = np.fromiter((h for f in facts for h in f.dem_heights_m), float)
+        return cls(row, slope, sigma, bearing, bridge, tunnel, length, knots.astype(np.int64), heights)
+
+    def of_each(self, column: str) -> Floats:
+        """A column as one value per epoch."""
+        values: Floats = getattr(self, column)[self.row]
+        return values
+
+    def headed(self, heading_rad: Floats) -> Ints:
+        """+1, -1 or 0 per epoch: whether the vehicle heads along its segment, against it, or nobody knows."""
+        cosine = np.nan_to_num(np.cos(heading_rad - self.of_each("bearing_rad")))
+        return np.where(np.abs(cosine) > ASKEW, np.sign(cosine), 0).astype(np.int64)
+
+    def dem_height_m(self, along_m: Floats) -> Floats:
+        """The elevation model's height at each epoch, at a distance from its segment's from_node."""
+        heights = np.full(len(self.row), np.nan)
+        share = np.clip(along_m / self.length_m[self.row], 0.0, 1.0)
+        known = np.flatnonzero(np.isfinite(share) & (self.knots[self.row] > 1))
+        row = self.row[known]
+        at = share[known] * (self.knots[row] - 1)
+        before = np.minimum(at.astype(np.int64), self.knots[row] - 2)
+        first = np.cumsum(self.knots)[row] - self.knots[row] + before
+        rest = at - before
+        start, end = self.knots_m[first], self.knots_m[first + 1]
+        # Of a place at a knot no other one speaks: next to what the model does not know it does know this.
+        between = start + rest * (end - start)
+        heights[known] = np.where(rest <= 0, start, np.where(rest >= 1, end, between))
+        return heights
+
+
+_UNKNOWN = RoadFacts(math.nan, bridge=False, tunnel=False)
 
 
 def _directions(segment: Ints, distance_m: Floats) -> Ints:
@@ -153,19 +212,16 @@ def _directions(segment: Ints, distance_m: Floats) -> Ints:
     out = np.zeros(len(segment), np.int64)
     if not len(segment):
         return out
-    starts = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist()]
-    for start, stop in pairwise([*starts, len(segment)]):
-        run = distance_m[start:stop][np.isfinite(distance_m[start:stop])]
-        if segment[start] >= 0 and len(run) > 1:
-            out[start:stop] = np.sign(run[-1] - run[0])
-    return out
-
-
-def _headed(facts: Sequence[RoadFacts | None], heading_rad: Floats) -> Ints:
-    """+1, -1 or 0 per epoch: whether the vehicle heads along its segment, against it, or nobody knows."""
-    bearing = np.array([np.nan if f is None else f.bearing_rad for f in facts], float)
-    cosine = np.nan_to_num(np.cos(heading_rad - bearing))
-    return np.where(np.abs(cosine) > ASKEW, np.sign(cosine), 0).astype(np.int64)
+    run = np.cumsum(np.diff(segment, prepend=segment[0]) != 0)
+    known = np.flatnonzero(np.isfinite(distance_m) & (segment >= 0))
+    if not len(known):
+        return out
+    begins = np.diff(run[known], prepend=-1) != 0
+    first = known[begins]
+    last = known[np.r_[np.flatnonzero(begins)[1:], len(known)] - 1]
+    moved = np.zeros(run[-1] + 1, np.int64)
+    moved[run[first]] = np.sign(distance_m[last] - distance_m[first])
+    return np.asarray(moved[run])
 
 
 def _grade_percent(track: Track) -> tuple[Floats, Floats]:
@@ -181,52 +237,3 @@ def _driven_m(lat_deg: Floats, lon_deg: Floats) -> Floats:
     steps = 2 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.minimum(half, 1)))
     driven: Floats = np.r_[0.0, np.cumsum(steps)][: len(lat)]
     return driven
-
-
-def _column(kind: str, description: str, *, nullable: bool = False) -> dict[str, Any]:
-    """The schema of a column: a value per epoch."""
-    items = {"type": [kind, "null"] if nullable else kind}
-    return {"type": "array", "items": items, "description": description}
-
-
-# What the OpenAPI document says of ``profile_json``, to which the service adds ``drive_id``.
-PROFILE_EXAMPLE: dict[str, Any] = {
-    "drive_id": "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11",
-    "epochs": 2,
-    "distance_m": [0.0, 11.2],
-    "time": ["2026-11-20T07:55:10.000Z", "2026-11-20T07:55:11.000Z"],
-    "alt_m": [143.21, 143.97],
-    "alt_sigma_m": [0.9, 0.9],
-    "slope_percent": [6.8214, 6.8214],
-    "slope_sigma_percent": [0.3127, 0.3127],
-    "grade_percent": [6.4318, 6.6027],
-    "grade_sigma_percent": [0.5214, 0.5188],
-    "segment_id": [17, 17],
-    "forward": [True, True],
-    "gap": [False, False],
-    "has_gnss": [True, True],
-}
-PROFILE_SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "required": list(PROFILE_EXAMPLE),
-    "properties": {
-        "drive_id": {"type": "string", "format": "uuid"},
-        "epochs": {"type": "integer", "description": "Length of every column."},
-        "distance_m": _column("number", "Driven since the first epoch."),
-        "time": _column("string", "UTC."),
-        "alt_m": _column("number", "Height of the road.", nullable=True),
-        "alt_sigma_m": _column("number", "One standard deviation.", nullable=True),
-        "slope_percent": _column(
-            "number", "The drive's slope of the whole segment, in the direction of travel.", nullable=True
-        ),
-        "slope_sigma_percent": _column("number", "One standard deviation.", nullable=True),
-        "grade_percent": _column(
-            "number", "The grade at this very place, in the direction of travel.", nullable=True
-        ),
-        "grade_sigma_percent": _column("number", "One standard deviation.", nullable=True),
-        "segment_id": _column("integer", "The segment driven.", nullable=True),
-        "forward": _column("boolean", "Whether from its from_node to its to_node.", nullable=True),
-        "gap": _column("boolean", "Whether the recording was interrupted just before."),
-        "has_gnss": _column("boolean", "Whether a position was measured there."),
-    },
-}

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from app.core.blobs import BlobStore, BlobWriter, StoredBlob
 from app.core.errors import BadRequestError
-from app.drives.receiving.body import FILENAME_LENGTH, Piece, joined
+from app.core.receiving.body import FILENAME_LENGTH, Piece, joined
 from app.drives.receiving.bundles import MAGIC_BYTES, BundleWriter, content_of_zip, is_zip
 from app.drives.receiving.first_look import FirstLook
 

@@ -1,24 +1,25 @@
-"""The API's own document: OpenAPI 3.1 as it is derived, 3.0 for clients that want that, and a page for people."""
+"""The API's own document: OpenAPI 3.1 as it is derived, 3.0 for clients that want that, and a plain page."""
 
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request, Response
 
 from app.core.errors import NotAcceptableError
-from app.core.http import JSON, BaseUrl, link, problems
+from app.core.http import JSON, BaseUrl, Link, link, problems
 from app.core.query import refuse_unknown
 from app.core.text import dumps
 from app.map.ogc.negotiation import AS_HTML, HTML, Form, FormatQuery, Wanted, answered, wanted
 from app.map.ogc.openapi30 import openapi_30
-from app.map.ogc.pages import PAGE_HEADERS, described, page
+from app.map.ogc.pages import page, page_headers
 
 _OPENAPI = "application/vnd.oai.openapi+json"
 OPENAPI_31 = Form(("json", "openapi-3.1"), (f"{_OPENAPI};version=3.1", JSON), "OpenAPI 3.1")
 OPENAPI_30 = Form(("openapi-3.0",), (f"{_OPENAPI};version=3.0",), "OpenAPI 3.0")
-_FORMS = (OPENAPI_31, OPENAPI_30)
+_FORMS = (OPENAPI_31, OPENAPI_30, AS_HTML)
 
 router = APIRouter(tags=["map"])
 
@@ -29,12 +30,13 @@ router = APIRouter(tags=["map"])
     response_class=Response,
     responses={
         200: {
-            "description": "OpenAPI 3.1, or 3.0.",
+            "description": "OpenAPI 3.1, 3.0, or a plain page.",
             "content": {
                 media_type: {"schema": {"type": "object"}, "example": {"openapi": version}}
                 for form, version in ((OPENAPI_31, "3.1.0"), (OPENAPI_30, "3.0.3"))
                 for media_type in form.media_types
-            },
+            }
+            | {HTML: {"schema": {"type": "string"}, "example": "<!doctype html>"}},
         },
         304: {"description": "Unchanged since the ETag."},
         **problems(400, 406),
@@ -43,30 +45,22 @@ router = APIRouter(tags=["map"])
 def openapi(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     """Everything that can be asked, with examples: OpenAPI 3.1.
 
-    With `f=openapi-3.0`, or `Accept: application/vnd.oai.openapi+json;version=3.0`, the same in OpenAPI 3.0.
+    With `f=openapi-3.0`, or `Accept: application/vnd.oai.openapi+json;version=3.0`, the same in OpenAPI 3.0; with
+    `f=html`, or `Accept: text/html`, on one page without scripts.
     """
     refuse_unknown(request, {"f"})
     form = _version(request, f)
-    links = [*form.links(f"{base}/openapi.json"), link(f"{base}/docs", "alternate", HTML)]
+    links = [
+        *form.links(f"{base}/openapi.json"),
+        link(f"{base}/docs", "alternate", HTML, "The documentation"),
+    ]
+    if form.html:
+        return _plain_page(request, base, links)
     return answered(request, _text(request.app, form.form), form.media_type, links=links)
 
 
-@router.get(
-    "/docs",
-    summary="The API's description for people",
-    response_class=Response,
-    responses=described("A page that loads nothing from elsewhere.", {}, 400, 406),
-)
-def docs(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
-    """All routes with their parameters and answers, on one page."""
-    refuse_unknown(request, {"f"})
-    form = wanted(request, f, AS_HTML)
+def _plain_page(request: Request, base: str, links: Sequence[Link]) -> Response:
     document = request.app.openapi()
-    links = [
-        *form.links(f"{base}/docs"),
-        link(f"{base}/openapi.json", "alternate", OPENAPI_31.media_types[0], OPENAPI_31.title),
-        link(f"{base}/openapi.json?f=openapi-3.0", "alternate", OPENAPI_30.media_types[0], OPENAPI_30.title),
-    ]
     text = page(
         "api.html",
         title="The API",
@@ -75,7 +69,7 @@ def docs(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
         information=document["info"],
         groups=_groups(document),
     )
-    return answered(request, text, HTML, links=links, headers=PAGE_HEADERS)
+    return answered(request, text, HTML, links=links, headers=page_headers())
 
 
 def _version(request: Request, f: str | None) -> Wanted:
@@ -90,6 +84,8 @@ def _version(request: Request, f: str | None) -> Wanted:
             return Wanted(form, form.media_types[0], _FORMS, None)
         if weight > 0 and name in {JSON, "application/*", "*/*"}:
             return Wanted(OPENAPI_31, JSON, _FORMS, None)
+        if weight > 0 and name in {HTML, "text/*"}:
+            return Wanted(AS_HTML, HTML, _FORMS, None)
     offered = ", ".join(media_type for form in _FORMS for media_type in form.media_types)
     raise NotAcceptableError(f"There is no such form of this document. There are: {offered}.")
 

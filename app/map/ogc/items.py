@@ -21,7 +21,7 @@ from app.map.items.collections import COLLECTIONS, Collection
 from app.map.items.places import Crs
 from app.map.items.request import ItemRequest, parse_item, parse_items
 from app.map.ogc.negotiation import AS_GEOJSON, AS_HTML, HTML, Wanted, answered, wanted, with_pairs
-from app.map.ogc.pages import PAGE_HEADERS, described, page
+from app.map.ogc.pages import described, page, page_headers
 from app.map.ogc.parameters import item_parameters_of_one, items_parameters
 from app.map.segment import HEIGHT_DATUM
 from app.map.segments import EXAMPLE_ADDRESS, FEATURE_EXAMPLE, MAX_ID
@@ -102,7 +102,7 @@ def item_answer(
         properties=[collection.properties[name] for name in shape.properties],
         attribution=attribution(),
     )
-    return answered(request, shown, HTML, links=links, headers=PAGE_HEADERS)
+    return answered(request, shown, HTML, links=links, headers=page_headers())
 
 
 def _items_text(
@@ -150,7 +150,7 @@ def _items_page(
         address=here,
         first=with_pairs(here, asked.query(after=None)) if asked.after else None,
     )
-    return answered(request, shown, HTML, links=links, headers=PAGE_HEADERS)
+    return answered(request, shown, HTML, links=links, headers=page_headers())
 
 
 def _crumbs(base: str, collection: Collection) -> list[tuple[str, str]]:

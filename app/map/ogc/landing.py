@@ -88,7 +88,7 @@ def landing(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
             "The API, OpenAPI 3.0",
         ),
         link(f"{base}/openapi.json", "service-desc", OPENAPI_31.media_types[0], "The API, OpenAPI 3.1"),
-        link(f"{base}/docs", "service-doc", HTML, "The API, for people"),
+        link(f"{base}/docs", "service-doc", HTML, "The documentation, for people"),
         link(f"{base}/conformance", "conformance", title="Conformance classes"),
         link(f"{base}/collections", "data", title="Collections"),
         link(f"{base}/tiles.json", "tiles", title="Vector tiles, TileJSON 3"),

@@ -120,12 +120,12 @@ def answered(
     all_headers = {"ETag": tag, "Cache-Control": REVALIDATE, "Vary": "Accept", **(headers or {})}
     if etag_matches(request, tag):
         return Response(status_code=304, headers=all_headers)
-    if in_header := _link_header(list(links)):
+    if in_header := link_header(list(links)):
         all_headers["Link"] = in_header
     return Response(content, media_type=media_type, headers=all_headers)
 
 
-def _link_header(links: Sequence[Link]) -> str:
+def link_header(links: Sequence[Link]) -> str:
     """As many of the links as fit (RFC 8288); titles, which may be in any script, are left to the document."""
     parts: list[str] = []
     length = 0

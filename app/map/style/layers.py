@@ -1,8 +1,9 @@
 """The layers of the map's style: which line is drawn where, how wide and in which colour; arrows and figures.
 
 They are data in the language of MapLibre's style specification, version 8. Tiles bring a road's class, its slope, its
-sigma and drives; everything is said with these. Colour is one thing, steepness or certainty; width is the road's class
-and, in the map of steepness, certainty too, as on the service's own pictures.
+sigma and drives, and of segments the elevation model's slope, bridges and tunnels; everything is said with these.
+Colour is one thing (``app.map.style.shown``); width is the road's class and, where measured slopes are shown, certainty
+too, as on the service's own pictures. Bridges have rims, tunnels are dashed.
 """
 
 from __future__ import annotations
@@ -13,16 +14,14 @@ from typing import Any
 
 from app.map.slope_map import (
     ARROW_PERCENT,
-    DOUBT,
     SURE_SIGMA_PERCENT,
     SURE_WIDTH_PT,
     UNSURE_SIGMA_PERCENT,
     UNSURE_WIDTH_PT,
 )
 from app.map.style.scale import ColourScale
+from app.map.style.shown import SIGMA, Expression, Shown
 from app.map.style.sprites import UPHILL
-
-Expression = list[Any]
 
 SOURCE, LAYER = "slopes", "segments"
 """Name of the tiles in the style, and of their layer of segments; at low zooms it holds merged roads."""
@@ -61,30 +60,41 @@ class Theme:
     ground: str
     unknown: str
     ink: str
+    rim: str
     arrow: str
     arrow_edge: str
 
 
-LIGHT = Theme(ground="#f7f6f2", unknown="#bfc4c8", ink="#20262b", arrow="#ffffff", arrow_edge="#20262b")
-DARK = Theme(ground="#15191d", unknown="#4b555d", ink="#e8ecef", arrow="#0c0f11", arrow_edge="#f4f6f7")
+LIGHT = Theme(
+    ground="#f7f6f2", unknown="#bfc4c8", ink="#20262b", rim="#5d666d", arrow="#ffffff", arrow_edge="#20262b"
+)
+DARK = Theme(
+    ground="#15191d", unknown="#4b555d", ink="#e8ecef", rim="#98a3ab", arrow="#0c0f11", arrow_edge="#f4f6f7"
+)
 
-_SLOPE: Expression = ["get", "slope_percent"]
-_STEEPNESS: Expression = ["abs", _SLOPE]
-_SIGMA: Expression = ["coalesce", ["get", "slope_sigma_percent"], UNSURE_SIGMA_PERCENT]
-_KNOWN: Expression = ["has", "slope_percent"]
+RIM_PX = 1.5
+"""Of a bridge, on both sides."""
+RIMS_FROM = 13.5
+"""Further out a rim would be as wide as the road."""
+DASH = (1.4, 0.9)
+"""What is not seen and what is seen of a tunnel, in widths of its line."""
+
 _CLASS: Expression = ["get", "highway"]
 
 
-def layers(theme: Theme, scale: ColourScale, colour: str) -> list[dict[str, Any]]:
-    """All layers, the lowest first; ``scale`` is that of ``colour``."""
+def layers(theme: Theme, scale: ColourScale, shown: Shown, drawn: str = LAYER) -> list[dict[str, Any]]:
+    """All layers, the lowest first; ``scale`` is that of ``shown``, ``drawn`` the tiles' layer."""
     grounds: list[dict[str, Any]] = [
         {"id": "ground", "type": "background", "paint": {"background-color": theme.ground}}
     ]
     kinds = ("lesser", "minor", "middle", "major")
-    unknown = [_unknown(theme, kind) for kind in kinds]
-    cases = [_known(kind, "case", theme.ground, colour) for kind in kinds]
-    known = [_known(kind, "slope", _stepped(scale, colour), colour) for kind in kinds]
-    return [*grounds, *unknown, *cases, *known, _arrows(theme), _figures(theme)]
+    unknown = [_unknown(theme, shown, kind) for kind in kinds]
+    cases = [_known(kind, "case", theme.ground, shown) for kind in kinds]
+    known = [_known(kind, "slope", _stepped(scale, shown), shown) for kind in kinds]
+    arrows = [] if shown.uphill is None else [_arrows(theme, shown, shown.uphill)]
+    under, over = (_rims(theme, shown, known=one) for one in (False, True))
+    roads = [under, *unknown, *cases, over, *known, _dashes(theme), *arrows, _figures(theme, shown)]
+    return [*grounds, *(one | {"source-layer": drawn} for one in roads)]
 
 
 def _line(name: str, conditions: list[Expression], paint: dict[str, Any], **more: Any) -> dict[str, Any]:
@@ -93,7 +103,6 @@ def _line(name: str, conditions: list[Expression], paint: dict[str, Any], **more
         "id": name,
         "type": "line",
         "source": SOURCE,
-        "source-layer": LAYER,
         **more,
         "filter": ["all", *conditions],
         "layout": layout,
@@ -101,47 +110,76 @@ def _line(name: str, conditions: list[Expression], paint: dict[str, Any], **more
     }
 
 
-def _unknown(theme: Theme, kind: str) -> dict[str, Any]:
-    widths = [max(round(UNKNOWN_SHARE * width, 2), LEAST_WIDTH_PX) for width in WIDTHS_PX[kind]]
+def _unknown(theme: Theme, shown: Shown, kind: str) -> dict[str, Any]:
     first = {"minzoom": FIRST_ZOOMS[kind]} if FIRST_ZOOMS[kind] else {}
-    paint = {"line-color": theme.unknown, "line-width": _by_zoom(widths)}
-    return _line(f"unknown-{kind}", [["!", _KNOWN], _of_kind(kind)], paint, **first)
+    paint = {"line-color": theme.unknown, "line-width": _by_zoom(_unknown_widths(kind))}
+    return _line(f"unknown-{kind}", [["!", shown.known], _of_kind(kind)], paint, **first)
 
 
-def _known(kind: str, part: str, colour: Any, shown: str) -> dict[str, Any]:
+def _unknown_widths(kind: str) -> list[float]:
+    return [max(round(UNKNOWN_SHARE * width, 2), LEAST_WIDTH_PX) for width in WIDTHS_PX[kind]]
+
+
+def _known_widths(kind: str, shown: Shown) -> list[Expression]:
+    share = _certainty() if shown.widths_tell else 1
+    return [["max", ["*", width, share], LEAST_WIDTH_PX] for width in WIDTHS_PX[kind]]
+
+
+def _known(kind: str, part: str, colour: Any, shown: Shown) -> dict[str, Any]:
     """Lines of one kind of road: the slope itself, or the ground around it."""
-    share = _certainty() if shown == "steepness" else 1
     more = CASE_PX if part == "case" else (0.0,) * len(ZOOMS)
-    widths = [
-        ["+", ["max", ["*", width, share], LEAST_WIDTH_PX], case]
-        for width, case in zip(WIDTHS_PX[kind], more, strict=True)
-    ]
-    # What matters most lies on top where roads meet.
-    rank = _STEEPNESS if shown == "steepness" else ["-", 0, _SIGMA]
-    layout = {"line-sort-key": rank} | ({"line-cap": "butt"} if part == "case" else {})
+    widths = [["+", width, case] for width, case in zip(_known_widths(kind, shown), more, strict=True)]
+    layout = {"line-sort-key": shown.rank} | ({"line-cap": "butt"} if part == "case" else {})
     first = {"minzoom": 12} if part == "case" else {}
     paint = {"line-color": colour, "line-width": _by_zoom(widths)}
-    return _line(f"{part}-{kind}", [_KNOWN, _of_kind(kind)], paint, layout=layout, **first)
+    return _line(f"{part}-{kind}", [shown.known, _of_kind(kind)], paint, layout=layout, **first)
 
 
-def _arrows(theme: Theme) -> dict[str, Any]:
+def _rims(theme: Theme, shown: Shown, *, known: bool) -> dict[str, Any]:
+    """Of bridges, below the road that they carry."""
+    widths_of = {
+        kind: _known_widths(kind, shown) if known else list(_unknown_widths(kind)) for kind in WIDTHS_PX
+    }
+    widths = [
+        ["+", _by_kind({kind: widths_of[kind][k] for kind in WIDTHS_PX}), 2 * RIM_PX]
+        for k in range(len(ZOOMS))
+    ]
+    name, mine = ("bridge", shown.known) if known else ("bridge-unknown", ["!", shown.known])
+    paint = {"line-color": theme.rim, "line-width": _by_zoom(widths)}
+    return _line(name, [["has", "bridge"], mine], paint, layout={"line-cap": "butt"}, minzoom=RIMS_FROM)
+
+
+def _dashes(theme: Theme) -> dict[str, Any]:
+    """Of tunnels, over the road, which is under the ground."""
+    widths = [_by_kind({kind: 1.1 * WIDTHS_PX[kind][k] for kind in WIDTHS_PX}) for k in range(len(ZOOMS))]
+    paint = {"line-color": theme.ground, "line-width": _by_zoom(widths), "line-dasharray": list(DASH)}
+    return _line("tunnel", [["has", "tunnel"]], paint, layout={"line-cap": "butt"}, minzoom=RIMS_FROM)
+
+
+def _by_kind(values: dict[str, Any]) -> Expression:
+    return [
+        "match", _CLASS, list(MAJOR), values["major"], list(MIDDLE), values["middle"], list(MINOR), values["minor"],
+        values["lesser"],
+    ]  # fmt: skip
+
+
+def _arrows(theme: Theme, shown: Shown, slope: Expression) -> dict[str, Any]:
     """Uphill, where it is steep and the sign beyond doubt. A line runs from from_node, so downhill is turned round."""
-    sure: Expression = [">", _STEEPNESS, ["*", DOUBT, _SIGMA]]
+    steepness: Expression = ["abs", slope]
     zoom, least, *later = ARROW_STEEPNESS
-    steep: Expression = [">=", _STEEPNESS, ["step", ["zoom"], least, *later]]
+    steep: Expression = [">=", steepness, ["step", ["zoom"], least, *later]]
     return {
         "id": "uphill",
         "type": "symbol",
         "source": SOURCE,
-        "source-layer": LAYER,
         "minzoom": zoom,
-        "filter": ["all", _KNOWN, sure, steep],
+        "filter": ["all", shown.known, shown.sure, steep],
         "layout": {
             "symbol-placement": "line-center",
-            "symbol-sort-key": ["-", 0, _STEEPNESS],
+            "symbol-sort-key": ["-", 0, steepness],
             "icon-image": UPHILL,
             "icon-size": _by_zoom([0.5, 0.5, 0.5, 0.75, 1.1]),
-            "icon-rotate": ["case", ["<", _SLOPE, 0], 180, 0],
+            "icon-rotate": ["case", ["<", slope, 0], 180, 0],
             "icon-rotation-alignment": "map",
             "icon-keep-upright": False,
             "icon-padding": _by_zoom([10, 10, 10, 3, 3]),
@@ -154,21 +192,23 @@ def _arrows(theme: Theme) -> dict[str, Any]:
     }
 
 
-def _figures(theme: Theme) -> dict[str, Any]:
-    """Steepness in percent beside the road; with its sigma where there is room."""
-    value = _number(_STEEPNESS, ["case", [">=", _STEEPNESS, 9.95], 0, 1])
-    both: Expression = ["concat", value, " ± ", _number(_SIGMA, ["case", [">=", _SIGMA, 0.095], 1, 2]), " %"]
+def _figures(theme: Theme, shown: Shown) -> dict[str, Any]:
+    """Percent beside the road; with its sigma where there is room."""
+    value = _number(shown.said, ["case", [">=", shown.said, 9.95], 0, 1])
+    text: Expression = ["concat", value, " %"]
+    if shown.sigma is not None:
+        sigma = _number(shown.sigma, ["case", [">=", shown.sigma, 0.095], 1, 2])
+        text = ["step", ["zoom"], text, SIGMAS_FROM, ["concat", value, " ± ", sigma, " %"]]
     return {
         "id": "figures",
         "type": "symbol",
         "source": SOURCE,
-        "source-layer": LAYER,
         "minzoom": FIGURES_FROM,
-        "filter": ["all", _KNOWN, [">=", _STEEPNESS, ["step", ["zoom"], ARROW_PERCENT, 17, 0]]],
+        "filter": ["all", shown.known, [">=", shown.said, ["step", ["zoom"], ARROW_PERCENT, 17, 0]]],
         "layout": {
             "symbol-placement": "line-center",
-            "symbol-sort-key": ["-", 0, _STEEPNESS],
-            "text-field": ["step", ["zoom"], ["concat", value, " %"], SIGMAS_FROM, both],
+            "symbol-sort-key": ["-", 0, shown.said],
+            "text-field": text,
             "text-font": LABEL_FONTS,
             "text-size": ["interpolate", ["linear"], ["zoom"], 15, 10, 19, 14],
             # Beside the widest line, and clear of the arrow on it.
@@ -192,10 +232,9 @@ def _number(value: Expression, digits: Expression) -> Expression:
     return ["number-format", value, {"min-fraction-digits": digits, "max-fraction-digits": digits}]
 
 
-def _stepped(scale: ColourScale, colour: str) -> Expression:
+def _stepped(scale: ColourScale, shown: Shown) -> Expression:
     """The colour of each class of the scale."""
-    value = _STEEPNESS if colour == "steepness" else _SIGMA
-    out: Expression = ["step", value, scale.colours[0]]
+    out: Expression = ["step", shown.value, scale.colours[0]]
     for lower, shade in zip(scale.breaks_percent[1:], scale.colours[1:], strict=True):
         out += [lower, shade]
     return out
@@ -204,7 +243,7 @@ def _stepped(scale: ColourScale, colour: str) -> Expression:
 def _certainty() -> Expression:
     """The share of its width that a line of this sigma has: that of ``app.map.slope_map.line_widths``."""
     return [
-        "interpolate", ["linear"], ["ln", ["max", _SIGMA, 1e-3]],
+        "interpolate", ["linear"], ["ln", ["max", SIGMA, 1e-3]],
         math.log(SURE_SIGMA_PERCENT), 1, math.log(UNSURE_SIGMA_PERCENT), UNSURE_WIDTH_PT / SURE_WIDTH_PT,
     ]  # fmt: skip
 

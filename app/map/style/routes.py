@@ -24,11 +24,13 @@ from app.core.http import (
 )
 from app.core.query import refuse_unknown
 from app.core.text import dumps
-from app.map.coverage import cached_extent
+from app.map.coverage import cached_crowd
 from app.map.style.glyphs import FONT_CREDIT, FONTS, first_of_range, fonts_of, glyphs
 from app.map.style.layers import DARK, LIGHT, SOURCE, layers
-from app.map.style.scale import COLOUR_NAMES, scale_of
+from app.map.style.scale import COLOUR_NAMES, ColourScale, scale_of
+from app.map.style.shown import SHOWN
 from app.map.style.sprites import FILES, SHEET, sheet
+from app.map.tiles.store import SEGMENTS, WAYS
 
 PROTOBUF = "application/x-protobuf"
 KEPT = "public, max-age=86400, stale-while-revalidate=604800"
@@ -38,7 +40,9 @@ FIRST_TILES, LARGEST_FIRST_ZOOM = 1.5, 14.0
 """A map opens with the whole network over so many tiles' width or height, and no nearer than that zoom."""
 FARTHEST_DEG = 85.0
 """From the equator: there web maps end."""
-PARAMETERS = frozenset({"theme", "colour"})
+PARAMETERS = frozenset({"theme", "colour", "layer"})
+LAYERS = {SEGMENTS: "/tiles.json", WAYS: f"/collections/{WAYS}/tiles/WebMercatorQuad?f=tilejson"}
+"""What can be drawn, and which tiles it is in."""
 EXAMPLE = {
     "version": 8,
     "sources": {SOURCE: {"type": "vector", "url": "http://127.0.0.1:8000/tiles.json"}},
@@ -51,9 +55,18 @@ ThemeQuery = Annotated[
 ColourQuery = Annotated[
     str,
     Query(
-        description="What colours stand for: how steep, or how sure.",
+        description="What colours stand for: how steep roads are, how sure that is, how steep they are by the "
+        "elevation model alone, or how far that is from what was measured. The last two are known of segments only.",
         json_schema_extra={"enum": [*COLOUR_NAMES]},
         examples=["steepness"],
+    ),
+]
+LayerQuery = Annotated[
+    str,
+    Query(
+        description="What is drawn: segments, or ways.",
+        json_schema_extra={"enum": [*LAYERS]},
+        examples=[SEGMENTS],
     ),
 ]
 StackPath = Annotated[
@@ -78,18 +91,25 @@ def style(
     base: BaseUrl,
     theme: ThemeQuery = "light",
     colour: ColourQuery = "steepness",
+    layer: LayerQuery = SEGMENTS,
 ) -> Response:
     """How a map draws the tiles: give this address to MapLibre.
 
-    Colour is steepness, or certainty; arrows point uphill; roads of unknown slope are thin and grey. Letters and signs
-    come from the service as well.
+    Arrows point uphill; roads of unknown slope are thin and grey; bridges have rims and tunnels are dashed. Letters and
+    signs come from the service as well. `metadata` says what a legend shows.
     """
     refuse_unknown(request, PARAMETERS)
     _check_choice("theme", theme, THEMES)
     _check_choice("colour", colour, COLOUR_NAMES)
+    _check_choice("layer", layer, LAYERS)
+    if layer == WAYS and SHOWN[colour].singles_only:
+        raise BadQueryError(
+            f"colour: {colour} is known of segments only. Ask for layer=segments.", field="colour"
+        )
     with service.reading() as session:
-        bounds = cached_extent(service, session)
-    document = style_document(base, theme, colour)
+        bounds = cached_crowd(service, session)
+    document = style_document(base, theme, colour, layer)
+    document["metadata"]["versant:segments_from_zoom"] = service.settings.tile_full_zoom
     if bounds is not None:
         document |= first_view(bounds)
     return _conditional(request, dumps(document).encode(), JSON, REVALIDATE)
@@ -136,25 +156,36 @@ def letters(fontstack: StackPath, range: RangePath, request: Request) -> Respons
     return _conditional(request, glyphs(fonts, first), PROTOBUF, KEPT)
 
 
-def style_document(base: str, theme: str, colour: str) -> dict[str, Any]:
-    """The style with links under ``base``; ``theme`` and ``colour`` are among those that there are."""
-    scale = scale_of(colour, dark=theme == "dark")
+def style_document(base: str, theme: str, colour: str, layer: str = SEGMENTS) -> dict[str, Any]:
+    """The style with links under ``base``; theme, colour and layer are among those that there are."""
+    scale, shown = scale_of(colour, dark=theme == "dark"), SHOWN[colour]
     return {
         "version": 8,
         "name": f"Versant: {colour}, {theme}",
         "metadata": {
             "versant:legend": {
                 "title": scale.title,
-                "classes": [{"label": label, "colour": shade} for label, shade in scale.classes()],
+                "classes": _classes(scale),
                 "unknown": THEMES[theme].unknown,
+                "known": shown.known,
+                "value": shown.value,
             },
             "versant:fonts": FONT_CREDIT,
         },
         "sprite": f"{base}/sprites/{SHEET}",
         "glyphs": f"{base}/glyphs/{{fontstack}}/{{range}}.pbf",
-        "sources": {SOURCE: {"type": "vector", "url": f"{base}/tiles.json"}},
-        "layers": layers(THEMES[theme], scale, colour),
+        "sources": {SOURCE: {"type": "vector", "url": base + LAYERS[layer]}},
+        "layers": layers(THEMES[theme], scale, shown, layer),
     }
+
+
+def _classes(scale: ColourScale) -> list[dict[str, Any]]:
+    """What a legend shows: each class with where it begins and, if it does, ends."""
+    ends = (*scale.breaks_percent[1:], None)
+    return [
+        {"label": label, "colour": shade, "from_percent": low, "to_percent": high}
+        for (label, shade), low, high in zip(scale.classes(), scale.breaks_percent, ends, strict=True)
+    ]
 
 
 def first_view(bounds: Bounds) -> dict[str, Any]:

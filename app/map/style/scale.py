@@ -45,11 +45,13 @@ class ColourScale:
 
 
 def scale_of(colour: str, *, dark: bool) -> ColourScale:
-    """The scale of ``steepness`` or of ``certainty``; KeyError for anything else."""
+    """The scale of one of ``COLOUR_NAMES``; KeyError for anything else."""
     return _SCALES[colour][dark]
 
 
 _STEEPNESS = "Steepness"
+_MODELLED = "Steepness by the elevation model alone"
+_APART = "Measured slope against the elevation model's"
 _SIGMA = "Uncertainty of the slope, one standard deviation"
 _SCALES = {
     "steepness": (
@@ -59,6 +61,14 @@ _SCALES = {
     "certainty": (
         ColourScale(_SIGMA, SIGMA_BREAKS_PERCENT, SIGMA_COLOURS),
         ColourScale(_SIGMA, SIGMA_BREAKS_PERCENT, SIGMA_COLOURS_ON_DARK),
+    ),
+    "elevation-model": (
+        ColourScale(_MODELLED, BREAKS_PERCENT, COLOURS),
+        ColourScale(_MODELLED, BREAKS_PERCENT, COLOURS_ON_DARK),
+    ),
+    "difference": (
+        ColourScale(_APART, BREAKS_PERCENT, COLOURS),
+        ColourScale(_APART, BREAKS_PERCENT, COLOURS_ON_DARK),
     ),
 }
 COLOUR_NAMES = tuple(_SCALES)

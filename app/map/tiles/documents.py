@@ -108,7 +108,7 @@ def tileset_document(service: Service, base: str, here: str, layer: str) -> dict
 def _described(layer: str, lowest: int, highest: int) -> dict[str, Any]:
     """The layer as a tileset's metadata have it, its properties as a JSON schema."""
     about = ABOUT[layer]
-    types = {"Number": "number", "String": "string"}
+    types = {"Number": "number", "String": "string", "Boolean": "boolean"}
     properties = {
         name: {"title": name, "description": words.partition("; ")[2], "type": types[words.partition(";")[0]]}
         for name, words in about.fields.items()

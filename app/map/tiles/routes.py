@@ -44,6 +44,13 @@ FIELDS = {
     "highway": "String; the road's class in OpenStreetMap",
     "oneway": "Number; 1 along the way, -1 against it, 0 both",
 }
+SEGMENT_FIELDS = {
+    **FIELDS,
+    "bridge": "Boolean; true on a bridge, else absent; where single segments are drawn",
+    "tunnel": "Boolean; true in a tunnel, else absent; where single segments are drawn",
+    "dem_slope_percent": "Number; percent, by the elevation model alone; absent: unknown; where single segments are "
+    "drawn",
+}
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,10 @@ class About:
 
 ABOUT = {
     SEGMENTS: About(
-        "Versant road slopes", "Slopes of road segments, measured by vehicles", "Road segments", FIELDS
+        "Versant road slopes",
+        "Slopes of road segments, measured by vehicles",
+        "Road segments",
+        SEGMENT_FIELDS,
     ),
     WAYS: About(
         "Versant slopes of ways",
@@ -74,14 +84,14 @@ ABOUT = {
 
 
 def kinds(fields: dict[str, str]) -> dict[str, str]:
-    """What each field is, ``Number`` or ``String``: GDAL takes a number for one only where that is all that is said."""
+    """What each field is, ``Number``, ``String`` or ``Boolean``: GDAL takes it for one only where no more is said."""
     return {name: words.partition(";")[0] for name, words in fields.items()}
 
 
 EXAMPLE = {
     "tilejson": "3.0.0",
     "tiles": ["http://127.0.0.1:8000/tiles/{z}/{x}/{y}.mvt"],
-    "vector_layers": [{"id": SEGMENTS, "fields": kinds(FIELDS)}],
+    "vector_layers": [{"id": SEGMENTS, "fields": kinds(SEGMENT_FIELDS)}],
 }
 
 ZoomPath = Annotated[int, Path(ge=0, le=DEEPEST_ZOOM, description="Zoom level.", examples=[14])]

@@ -26,6 +26,8 @@ EXTENT = 4096
 BUFFER = 64
 """Units by which lines go on beyond a tile's edge, so that it does not cut wide strokes short."""
 NO_LIMIT = 2_000_000_000
+DEM_DIGITS = 1
+"""Of slopes by the elevation model in tiles."""
 _WORLD_M = 2 * math.pi * 6_378_137
 """Of the plane of tiles, across."""
 LOCK_SPACE = 1413
@@ -44,8 +46,12 @@ _SHORT = "ST_MakeLine(ST_StartPoint({line}), ST_Translate(ST_StartPoint({line}),
 _AS_MVT = f"ST_AsMVT(feature, '{{layer}}', {EXTENT}, 'geom', 'id')"
 
 # The box for the index is wider than the tile by the buffer, else lines just outside it would end at its edge.
+# What is rare is a property only where it is so. Few slopes of the elevation model differ after their first decimal's
+# rounding, so that they cost a tile little; on a bridge and in a tunnel it says nothing of the road.
 _SEGMENT_FEATURES = f"""
     SELECT s.id, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives, s.highway, s.oneway,
+           nullif(s.bridge, false) AS bridge, nullif(s.tunnel, false) AS tunnel,
+           round(s.dem_slope_percent * {10**DEM_DIGITS}) / {10**DEM_DIGITS} AS dem_slope_percent,
            coalesce({_AS_GEOM.format(line="s.geom_3857")},
                     {_AS_GEOM.format(line=_SHORT.format(line="s.geom_3857"))}) AS geom
     FROM box JOIN segments AS s ON s.geom_3857 && box.wide
@@ -243,8 +249,9 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM,
     """The Mapbox vector tile as the database makes it now, not compressed; empty without any road.
 
     0 <= x, y < 2**z is the caller's to check. Properties: ``slope_percent``, ``slope_sigma_percent`` (both
-    absent where unknown), ``drives``, ``highway``, ``oneway``; a segment's id is its feature's id. From ``full_zoom``
-    on its features are the segments, below what is drawn from afar (``drawn_pieces``). Extent 4096, buffer 64.
+    absent where unknown), ``drives``, ``highway``, ``oneway``, and of segments ``bridge`` and ``tunnel`` where they are
+    such, ``dem_slope_percent``; a segment's id is its feature's id. From ``full_zoom`` on its features are the
+    segments, below what is drawn from afar (``drawn_pieces``). Extent 4096, buffer 64.
     """
     at = Address(layer, z, x, y)
     values = {**at._asdict(), "most": NO_LIMIT}

@@ -26,7 +26,7 @@ from app.map.tiles.store import SEGMENTS, WAYS, Address
 from app.map.tiles.versions import Versions
 from app.map.tiles.watch import Watch
 
-TILE_SCHEMA = 5
+TILE_SCHEMA = 6
 """Raise it whenever tiles change without their data changing, so that caches notice."""
 MOST_BYTES = 250_000
 """Of a compressed tile of a low zoom; what is least important is left out of it."""
@@ -193,10 +193,8 @@ class Tiles:
         await self._builders.close()
 
     def _etag(self, versions: Versions, at: Address) -> str:
-        settings = self.settings
-        sums = versions.of(at.z, at.x, at.y)
-        tag = sums.near if at.z >= settings.tile_full_zoom else sums.far
-        return f'W/"{versions.epoch}.{tag}-{TILE_SCHEMA}.{settings.tile_min_zoom}.{settings.tile_full_zoom}"'
+        least, full = self.settings.tile_min_zoom, self.settings.tile_full_zoom
+        return tag_of(versions, at.z, at.x, at.y, min_zoom=least, full_zoom=full)
 
     async def _is_changed(self, known: int) -> bool:
         await self.watch.look()
@@ -282,6 +280,13 @@ class Tiles:
             size = len(body)
             if size <= MOST_BYTES or most == 1:
                 return body
+
+
+def tag_of(versions: Versions, z: int, x: int, y: int, *, min_zoom: int, full_zoom: int) -> str:
+    """The ETag of a tile of segments as of these versions, where a service draws by these zooms."""
+    sums = versions.of(z, x, y)
+    tag = sums.near if z >= full_zoom else sums.far
+    return f'W/"{versions.epoch}.{tag}-{TILE_SCHEMA}.{min_zoom}.{full_zoom}"'
 
 
 async def compressed(data: bytes) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from contextlib import suppress
 
 import psycopg
@@ -25,6 +26,8 @@ class Watch:
         self.versions = Versions()
         self.changes = 0
         """How many looks found anything new."""
+        self.heard: Callable[[list[int] | None], None] = lambda _: None
+        """Is told the numbers of squares that changed; None: it may be any."""
         self._connections = connections
         self._connection: Connection | None = None
         self._asker: Asker | None = None
@@ -80,7 +83,10 @@ class Watch:
             return
         self._snapshot = found.snapshot
         if found.squares:
-            self.changes += self.versions.put(found.squares)
+            changed = self.versions.put(found.squares)
+            self.changes += changed
+            if changed:
+                self.heard([square[0] for square in found.squares])
         self._end_look(None)
 
     def _end_look(self, error: BaseException | None) -> None:
@@ -127,6 +133,7 @@ class Watch:
             return
         self.versions, self._snapshot = versions, found.snapshot
         self.changes += 1
+        self.heard(None)
         self._asker = Asker(self._connection, store.LOOK, self._answered)
         self._end_look(None)
 

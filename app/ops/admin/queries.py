@@ -9,8 +9,11 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from app.core.telemetry import audit
 from app.map import figures
-from app.ops.admin import store
+from app.map.growth import growth
+from app.ops.admin import flow, store
+from app.ops.admin.attention import FAILED_DAYS, attention
 from fusion.registry import Registry
 
 Rows = list[dict[str, Any]]
@@ -21,6 +24,10 @@ class Asked:
     """What of a query's parameters was asked for."""
 
     days: int = 30
+    free_bytes: int | None = None
+    """Room for logs; None: nothing tells."""
+    least_bytes: int = 0
+    """So much of it is to stay free."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +69,21 @@ def _kept(name: str) -> Callable[[Session, Asked], Found]:
 
 
 for _query in (
+    AdminQuery(
+        "attention",
+        "What needs a person first",
+        "What is wrong, or may soon be, the worst first; empty while all is well. Failures are those of drives that "
+        f"were uploaded within {FAILED_DAYS} days.",
+        {
+            "kind": "What it is about",
+            "severity": "`act`: it does not get better by itself; `look`: it may",
+            "count": "How many",
+            "oldest_s": "Seconds since the first of them",
+            "what": "A sentence",
+            "link": "Where it is listed, below this service's address",
+        },
+        _live(lambda session, asked: attention(session, asked.free_bytes, asked.least_bytes)),
+    ),
     AdminQuery(
         "drives",
         "Drives by day and status",
@@ -113,6 +135,35 @@ for _query in (
             "computed_p50_s_per_km": "Computing, for each kilometre driven",
         },
         _live(lambda session, _asked: store.times(session)),
+    ),
+    AdminQuery(
+        "throughput",
+        "What ended when",
+        f"Drives by when they ended, by the hour of up to {flow.HOURLY_DAYS} days, else by the day. Medians are those "
+        f"of the latest in each, {flow.SAMPLED} in all.",
+        {
+            "at": "When the hour, or the day, began, UTC",
+            "done": "How many were done",
+            "failed": "How many failed",
+            "km": "Length of those that were done",
+            "waited_p50_s": "In the queue",
+            "computed_p50_s": "By a worker",
+            "published_p50_s": "Until its squares were solved",
+        },
+        _live(lambda session, asked: flow.throughput(session, asked.days)),
+    ),
+    AdminQuery(
+        "growth",
+        "Coverage by day",
+        "How much of each class of roads was driven at the end of each day, of today: now. A day that is missing was "
+        "as the one before it.",
+        {
+            "day": "UTC",
+            "highway": "Class in OpenStreetMap",
+            "driven_segments": "How many have a slope that a drive stands behind",
+            "driven_km": "Their length",
+        },
+        _live(lambda session, asked: growth(session, asked.days)),
     ),
     AdminQuery(
         "coverage",
@@ -178,6 +229,41 @@ for _query in (
         },
         _kept("terrain"),
         kept=True,
+    ),
+    AdminQuery(
+        "tiles",
+        "Kept vector tiles by zoom",
+        "Compressed tiles in the database. A stale one shows what has changed since; it is built anew when it is asked "
+        "for.",
+        {
+            "zoom": "Level",
+            "tiles": "How many",
+            "bytes": "Their size",
+            "stale": "How many are older than the map",
+        },
+        _kept("tiles"),
+        kept=True,
+    ),
+    AdminQuery(
+        "versions",
+        "Versions of everything",
+        "What runs here, and on what.",
+        {"what": "Of what", "version": "Which", "detail": "What is to be known of it"},
+        _live(lambda session, _asked: flow.versions(session)),
+    ),
+    AdminQuery(
+        "audit",
+        "Who destroyed what",
+        "Removals and bulk work that were asked for over HTTP within so many days, the newest first, at most "
+        f"{audit.MOST_SHOWN}.",
+        {
+            "at": "When",
+            "action": "What was asked for",
+            "subject": "With what it was to be done",
+            "detail": "What else was said, as JSON",
+            "origin": "Address and program of whoever asked",
+        },
+        _live(lambda session, asked: [row._asdict() for row in audit.entries(session, asked.days)]),
     ),
     AdminQuery(
         "storage",

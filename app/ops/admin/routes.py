@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import uuid
 from datetime import UTC, date, datetime
 from decimal import Decimal
@@ -110,8 +111,9 @@ def query(
         raise NotFoundError(f"There is no query {name[:60]!r}. There are: {known}.", field="name")
     asked = QUERIES[name]
     now = datetime.now(UTC)
+    room = service.blobs.free_bytes(), service.settings.min_free_bytes
     with service.reading() as session:
-        found = asked.read(session, Asked(days=days))
+        found = asked.read(session, Asked(days, *room))
     rows = [{column: _plain(row.get(column)) for column in asked.columns} for row in found.rows]
     as_of = utc_text(found.as_of or now)
     media_type = (
@@ -138,8 +140,12 @@ def _csv(asked: AdminQuery, rows: list[dict[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(asked.columns), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows([{column: _cell(value) for column, value in row.items()} for row in rows])
     return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, dict) else value
 
 
 def _plain(value: Any) -> Any:

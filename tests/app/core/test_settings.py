@@ -129,3 +129,17 @@ def test_nothing_is_read_at_import() -> None:
         check=False,
     )
     assert (done.stdout.strip(), done.returncode) == ("read", 0), done.stderr
+
+
+@pytest.mark.parametrize("url", ["/login", "https://login.example/start?app=versant"])
+def test_a_login_may_be_here_or_elsewhere(url: str) -> None:
+    assert Settings(login_url=url).login_url == url
+
+
+@pytest.mark.parametrize(
+    "url", ["//elsewhere.example", "/\\elsewhere.example", "javascript:alert(1)", "login"]
+)
+def test_a_login_is_a_path_or_an_address(monkeypatch: pytest.MonkeyPatch, url: str) -> None:
+    monkeypatch.setenv("VERSANT_LOGIN_URL", url)
+    with pytest.raises(SettingsError, match="VERSANT_LOGIN_URL: it must begin with"):
+        load_settings()

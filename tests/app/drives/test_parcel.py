@@ -16,9 +16,9 @@ from sqlalchemy import text
 
 from app.core.blobs import BlobStore
 from app.core.errors import BadRequestError, StorageFullError
+from app.core.receiving.body import Piece
 from app.drives.intake import register_upload
 from app.drives.process import Outcome, Workbench
-from app.drives.receiving.body import Piece
 from app.drives.receiving.parcel import Parcel
 from fusion.formats import read_log
 from fusion.simulate.canyon.drive import canyon_of

@@ -16,7 +16,7 @@ from PIL import Image
 from sqlalchemy import text
 
 from app.drives import claims, store, tracks
-from app.drives.outputs.profile import PROFILE_EXAMPLE, PROFILE_SCHEMA
+from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.process import Outcome
 from app.map.segment import PROPERTIES
 from fusion.simulate.drive import simulate_drive
@@ -188,7 +188,7 @@ def test_the_profile_in_the_form_asked_for(
 
 
 def test_a_profile_in_no_form_that_there_is(filled: Any, done: str) -> None:
-    answer = filled.client.get(f"/v1/drives/{done}/profile", headers={"Accept": "text/csv"})
+    answer = filled.client.get(f"/v1/drives/{done}/profile", headers={"Accept": "application/xml"})
     assert answer.status_code == 406
     assert answer.json()["errors"][0]["field"] == "Accept"
 

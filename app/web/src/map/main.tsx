@@ -1,32 +1,90 @@
-import { effect } from "@preact/signals";
+import { signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
 import { Panel } from "../segment/Panel";
 import { Search } from "../segment/Search";
+import { tellError } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
-import { flight, selected } from "./state";
+import { theme } from "../shared/theme";
+import { Legend } from "./Legend";
+import { legend, segmentsFrom } from "./shown";
+import { colour, flyTo, keepAddress, layer, opened, selected } from "./state";
+import { type OwnStyle, ownStyle } from "./style";
+import "./map.css";
 
-// The map's canvas is drawn by another part; until then what is chosen stands in the address.
-const asked = /^#(segment|way)=(\d+)$/.exec(location.hash);
-if (asked) selected.value = { kind: asked[1] as "segment" | "way", id: Number(asked[2]) };
-effect(() => {
-  if (flight.value) document.documentElement.dataset["flight"] = JSON.stringify(flight.value);
-});
+// Both are fetched while the page is put together: the first view waits for them.
+const first = ownStyle(theme.value, colour.value, layer.value);
+const library = import("./canvas");
+
+type Found = "waiting" | "roads" | "nothing";
+const found = signal<Found>("waiting");
+
+/** Where what a link selects is, where the link does not say. */
+async function showSelected(): Promise<void> {
+  const one = selected.value;
+  if (!one || opened.view || opened.box) return;
+  const answer = await fetch(`/collections/${one.kind}s/items/${one.id}?f=json`);
+  if (!answer.ok) return;
+  const { geometry } = (await answer.json()) as { geometry: { coordinates: [number, number][] } };
+  const lons = geometry.coordinates.map(([lon]) => lon);
+  const lats = geometry.coordinates.map(([, lat]) => lat);
+  flyTo({ bbox: [Math.min(...lons), Math.min(...lats), Math.max(...lons), Math.max(...lats)] });
+}
+
+async function open(place: HTMLElement): Promise<void> {
+  const own: OwnStyle = await first;
+  legend.value = own.legend;
+  segmentsFrom.value = own.segmentsFrom;
+  if (!own.style.center) {
+    found.value = "nothing";
+    return;
+  }
+  found.value = "roads";
+  const { backgroundStyle, openMap } = await library;
+  openMap(place, own, await backgroundStyle());
+  keepAddress();
+  await showSelected();
+}
+
+function Nothing() {
+  return (
+    <section class="nothing card">
+      <h1>{t("map.no_roads")}</h1>
+      <p>{t("map.no_roads_do")}</p>
+      <div class="buttons">
+        <a class="button primary" href="/admin">
+          {t("map.import_roads")}
+        </a>
+        <a class="button" href="/upload">
+          {t("map.upload")}
+        </a>
+      </div>
+    </section>
+  );
+}
 
 function Content() {
+  const place = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    if (place.current) open(place.current).catch(tellError);
+  }, []);
   return (
     <Page name="map" filled>
-      <h1 class="unseen">{t("page.map")}</h1>
-      <div
-        style={{
-          position: "absolute",
-          top: "0.75rem",
-          left: "0.75rem",
-          width: "min(24rem, calc(100% - 1.5rem))",
-        }}
-      >
-        <Search />
+      <div class="map-page">
+        {found.value === "nothing" ? (
+          <Nothing />
+        ) : (
+          <>
+            <h1 class="unseen">{t("map.title")}</h1>
+            <div class="canvas" ref={place} />
+            <div class="map-side">
+              <Search />
+              <Legend />
+            </div>
+            <Panel />
+          </>
+        )}
       </div>
-      <Panel />
     </Page>
   );
 }

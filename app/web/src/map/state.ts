@@ -1,15 +1,176 @@
-/** What the map shows and what is chosen on it: signals that the panel and the search read and set. */
-import { signal } from "@preact/signals";
+/**
+ * What the map shows, and its address: a link reproduces the view, the back button leads to the one before.
+ *
+ * `?at=14.2/49.41/8.69&colour=difference&layer=ways&classes=5,8,unknown&sigma=0.5&drives=2&segment=17`; what is as usual
+ * is left out. Others lead here by `?segment=17`, `?way=3`, `?at=` or `?bbox=west,south,east,north`.
+ */
+import { effect, signal } from "@preact/signals";
 
-export type Selected = { kind: "segment" | "way"; id: number };
-export type Target = { lon: number; lat: number; zoom?: number } | { bbox: [number, number, number, number] };
+export type Colour = "steepness" | "elevation-model" | "difference" | "certainty";
+export const COLOURS: readonly Colour[] = ["steepness", "elevation-model", "difference", "certainty"];
+export type LayerName = "segments" | "ways";
+export type Class = number | "unknown";
+export interface Selection {
+  kind: "segment" | "way";
+  id: number;
+}
+export interface View {
+  lon: number;
+  lat: number;
+  zoom: number;
+}
+export type Box = [west: number, south: number, east: number, north: number];
+export type Place = { lon: number; lat: number; zoom?: number } | { bbox: Box };
 
-export const selected = signal<Selected | null>(null);
-export const view = signal({ lon: 0, lat: 0, zoom: 1 });
+/** The segment or way that is looked at. */
+export const selected = signal<Selection | null>(null);
+/** Where the map is; null until it is open. */
+export const view = signal<View | null>(null);
+export const colour = signal<Colour>("steepness");
+export const layer = signal<LayerName>("segments");
+/** Classes of the legend that are shown, by number; none: all. */
+export const classes = signal<readonly Class[]>([]);
+/** The largest sigma that is shown, percent; null: any. */
+export const mostSigma = signal<number | null>(null);
+/** The least number of drives that is shown. */
+export const leastDrives = signal(0);
 
-/** Where the map is to go. */
-export const flight = signal<Target | null>(null);
+/** The elevation model's slope is known of segments alone. */
+export const ofSegmentsOnly = (one: Colour) => one === "elevation-model" || one === "difference";
 
-export function flyTo(target: Target): void {
-  flight.value = target;
+export interface State {
+  view: View | null;
+  box: Box | null;
+  selected: Selection | null;
+  colour: Colour;
+  layer: LayerName;
+  classes: readonly Class[];
+  mostSigma: number | null;
+  leastDrives: number;
+}
+
+function numbers(text: string | null, separator: string, count: number): number[] | null {
+  const found = text?.split(separator).map((one) => (one === "" ? Number.NaN : Number(one))) ?? [];
+  return found.length === count && found.every(Number.isFinite) ? found : null;
+}
+
+function whole(text: string | null): number | null {
+  return text !== null && /^[0-9]{1,15}$/.test(text) ? Number(text) : null;
+}
+
+/** What an address says; what is no sense in it is as usual. */
+export function parsed(search: string): State {
+  const asked = new URLSearchParams(search);
+  const at = numbers(asked.get("at"), "/", 3);
+  const box = numbers(asked.get("bbox"), ",", 4);
+  const segment = whole(asked.get("segment"));
+  const way = whole(asked.get("way"));
+  const layerAsked: LayerName =
+    asked.get("layer") === "ways" || (way !== null && !asked.has("layer")) ? "ways" : "segments";
+  const colourAsked = COLOURS.find((one) => one === asked.get("colour")) ?? "steepness";
+  const sigma = Number(asked.get("sigma") ?? Number.NaN);
+  return {
+    view:
+      at && Math.abs(at[1] as number) <= 90
+        ? { zoom: at[0] as number, lat: at[1] as number, lon: at[2] as number }
+        : null,
+    box: box as Box | null,
+    selected:
+      segment !== null ? { kind: "segment", id: segment } : way !== null ? { kind: "way", id: way } : null,
+    colour: layerAsked === "ways" && ofSegmentsOnly(colourAsked) ? "steepness" : colourAsked,
+    layer: layerAsked,
+    classes: (asked.get("classes") ?? "")
+      .split(",")
+      .map((one) => (one === "unknown" ? one : whole(one)))
+      .filter((one): one is Class => one !== null),
+    mostSigma: sigma > 0 && Number.isFinite(sigma) ? sigma : null,
+    leastDrives: whole(asked.get("drives")) ?? 0,
+  };
+}
+
+const OWN = ["at", "bbox", "segment", "way", "colour", "layer", "classes", "sigma", "drives"];
+
+/** The address of a state; what others have in it stays. */
+export function address(state: State, search: string): string {
+  const said = new URLSearchParams(search);
+  for (const name of OWN) said.delete(name);
+  const at = state.view;
+  if (at) said.set("at", `${at.zoom.toFixed(2)}/${at.lat.toFixed(5)}/${at.lon.toFixed(5)}`);
+  if (state.selected) said.set(state.selected.kind, String(state.selected.id));
+  if (state.colour !== "steepness") said.set("colour", state.colour);
+  if (state.layer !== (state.selected?.kind === "way" ? "ways" : "segments")) said.set("layer", state.layer);
+  if (state.classes.length) said.set("classes", state.classes.join(","));
+  if (state.mostSigma !== null) said.set("sigma", String(state.mostSigma));
+  if (state.leastDrives) said.set("drives", String(state.leastDrives));
+  const text = said.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
+  return text ? `?${text}` : "";
+}
+
+/** What the address said when the page was opened. */
+export const opened = parsed(location.search);
+apply(opened);
+
+function apply(state: State): void {
+  selected.value = state.selected;
+  colour.value = state.colour;
+  layer.value = state.layer;
+  classes.value = state.classes;
+  mostSigma.value = state.mostSigma;
+  leastDrives.value = state.leastDrives;
+}
+
+/** The state as it is, but for where the map is. */
+export function choices(): State {
+  return {
+    view: null,
+    box: null,
+    selected: selected.value,
+    colour: colour.value,
+    layer: layer.value,
+    classes: classes.value,
+    mostSigma: mostSigma.value,
+    leastDrives: leastDrives.value,
+  };
+}
+
+/** The state as it is. */
+export const present = (): State => ({ ...choices(), view: view.value });
+
+/** Keep the address up to date; a new place replaces the last one, anything else can be gone back from. */
+export function keepAddress(): void {
+  let before = "";
+  effect(() => {
+    const now = present();
+    if (now.view === null) return;
+    const chosen = address({ ...now, view: null }, "");
+    const text = address(now, location.search);
+    if (text !== location.search) {
+      const here = location.pathname + text;
+      if (before !== "" && (chosen || "?") !== before) history.pushState(null, "", here);
+      else history.replaceState(history.state, "", here);
+    }
+    before = chosen || "?";
+  });
+  addEventListener("popstate", () => {
+    const state = parsed(location.search);
+    before = address({ ...state, view: null }, "") || "?";
+    if (state.view) flyTo({ ...state.view }, true);
+    apply(state);
+  });
+}
+
+type Mover = (place: Place, atOnce: boolean) => void;
+let mover: Mover | null = null;
+let waiting: Place | null = null;
+
+/** Show a place; before the map is open, it opens there. */
+export function flyTo(place: Place, atOnce = false): void {
+  if (mover) mover(place, atOnce);
+  else waiting = place;
+}
+
+/** The map is open and moves by this; where it was to go meanwhile. */
+export function movedBy(move: Mover): Place | null {
+  mover = move;
+  return waiting;
 }

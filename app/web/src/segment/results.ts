@@ -61,7 +61,7 @@ function byWay(segments: readonly Segment[]): Result[] {
   const far = (some: readonly Segment[]) =>
     Math.min(
       ...some.flatMap((one) =>
-        one.geometry.coordinates.map(([lon, lat]) => apart(view.peek(), { lon, lat })),
+        one.geometry.coordinates.map(([lon, lat]) => apart(view.peek() ?? { lon, lat }, { lon, lat })),
       ),
     );
   return [...ways]

@@ -69,6 +69,12 @@ export function Chart(props: ChartProps) {
   const off = useSignal<ReadonlySet<string>>(
     new Set(lines.filter((one) => one.hidden).map((one) => one.label)),
   );
+  // Lines may come later: what is not asked for of them stays hidden, too.
+  const met = useRef(new Set(lines.map((one) => one.label)));
+  const late = lines.filter((one) => !met.current.has(one.label));
+  for (const one of late) met.current.add(one.label);
+  if (late.some((one) => one.hidden))
+    off.value = new Set([...off.peek(), ...late.filter((one) => one.hidden).map((one) => one.label)]);
   const help = useId();
   const chosen = theme.value;
 

@@ -22,11 +22,11 @@ export class ApiProblem extends Error {
   }
 }
 
-/** The one place that an answer 401 leads to. */
+/** The one place that an answer 401 leads to; from there the visitor comes back to what was open, the address's end included. */
 export function unauthorised(): void {
   if (config.login_url === null) return;
   const login = new URL(config.login_url, location.href);
-  login.searchParams.set("return_to", location.pathname + location.search);
+  login.searchParams.set("return_to", location.href);
   location.assign(login);
 }
 

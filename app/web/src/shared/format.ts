@@ -9,6 +9,7 @@ export function number(value: number | null | undefined, decimals = 0): string {
   return value.toLocaleString(currentLanguage(), {
     minimumFractionDigits: decimals,
     maximumFractionDigits: decimals,
+    signDisplay: "negative",
   });
 }
 

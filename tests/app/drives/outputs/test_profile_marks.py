@@ -24,6 +24,8 @@ def profile() -> Profile:
     zero, no = np.zeros(n), np.zeros(n, bool)
     return Profile(
         time_s=np.arange(n) + 100.0 * late,
+        lon_deg=zero,
+        lat_deg=zero,
         distance_m=11.0 * np.arange(n) + 1000.0 * late,
         alt_m=200 + zero,
         alt_sigma_m=zero,
@@ -37,6 +39,7 @@ def profile() -> Profile:
         has_gnss=~no,
         bridge=no,
         tunnel=no,
+        dem_height_m=zero,
     )
 
 

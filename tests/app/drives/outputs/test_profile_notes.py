@@ -25,6 +25,8 @@ def profile() -> Profile:
     zero, no, segment = np.zeros(n), np.zeros(n, bool), np.arange(n) // 10
     return Profile(
         time_s=np.arange(n, dtype=float),
+        lon_deg=zero,
+        lat_deg=zero,
         distance_m=11.0 * np.arange(n),
         alt_m=200 + 0.22 * np.arange(n),
         alt_sigma_m=zero + 1,
@@ -38,6 +40,7 @@ def profile() -> Profile:
         has_gnss=~no,
         bridge=no,
         tunnel=no,
+        dem_height_m=zero,
     )
 
 

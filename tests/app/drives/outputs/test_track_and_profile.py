@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from PIL import Image
 from pyproj import Geod
 
-from app.drives.outputs.profile import Profile, build_profile, profile_json
+from app.drives.outputs.profile import Profile, build_profile
+from app.drives.outputs.profile_document import profile_json
 from app.drives.outputs.profile_picture import profile_png
 from app.drives.outputs.track import path_feature, point_feature, track_chunks
 from fusion.types import Track

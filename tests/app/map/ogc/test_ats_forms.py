@@ -57,13 +57,14 @@ class Page(HTMLParser):
 
 
 @pytest.mark.parametrize(
-    "path", [*DOCUMENTS, *ITEMS, f"{ITEMS[0]}/3", "/docs", "/collections/segments/schema"]
+    "path", [*DOCUMENTS, *ITEMS, f"{ITEMS[0]}/3", "/openapi.json?f=html", "/collections/segments/schema"]
 )
 def test_ats_html_content(reading: Any, path: str) -> None:
     answer = reading.client.get(path, headers={"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"})
     assert answer.status_code == 200
     assert answer.headers["content-type"] == "text/html; charset=utf-8"
     assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert "unsafe" not in answer.headers["content-security-policy"]
     page = Page(answer.text)
     ours = {address for address in page.links if address.startswith(reading.base)}
     assert ours

@@ -18,6 +18,7 @@ EVERY = (
     "/", "/conformance", "/collections", "/collections/segments", "/collections/segments/schema", "/docs",
     "/collections/ways/queryables", "/collections/ways/sortables", "/collections/segments/items", "/openapi.json",
     "/collections/segments/items/3", "/collections/segments/items?f=html", "/openapi.json?f=openapi-3.0",
+    "/openapi.json?f=html",
 )  # fmt: skip
 
 
@@ -37,6 +38,8 @@ EVERY = (
         ("/openapi.json", f"{OPENAPI};version=3.0;q=0.5, application/json", "application/json"),
         ("/openapi.json", f"{OPENAPI};version=3.1", f"{OPENAPI};version=3.1"),
         ("/openapi.json", OPENAPI, f"{OPENAPI};version=3.1"),
+        ("/openapi.json", "text/html,application/xhtml+xml,*/*;q=0.8", "text/html"),
+        ("/openapi.json", "application/json, text/html", "application/json"),
     ],
 )
 def test_the_accept_header_chooses(reading: Any, path: str, accept: str, media_type: str) -> None:

@@ -46,7 +46,13 @@ HIGHWAYS = (
 EVERY = [(theme, colour) for theme in THEMES for colour in COLOUR_NAMES]
 features = st.fixed_dictionaries(
     {"highway": st.sampled_from(HIGHWAYS), "drives": st.just(1), "oneway": st.sampled_from([-1, 0, 1])},
-    optional={"slope_percent": st.floats(-40, 40), "slope_sigma_percent": st.floats(0.01, 10)},
+    optional={
+        "slope_percent": st.floats(-40, 40),
+        "slope_sigma_percent": st.floats(0.01, 10),
+        "dem_slope_percent": st.floats(-40, 40),
+        "bridge": st.just(True),
+        "tunnel": st.just(True),
+    },
 )
 
 
@@ -96,7 +102,20 @@ def test_the_style_names_only_what_the_service_has(theme: str, colour: str) -> N
         assert address.startswith(f"{BASE}/")
     assert style["glyphs"].endswith("/{fontstack}/{range}.pbf")
     legend = style["metadata"]["versant:legend"]["classes"]
+    assert [one["to_percent"] for one in legend[:-1]] == [one["from_percent"] for one in legend[1:]]
     assert [entry["colour"] for entry in legend] == list(scale_of(colour, dark=theme == "dark").colours)
+
+
+def coloured(colour: str, feature: Feature) -> float | None:
+    """The figure that a colour stands for."""
+    slope, modelled = feature.get("slope_percent"), feature.get("dem_slope_percent")
+    if colour == "elevation-model":
+        return None if modelled is None else abs(modelled)
+    if slope is None:
+        return None
+    if colour == "difference":
+        return None if modelled is None else abs(slope - modelled)
+    return abs(slope) if colour == "steepness" else float(feature.get("slope_sigma_percent", 3.0))
 
 
 @pytest.mark.parametrize(("theme", "colour"), EVERY)
@@ -104,7 +123,8 @@ def test_the_style_names_only_what_the_service_has(theme: str, colour: str) -> N
 def test_every_road_is_drawn_once_and_in_the_colour_of_its_class(
     theme: str, colour: str, feature: Feature, zoom: float
 ) -> None:
-    known = "slope_percent" in feature
+    value = coloured(colour, feature)
+    known = value is not None
     slope, unknown = (drawn(theme, colour, part, feature, zoom) for part in ("slope", "unknown"))
     assert (slope is not None, unknown is not None) == (known, not known)
     shown = slope or unknown
@@ -113,8 +133,8 @@ def test_every_road_is_drawn_once_and_in_the_colour_of_its_class(
     if slope is None:
         assert shown["paint"]["line-color"] == THEMES[theme].unknown
         return
-    value = feature["slope_percent"] if colour == "steepness" else feature.get("slope_sigma_percent", 3.0)
-    expected = scale_of(colour, dark=theme == "dark").colour_of(abs(value))
+    assert value is not None
+    expected = scale_of(colour, dark=theme == "dark").colour_of(value)
     assert evaluate(slope["paint"]["line-color"], feature, zoom) == expected
 
 
@@ -128,6 +148,29 @@ def test_lines_narrow_with_doubt_as_in_pictures(sigma: float, zoom: int, highway
 
     share = float(line_widths(np.array([sigma]))[0] / line_widths(np.array([0.01]))[0])
     assert width(sigma) == pytest.approx(max(share * width(0.01), 0.7), rel=1e-6)
+
+
+@given(highway=st.sampled_from(HIGHWAYS), slope=st.none() | st.floats(-9, 9), zoom=st.sampled_from(ZOOMS[3:]))
+def test_bridges_have_rims_and_tunnels_are_dashed(highway: str, slope: float | None, zoom: int) -> None:
+    feature = {"highway": highway, "bridge": True} | ({} if slope is None else {"slope_percent": slope})
+    road = drawn("light", "steepness", "unknown" if slope is None else "slope", feature, zoom)
+    rim = drawn("light", "steepness", "bridge", feature, zoom)
+    assert road is not None
+    assert rim is not None
+    widths = [evaluate(one["paint"]["line-width"], feature, zoom) for one in (road, rim)]
+    assert widths[1] == pytest.approx(widths[0] + 3)
+    assert drawn("light", "steepness", "tunnel", feature, zoom) is None
+    dashes = drawn("light", "steepness", "tunnel", {"highway": highway, "tunnel": True}, zoom)
+    assert dashes is not None
+    assert evaluate(dashes["paint"]["line-width"], feature, zoom) > widths[0]
+
+
+def test_arrows_of_the_elevation_model_are_its_own() -> None:
+    feature = {"highway": "primary", "slope_percent": -5.0, "dem_slope_percent": 5.0}
+    arrow = drawn("light", "elevation-model", "uphill", feature)
+    assert arrow is not None
+    assert evaluate(arrow["layout"]["icon-rotate"], feature) == 0
+    assert drawn("light", "difference", "uphill", feature) is None
 
 
 @given(slope=st.floats(-40, 40), sigma=st.floats(0.05, 10), zoom=st.floats(14, 19))
@@ -206,7 +249,16 @@ def test_the_style_is_served_whole_and_unchanged_answers_304(reading: Any) -> No
 def test_a_style_that_there_is_not_is_a_bad_query(reading: Any, query: str) -> None:
     problem = check(reading.client.get(f"/style.json?{query}"), 400)
     assert problem["errors"][0]["field"] == query.split("=", maxsplit=1)[0]
-    assert any(word in problem["detail"] for word in ("light", "steepness", "colour, theme"))
+    assert any(word in problem["detail"] for word in ("light", "steepness", "colour, layer, theme"))
+
+
+def test_ways_have_a_style_of_the_same_colours(reading: Any) -> None:
+    style = reading.client.get("/style.json?layer=ways").json()
+    assert {one["source-layer"] for one in style["layers"][1:]} == {"ways"}
+    (layer,) = reading.client.get(style["sources"]["slopes"]["url"]).json()["vector_layers"]
+    assert layer["id"] == "ways"
+    check(reading.client.get("/style.json?layer=ways&colour=difference"), 400)
+    check(reading.client.get("/style.json?layer=roads"), 400)
 
 
 def test_a_map_of_no_roads_has_a_style(web: Any) -> None:

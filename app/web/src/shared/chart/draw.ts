@@ -71,7 +71,7 @@ function series({ lines }: Drawing, colour: Palette): uPlot.Series[] {
       width: 2,
       ...(line.dashed ? { dash: [6, 4] } : {}),
       ...(line.points
-        ? { paths: () => null, points: { show: true, size: 7, fill: stroke } }
+        ? { paths: () => null, points: { show: true, size: line.dot ?? 7, fill: stroke } }
         : { points: { show: false } }),
     });
     const rim: uPlot.Series = { scale, show, stroke: "transparent", width: 0, points: { show: false } };

@@ -20,6 +20,8 @@ export interface Line {
   dashed?: boolean;
   /** Dots instead of a line. */
   points?: boolean;
+  /** How wide dots are, pixels: many of them want small ones. */
+  dot?: number;
   /** Its scale: the left one, or one of its own on the right. */
   axis?: "left" | "right";
   /** Not drawn until the visitor asks for it. */

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from starlette.datastructures import Headers, QueryParams
 
 from app.core.errors import BadRequestError
-from app.drives.receiving.body import MultipartBody, clean_filename, joined, upload_source
+from app.core.receiving.body import MultipartBody, clean_filename, joined, upload_source
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,0 +1,210 @@
+"""Many drives removed at once: shown first, then cancelled piece by piece by a worker, each with a job of its own.
+
+What is left of it after a worker died is found again by its next run: a drive that is cancelled is chosen no more.
+It cannot be called off, since what goes is gone within moments; a dry run shows it before.
+"""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from datetime import datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.core.db import Sessions
+from app.core.errors import BadQueryError, BadRequestError
+from app.core.http import BaseUrl, Link, Service, ServiceDep, link, problems
+from app.core.query import parse_bbox, refuse_unknown
+from app.core.telemetry import audit
+from app.core.telemetry.audit import Origin
+from app.core.telemetry.logs import tell
+from app.drives.batches import enqueuing
+from app.drives.batches import removing_store as store
+from app.drives.batches.documents import BatchRequest, Selection, Which
+from app.drives.batches.removing_store import Meant, Sums
+from app.drives.method_choice import default_method
+from app.jobs.task import Interrupted, Task, Work
+from app.roads.regions import known_region
+from fusion.errors import RoadsError
+
+MOST_IDS = 500
+"""In one request: as many as an address has room for."""
+
+logger = logging.getLogger(__name__)
+
+router = APIRouter(prefix="/v1/drives", tags=["drives"])
+
+
+class RemovalRequest(BatchRequest):
+    """Which drives are to go, as query parameters: those of `reprocess`, or their ids."""
+
+    which: Which | None = Field(  # type: ignore[assignment]
+        None,
+        description="As of `POST /v1/drives/reprocess`; unset: `all` for which the other filters hold. Without any "
+        "filter nothing is removed: `which=all` says that all are meant.",
+    )
+    ids: list[str] | None = Field(
+        None,
+        description=f"Only these drives, whatever their status; at most {MOST_IDS}, separated by commas or repeated.",
+    )
+    dry_run: bool = Field(False, description="Only say what would go; change nothing.")
+
+
+class Removal(BaseModel):
+    """What goes, or would go."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "drives": 12,
+                    "km": 74.9,
+                    "uploaded_bytes": 61_004_311,
+                    "dry_run": True,
+                    "sentence": "12 drives of 74.9 km, and their logs of 61.0 MB, would be removed for good.",
+                    "links": [],
+                }
+            ]
+        }
+    )
+
+    drives: int
+    km: float = Field(description="Driven in all of them.")
+    uploaded_bytes: int = Field(description="Size of their logs.")
+    dry_run: bool
+    sentence: str = Field(description="The same for a person.")
+    links: list[Link]
+
+
+@router.post(
+    "/remove",
+    status_code=202,
+    summary="Remove many drives",
+    response_model=Removal,
+    responses={
+        200: {"model": Removal, "description": "Of a dry run: nothing was changed."},
+        **problems(403, 422, 503),
+    },
+)
+def remove_drives(
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    response: Response,
+    origin: Origin,
+    asked: Annotated[RemovalRequest, Query()],
+) -> Removal:
+    """Remove every done or failed drive that is meant, with its log and all that it said, as `DELETE` does of one.
+
+    `dry_run=true` answers 200 with what would go. Else a worker removes them, behind uploads; drives that are uploaded
+    or asked for again meanwhile stay. It cannot be called off. Once more finds nothing left to remove.
+    """
+    refuse_unknown(request, RemovalRequest.model_fields, BadRequestError)
+    meant = _meant(service, asked)
+    with service.sessions.begin() as session:
+        sums = store.sums_of(session, meant)
+        if sums.drives and not asked.dry_run:
+            store.ask(session, meant)
+            audit.note(
+                session,
+                origin,
+                "drives removed",
+                "1 drive" if sums.drives == 1 else f"{sums.drives} drives",
+                **meant.selection.model_dump(mode="json", exclude_none=True, exclude={"force"}),
+                ids=None if meant.ids is None else [str(one) for one in meant.ids],
+                km=round(sums.km, 1),
+            )
+    if asked.dry_run:
+        response.status_code = 200
+    else:
+        tell(logger, "removal of drives asked for", drives=sums.drives)
+    links = (
+        []
+        if asked.dry_run
+        else [link(f"{base}/v1/drives?status=cancelled", "monitor", title="What is on its way")]
+    )
+    return Removal(
+        **sums._asdict(), dry_run=asked.dry_run, sentence=_sentence(sums, asked.dry_run), links=links
+    )
+
+
+def removing_task(sessions: Sessions) -> Task:
+    """What a worker does for such a request."""
+
+    def run(work: Work, *, asked_at: str, selection: Any, method: str | None, ids: list[str] | None) -> str:
+        numbers = None if ids is None else tuple(uuid.UUID(one) for one in ids)
+        meant = Meant(Selection.model_validate(selection), method, numbers)
+        return f"{_remove(sessions, work, meant, datetime.fromisoformat(asked_at))} drives"
+
+    def put_back(**_: Any) -> None:
+        """Nothing waits but the job, and that goes back by itself."""
+
+    def fail(kind: str, reason: str, **_: Any) -> None:
+        logger.error("not all drives could be removed that were to be: %s", reason)
+
+    return Task(store.REMOVE_DRIVES, run, fail, put_back, subject="removal")
+
+
+def _remove(sessions: Sessions, work: Work, meant: Meant, asked_at: datetime) -> int:
+    count, last = 0, None
+    while True:
+        if work.should_stop():
+            raise Interrupted
+        with sessions.begin() as session:
+            drives, place = store.remove_piece(session, meant, asked_at, last)
+        count, last = count + drives, place
+        if drives < store.PIECE_DRIVES:
+            tell(logger, "drives cancelled", drives=count, reason="their removal was asked for")
+            return count
+
+
+def _meant(service: Service, asked: RemovalRequest) -> Meant:
+    """``BadRequestError`` for what cannot be meant."""
+    ids = _ids(asked.ids)
+    filters = asked.model_dump(exclude={"method", "dry_run", "bbox", "which", "ids", "force"})
+    if ids is None and asked.which is None and asked.bbox is None and not any(filters.values()):
+        raise BadRequestError(
+            "Which drives? Name some (ids), or a filter; which=all means all of them.", field="which"
+        )
+    try:
+        box = parse_bbox(asked.bbox)
+    except BadQueryError as error:  # the OGC's status is not this route's
+        raise BadRequestError(str(error), field="bbox") from error
+    # Also those whose log cannot be used: of these one wants to be rid.
+    selection = Selection(**filters, which=asked.which or Which.ALL, bbox=box, force=True)
+    method = asked.method
+    if method is None and selection.which is Which.OTHER:
+        method = default_method(service.settings)
+    enqueuing.check(selection, method)
+    if selection.region is not None:
+        with service.reading() as session:
+            try:
+                known_region(session, selection.region)
+            except RoadsError as error:
+                raise BadRequestError(str(error), field="region") from error
+    return Meant(selection, method, ids)
+
+
+def _ids(asked: list[str] | None) -> tuple[uuid.UUID, ...] | None:
+    if asked is None:
+        return None
+    named = [one.strip() for text in asked for one in text.split(",") if one.strip()]
+    if not named or len(named) > MOST_IDS:
+        raise BadRequestError(f"ids: name 1 to {MOST_IDS} drives.", field="ids")
+    try:
+        return tuple(dict.fromkeys(uuid.UUID(one) for one in named))
+    except ValueError:
+        raise BadRequestError(
+            "ids: each is the id of a drive, as the list of drives tells it.", field="ids"
+        ) from None
+
+
+def _sentence(sums: Sums, dry_run: bool) -> str:
+    if not sums.drives:
+        return "No drive is meant: nothing " + ("would be removed." if dry_run else "is removed.")
+    drives, logs = ("1 drive", "its log") if sums.drives == 1 else (f"{sums.drives} drives", "their logs")
+    verb = "would be" if dry_run else ("is" if sums.drives == 1 else "are")
+    return f"{drives} of {sums.km:.1f} km, and {logs} of {sums.uploaded_bytes / 1e6:.1f} MB, {verb} removed for good."

@@ -1,0 +1,111 @@
+"""Many drives removed at once, in the database: counted, and cancelled piece by piece with the jobs that take back
+what they said."""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any, NamedTuple
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.drives.batches.documents import Selection
+from app.drives.batches.selection import conditions
+from app.drives.queue import BEHIND, REMOVE_DRIVE
+from app.jobs.task import QUEUE, Kind, add_job
+
+REMOVE_DRIVES = Kind("remove_drives", BEHIND // 2)
+ONE_AT_A_TIME = "remove_drives"
+PIECE_DRIVES = 500
+
+# Drives that were asked for since are of no concern. Those that are named go whatever they do just now.
+_MEANT = """
+    FROM drives AS d
+    WHERE d.status = ANY(:statuses) AND d.queued_at <= coalesce(CAST(:asked_at AS timestamptz), now())
+        AND (CAST(:ids AS uuid[]) IS NULL OR d.id = ANY(CAST(:ids AS uuid[])))
+"""
+_COUNT = """
+    SELECT count(*) AS drives, coalesce(sum(d.distance_m), 0) / 1000 AS km,
+           CAST(coalesce(sum(d.size_bytes), 0) AS bigint) AS uploaded_bytes
+"""
+_AFTER = " AND (d.created_at, d.id) > (:after_created_at, :after_id)"
+
+# As each is removed by itself (``app.drives.store``), its job behind uploads.
+_REMOVE = f"""
+    WITH chosen AS MATERIALIZED (
+        SELECT d.id {{meant}} ORDER BY d.created_at, d.id LIMIT :piece FOR UPDATE OF d
+    ), gone AS (
+        UPDATE drives AS d
+        SET status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp(),
+            sha256 = 'removed ' || d.id, content_sha256 = NULL
+        FROM chosen WHERE d.id = chosen.id RETURNING d.id, d.generation, d.created_at
+    ), last AS (SELECT created_at, id FROM gone ORDER BY created_at DESC, id DESC LIMIT 1),
+    deferred AS (
+        SELECT coalesce(cardinality(procrastinate_defer_jobs_v1(array_agg(
+            CAST(ROW('{QUEUE}', '{REMOVE_DRIVE.name}', {BEHIND}, NULL, NULL,
+                     jsonb_build_object('drive_id', id, 'generation', generation), NULL)
+                 AS procrastinate_job_to_defer_v1) ORDER BY created_at, id))), 0) AS drives
+        FROM gone)
+    SELECT deferred.drives, last.created_at, last.id FROM deferred LEFT JOIN last ON true
+"""  # noqa: S608 - constants
+_NOW = text("SELECT clock_timestamp()")
+
+
+class Meant(NamedTuple):
+    """Which drives are to go: by a selection, or by their ids."""
+
+    selection: Selection
+    method: str | None
+    ids: tuple[uuid.UUID, ...] | None
+
+
+class Sums(NamedTuple):
+    """Of the drives that are meant."""
+
+    drives: int
+    km: float
+    uploaded_bytes: int
+
+
+class Place(NamedTuple):
+    """Of a drive in the order of uploads."""
+
+    created_at: datetime
+    id: uuid.UUID
+
+
+def sums_of(session: Session, meant: Meant) -> Sums:
+    """What would go now. Reads the whole table."""
+    where, values = _where(meant, None)
+    return Sums(*session.execute(text(_COUNT + where), values).one())
+
+
+def ask(session: Session, meant: Meant) -> datetime:
+    """Have a worker remove them, those that are meant at this moment."""
+    asked_at: datetime = session.execute(_NOW).scalar_one()
+    ids = None if meant.ids is None else [str(one) for one in meant.ids]
+    selection = meant.selection.model_dump_json(exclude_none=True)
+    arguments = {"selection": json.loads(selection), "method": meant.method, "ids": ids}
+    add_job(session, REMOVE_DRIVES, lock=ONE_AT_A_TIME, asked_at=asked_at.isoformat(), **arguments)
+    return asked_at
+
+
+def remove_piece(
+    session: Session, meant: Meant, asked_at: datetime, after: Place | None
+) -> tuple[int, Place | None]:
+    """Cancel the next drives after a place; how many, and the last of them: None, there are no more."""
+    where, values = _where(meant, asked_at)
+    if after is not None:
+        where, values = where + _AFTER, {**values, "after_created_at": after.created_at, "after_id": after.id}
+    row = session.execute(text(_REMOVE.format(meant=where)), {**values, "piece": PIECE_DRIVES}).one()
+    return row.drives, None if row.id is None else Place(row.created_at, row.id)
+
+
+def _where(meant: Meant, asked_at: datetime | None) -> tuple[str, Mapping[str, Any]]:
+    where, values = conditions(meant.selection, meant.method)
+    statuses = ["done", "failed"] if meant.ids is None else ["done", "failed", "queued", "running"]
+    ids = None if meant.ids is None else list(meant.ids)
+    return _MEANT + where, {**values, "statuses": statuses, "ids": ids, "asked_at": asked_at}

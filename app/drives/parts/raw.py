@@ -1,0 +1,136 @@
+"""What a drive was made of, over HTTP: its log as it was uploaded, and what its sensors said along it."""
+
+from __future__ import annotations
+
+import uuid
+from typing import Any, BinaryIO
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import run_in_threadpool
+
+from app.core.errors import STATUS_KINDS, NotFoundError
+from app.core.http import JSON, Service, ServiceDep, etag_matches, found, problems
+from app.core.lanes import PARTS
+from app.core.problems import problem_response
+from app.core.text import columns_text, dumps
+from app.drives import store as drives
+from app.drives import tracks
+from app.drives.documents import Drive
+from app.drives.outputs.measurements import (
+    MEASUREMENTS_EXAMPLE,
+    MEASUREMENTS_SCHEMA,
+    measurements_json,
+)
+from app.drives.parts.reading import PointsQuery, attachment, drive_and_track, drive_profile
+from app.exports.ranges import NoSuchRangeError, part_of, pieces
+
+BYTES = "application/octet-stream"
+BLOCK_BYTES = 2**20
+"""Fetched of a bucket at once."""
+ZIP = b"PK\x03\x04"
+
+router = APIRouter(prefix="/v1/drives", tags=["drives"])
+
+_FILE: dict[str, Any] = {
+    "content": {BYTES: {"schema": {"type": "string", "format": "binary"}, "example": "(the bytes)"}}
+}
+
+
+@router.get(
+    "/{drive_id}/measurements",
+    summary="What a drive's sensors said",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Columns over the distance driven, of each sensor.",
+            "content": {JSON: {"schema": MEASUREMENTS_SCHEMA, "example": MEASUREMENTS_EXAMPLE}},
+        },
+        **problems(404, 422, 503),
+    },
+)
+async def drive_measurements(
+    drive_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
+) -> Response:
+    """What stands behind the profile: heights and grades as each sensor has them, placed on the profile's axis.
+
+    `points` is of each sensor. Methods that tell of no measurements have none.
+    """
+    async with service.lanes[PARTS].place():
+        text = await run_in_threadpool(_measurements_text, service, drive_id, points)
+    return Response(text, media_type=JSON)
+
+
+@router.get(
+    "/{drive_id}/log",
+    summary="A drive's log as it was uploaded",
+    response_class=Response,
+    responses={
+        200: {"description": "The file.", **_FILE},
+        206: {"description": "The part of it that `Range` asks for.", **_FILE},
+        304: {"description": "Unchanged since the ETag."},
+        **problems(404, 416, 503),
+    },
+)
+def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Response:
+    """The bytes as they came, under their name; of several files the zip that they are kept as.
+
+    Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file.
+    """
+    with service.reading() as session:
+        drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+    if drive.status == "cancelled":
+        raise NotFoundError(f"The drive {drive_id} is being removed, and its log with it.")
+    etag, size = f'"{drive.sha256}"', drive.size_bytes
+    shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
+    if etag_matches(request, etag):
+        return Response(status_code=304, headers=shared)
+    try:
+        part = part_of(request.headers.get("range"), request.headers.get("if-range"), etag, size)
+    except NoSuchRangeError:
+        detail = f"The file has {size} bytes, and the range {request.headers['range'][:80]!r} begins beyond its end."
+        said = {"Content-Range": f"bytes */{size}", "ETag": etag}
+        return problem_response(request, STATUS_KINDS[416], detail, headers=said)
+    file = _opened(service, drive)
+    headers = shared | {
+        "Content-Disposition": attachment(_name(drive, file)),
+        "X-Content-Type-Options": "nosniff",
+        "Content-Security-Policy": "sandbox",
+        "Content-Length": str(size if part is None else part.size),
+    }
+    if part is not None:
+        headers["Content-Range"] = f"bytes {part.first}-{part.last}/{size}"
+    return StreamingResponse(pieces(file, part), 200 if part is None else 206, headers, BYTES)
+
+
+def _opened(service: Service, drive: Drive) -> BinaryIO:
+    try:
+        return service.blobs.open(drive.blob_key, BLOCK_BYTES)
+    except FileNotFoundError:
+        raise NotFoundError(
+            f"The uploaded file of drive {drive.id} is no longer in the service's storage. What was computed of it "
+            "stays; upload the same file again, and the drive has it again."
+        ) from None
+
+
+def _name(drive: Drive, file: BinaryIO) -> str:
+    """The name to keep the file under: several files are kept as one zip."""
+    if ", " not in drive.filename or drive.filename.lower().endswith(".zip"):
+        return drive.filename
+    head = file.read(len(ZIP))
+    file.seek(0)
+    return f"{drive.filename}.zip" if head == ZIP else drive.filename
+
+
+def _measurements_text(service: Service, drive_id: uuid.UUID, points: int | None) -> bytes:
+    with service.reading() as session:
+        drive, stored = drive_and_track(session, drive_id)
+        profile = drive_profile(session, drive_id, stored)
+        measurements = tracks.read_measurements(session, drive_id)
+    return measurements_text({"drive_id": str(drive.id)}, measurements_json(profile, measurements, points))
+
+
+def measurements_text(members: dict[str, Any], document: dict[str, Any]) -> bytes:
+    """The document as compact JSON, a part of a column at a time."""
+    sensors = b",".join(columns_text(sensor) for sensor in document["sensors"])
+    return dumps(members)[:-1].encode() + b',"sensors":[' + sensors + b"]}"

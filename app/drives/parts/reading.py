@@ -1,0 +1,110 @@
+"""What the routes of a drive's parts share: its track and profile out of the database, the form of an answer."""
+
+from __future__ import annotations
+
+import re
+import uuid
+from collections.abc import Iterator, Mapping
+from typing import Annotated
+from urllib.parse import quote
+
+from fastapi import Query
+from sqlalchemy.orm import Session
+
+from app.core.errors import NotAcceptableError, NotFoundError
+from app.core.http import JSON, found, preferred
+from app.core.text import GEO_JSON
+from app.drives import store as drives
+from app.drives import tracks
+from app.drives.documents import Drive
+from app.drives.outputs.profile import Profile, build_profile
+from app.drives.outputs.thinning import LEAST, MOST
+from app.drives.parts import store
+from app.drives.tracks import StoredTrack
+
+CSV = "text/csv"
+BLOCK_BYTES = 256 * 1024
+LONGEST_NAME = 200
+_NOT_PLAIN = re.compile(r'[^ -~]|["\\/%]')
+
+PointsQuery = Annotated[
+    int | None,
+    Query(
+        ge=LEAST,
+        le=MOST,
+        description="At most so many points, of more: ends of gaps, and the highest and lowest of each of equal "
+        "stretches, stay. Ends of gaps are never left out, however many there are. Unset: all.",
+        examples=[4000],
+    ),
+]
+
+
+def drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, StoredTrack]:
+    """The drive and the track of its last successful run; ``NotFoundError`` says why there is none."""
+    drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+    stored = tracks.read_track(session, drive_id)
+    if stored is None:
+        reason = f" It failed: {drive.failure.reason}" if drive.failure else " Look again when it is done."
+        raise NotFoundError(f"The drive {drive_id} is {drive.status} and has no track.{reason}")
+    return drive, stored
+
+
+def profile_of(session: Session, stored: StoredTrack, slopes: Mapping[int, tuple[float, float]]) -> Profile:
+    """The profile of a track with these slopes, and what the map knows of the roads that it is on."""
+    facts = store.road_facts(session, stored.segment_id)
+    return build_profile(stored.track, stored.segment_id, slopes, facts)
+
+
+def drive_profile(session: Session, drive_id: uuid.UUID, stored: StoredTrack) -> Profile:
+    """The profile of a drive's track with its own slopes."""
+    return profile_of(session, stored, store.own_slopes(session, drive_id))
+
+
+def form_of(f: str | None, accept: str | None, forms: Mapping[str, str]) -> str:
+    """Which of ``forms``, name -> media type, is wanted: ``f`` if it is said, else what the Accept header prefers.
+
+    Who accepts JSON takes GeoJSON. Raises ``NotAcceptableError``.
+    """
+    if f is not None:
+        return f
+    names = {media_type: name for name, media_type in forms.items()}
+    if JSON not in names and GEO_JSON in names:
+        names[JSON] = names[GEO_JSON]
+    media_type = preferred(accept, tuple(names))
+    if media_type is None:
+        raise NotAcceptableError(
+            f"This is to be had as {', '.join(forms.values())}; Accept allows none of these.", field="Accept"
+        )
+    return names[media_type]
+
+
+def attachment(name: str) -> str:
+    """The Content-Disposition of a file to be kept under that name, whatever characters it has (RFC 6266).
+
+    Who does not know ``filename*`` (RFC 8187) gets the name without what is no plain ASCII.
+    """
+    name = re.sub(r"[\x00-\x1f\x7f]", "_", name.replace("\\", "/").rsplit("/", 1)[-1]).strip(" .")
+    name = name[-LONGEST_NAME:] or "file"
+    told = f'attachment; filename="{_NOT_PLAIN.sub("_", name)}"'
+    if _NOT_PLAIN.search(name) is None:
+        return told
+    return f"{told}; filename*=UTF-8''{quote(name.encode('utf-8', 'replace'), safe='')}"
+
+
+def stem_of(filename: str) -> str:
+    """The name of a log without what says its format, for files that are made of it."""
+    first = filename.split(", ", maxsplit=1)[0].replace("\\", "/").rsplit("/", 1)[-1]
+    return first.removesuffix(".gz").rsplit(".", 1)[0] or "drive"
+
+
+def in_blocks(chunks: Iterator[str], size: int = BLOCK_BYTES) -> Iterator[str]:
+    """The same text in larger pieces: each piece costs a hop between threads."""
+    waiting: list[str] = []
+    length = 0
+    for chunk in chunks:
+        waiting.append(chunk)
+        length += len(chunk)
+        if length >= size:
+            yield "".join(waiting)
+            waiting, length = [], 0
+    yield "".join(waiting)

@@ -1,0 +1,282 @@
+"""What a drive yielded, over HTTP: its track, its elevation profile, its estimates. Knows no SQL and draws nothing."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.concurrency import run_in_threadpool
+
+from app.core.http import (
+    JSON,
+    BaseUrl,
+    Service,
+    ServiceDep,
+    found,
+    geojson_answer,
+    geojson_response,
+    link,
+    problems,
+    with_query,
+)
+from app.core.http import link_documents as documents
+from app.core.lanes import PARTS
+from app.core.query import cursor_of, parse_cursor
+from app.core.text import GEO_JSON, columns_text
+from app.drives import store as drives
+from app.drives import tracks
+from app.drives.documents import drive_address
+from app.drives.outputs.drawing import Drawing
+from app.drives.outputs.estimates import collection_chunks, estimate_feature, estimates_csv
+from app.drives.outputs.profile_document import (
+    PROFILE_EXAMPLE,
+    PROFILE_SCHEMA,
+    fewer,
+    profile_csv,
+    profile_json,
+)
+from app.drives.outputs.profile_marks import datum_words
+from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
+from app.drives.outputs.track_files import track_csv, track_gpx
+from app.drives.parts.reading import (
+    CSV,
+    PointsQuery,
+    attachment,
+    drive_and_track,
+    drive_profile,
+    form_of,
+    in_blocks,
+    stem_of,
+)
+from app.map.attribution import attribution
+from app.map.segments import MAX_ID, SEGMENT_EXAMPLE, CursorQuery
+from app.map.store import drive_segment_rows
+
+PNG = "image/png"
+GPX = "application/gpx+xml"
+TRACKS = {"geojson": GEO_JSON, "csv": CSV, "gpx": GPX}
+PROFILES = {"json": JSON, "png": PNG, "csv": CSV}
+ESTIMATES = {"geojson": GEO_JSON, "csv": CSV}
+
+TRACK_CSV_EXAMPLE = (
+    "time_s,lat_deg,lon_deg,alt_msl_m,h_acc_m,v_acc_m,speed_mps,heading_deg,pitch_deg,pitch_acc_deg\r\n"
+    "1795161310.0,48.9912,8.4812,143.21,1.4,0.9,11.2,41.5,3.9,0.3\r\n"
+)
+_GPX_EXAMPLE = (
+    '<gpx version="1.1" creator="Versant" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>'
+    '<trkpt lat="48.9912000" lon="8.4812000"><ele>143.21</ele><time>2026-11-20T07:55:10.000Z</time></trkpt>'
+    "</trkseg></trk></gpx>"
+)
+PROFILE_CSV_EXAMPLE = "distance_m,time,alt_m,alt_sigma_m\r\n0.0,2026-11-20T07:55:10.000Z,143.21,0.9\r\n"
+ESTIMATES_CSV_EXAMPLE = "id,osm_way_id,slope_percent,slope_sigma_percent\r\n17,23456789,6.8214,0.3127\r\n"
+
+router = APIRouter(prefix="/v1/drives", tags=["drives"])
+
+log = logging.getLogger(__name__)
+
+
+def text_content(example: str) -> dict[str, Any]:
+    """The OpenAPI description of a text."""
+    return {"schema": {"type": "string"}, "example": example}
+
+
+def as_file(name: str) -> dict[str, str]:
+    """Headers of an answer that depends on Accept and is a file to be kept."""
+    return {"Vary": "Accept", "Content-Disposition": attachment(name)}
+
+
+@router.get(
+    "/{drive_id}/track",
+    summary="A drive's track",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "The path, then a point per epoch.",
+            "content": {
+                **geojson_answer("", TRACK_EXAMPLE)["content"],
+                CSV: text_content(TRACK_CSV_EXAMPLE),
+                GPX: text_content(_GPX_EXAMPLE),
+            },
+        },
+        **problems(404, 406, 422, 503),
+    },
+)
+def drive_track(
+    drive_id: uuid.UUID,
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    f: Annotated[
+        Literal["geojson", "csv", "gpx"] | None, Query(description="Overrides the Accept header.")
+    ] = None,
+) -> StreamingResponse:
+    """Where the vehicle was, with sigmas. The first feature is the path, interrupted where the recording was.
+
+    Heights are those of the road's surface. Unknown is null. CSV has the columns of a log and can be uploaded again;
+    GPX 1.1 has a track segment for each uninterrupted stretch.
+    """
+    form = form_of(f, request.headers.get("accept"), TRACKS)
+    with service.reading() as session:
+        drive, stored = drive_and_track(session, drive_id)
+    report, stem = drive.report or {}, stem_of(drive.filename)
+    if form == "csv":
+        chunks, headers = track_csv(stored.track, report.get("height_datum")), as_file(f"{stem}-track.csv")
+    elif form == "gpx":
+        chunks = track_gpx(stored.track, drive.filename, datum_words(report))
+        headers = as_file(f"{stem}-track.gpx")
+    else:
+        links = documents([link(f"{drive_address(base, drive)}/track", "self", GEO_JSON)])
+        chunks, headers = (
+            track_chunks(stored.track, stored.segment_id, {"links": links}),
+            {"Vary": "Accept"},
+        )
+    return StreamingResponse(in_blocks(chunks), media_type=TRACKS[form], headers=headers)
+
+
+@router.get(
+    "/{drive_id}/profile",
+    summary="A drive's elevation profile",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Columns over the distance driven, or a picture.",
+            "content": {
+                JSON: {"schema": PROFILE_SCHEMA, "example": PROFILE_EXAMPLE},
+                PNG: {"schema": {"type": "string", "format": "binary"}},
+                CSV: text_content(PROFILE_CSV_EXAMPLE),
+            },
+        },
+        **problems(404, 406, 422, 503),
+    },
+)
+async def get_profile(
+    drive_id: uuid.UUID,
+    request: Request,
+    service: ServiceDep,
+    f: Annotated[
+        Literal["json", "png", "csv"] | None, Query(description="Overrides the Accept header.")
+    ] = None,
+    points: PointsQuery = None,
+) -> Response:
+    """Height, grade and segment slopes over the distance driven; slopes here are in the direction of travel.
+
+    JSON, or a PNG where the Accept header prefers `image/png` or `f=png` asks for it, or a CSV of the same columns.
+    Pictures are drawn one at a time and kept; where many wait the answer is 503. `points` makes columns short enough to
+    be drawn at once; a picture shows all.
+    """
+    form = form_of(f, request.headers.get("accept"), PROFILES)
+    if form != "png":
+        async with service.lanes[PARTS].place():
+            return await run_in_threadpool(_profile_text, service, drive_id, form, points)
+    picture = await run_in_threadpool(_kept_picture, service, drive_id)
+    if picture is None:
+        drawing: Drawing = request.app.state.drawing
+        async with drawing.lane.place():
+            picture = await run_in_threadpool(_picture, service, drawing, drive_id)
+    return Response(picture, media_type=PNG, headers={"Vary": "Accept"})
+
+
+@router.get(
+    "/{drive_id}/segments",
+    summary="A drive's estimates",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "One page, or all, in the order of driving.",
+            "content": {
+                **geojson_answer("", SEGMENT_EXAMPLE)["content"],
+                CSV: text_content(ESTIMATES_CSV_EXAMPLE),
+            },
+        },
+        **problems(404, 406, 422, 503),
+    },
+)
+def drive_segments(
+    drive_id: uuid.UUID,
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    limit: Annotated[
+        int | None,
+        Query(ge=1, description="Segments per page; at most, and by default, the service's maximum."),
+    ] = None,
+    after: CursorQuery = None,
+    f: Annotated[
+        Literal["geojson", "csv"] | None,
+        Query(
+            description="Overrides the Accept header, and asks for all segments at once unless `limit` is set."
+        ),
+    ] = None,
+) -> Response:
+    """Slope and sigma of each segment **from this drive alone**, in the order of driving.
+
+    Besides the usual properties: `passes`, `first_at`, `last_at`, `in_network` and `accepted` (as among a
+    segment's observations), and what all drives together say:
+    `combined_slope_percent`, `combined_slope_sigma_percent`, `combined_drives`. Empty before the first run.
+    Follow the `next` link until there is none; each segment comes once. `f`, and CSV in any case, give all that come
+    after `after` in one answer, unless `limit` is set.
+    """
+    form = form_of(f, request.headers.get("accept"), ESTIMATES)
+    place = None if after is None else parse_cursor(after, MAX_ID)
+    size = min(limit or service.settings.items_limit_max, service.settings.items_limit_max)
+    whole = limit is None and (f is not None or form == "csv")
+    with service.reading() as session:
+        drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        rows = drive_segment_rows(session, drive_id, limit=None if whole else size + 1, after=place)
+    shown = rows if whole else rows[:size]
+    here = f"{drive_address(base, drive)}/segments"
+    links = [link(with_query(here, limit=limit, after=after, f=f), "self", GEO_JSON)]
+    if len(rows) > len(shown):
+        following = cursor_of(shown[-1].first_at, shown[-1].segment.stored_id)
+        links.append(link(with_query(here, limit=limit, after=following, f=f), "next", GEO_JSON))
+    members = {"attribution": attribution(), "numberReturned": len(shown), "links": documents(links)}
+    vary = {"Vary": "Accept"}
+    if form == "csv":
+        headers = as_file(f"{stem_of(drive.filename)}-segments.csv")
+        return StreamingResponse(in_blocks(estimates_csv(shown)), media_type=CSV, headers=headers)
+    if whole:
+        return StreamingResponse(
+            in_blocks(collection_chunks(members, shown)), media_type=GEO_JSON, headers=vary
+        )
+    document = {"type": "FeatureCollection"} | members | {"features": map(estimate_feature, shown)}
+    return geojson_response(document, vary)
+
+
+def _profile_text(service: Service, drive_id: uuid.UUID, form: str, points: int | None) -> Response:
+    with service.reading() as session:
+        drive, stored = drive_and_track(session, drive_id)
+        profile = fewer(drive_profile(session, drive_id, stored), points)
+    if form == "csv":
+        headers = as_file(f"{stem_of(drive.filename)}-profile.csv")
+        return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
+    text = columns_text({"drive_id": str(drive.id), **profile_json(profile)})
+    return Response(text, media_type=JSON, headers={"Vary": "Accept"})
+
+
+def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
+    """The picture of the drive as it is now, where it was drawn already."""
+    with service.reading() as session:
+        drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        return tracks.read_picture(session, drive)
+
+
+def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
+    # Whoever waited for the same picture finds it.
+    if kept := _kept_picture(service, drive_id):
+        return kept
+    with service.reading() as session:
+        drive, stored = drive_and_track(session, drive_id)
+        profile = drive_profile(session, drive_id, stored)
+        measurements = tracks.read_measurements(session, drive_id)
+    datum = datum_words(drive.report or {})
+    picture = drawing.profile(profile, drive.filename, measurements, datum)
+    try:
+        with service.sessions.begin() as session:
+            tracks.keep_picture(session, drive, picture, service.settings.pictures_kept)
+    except SQLAlchemyError as error:  # it is a picture nevertheless
+        log.warning("the picture of drive %s is not kept: %s", drive_id, error)
+    return picture

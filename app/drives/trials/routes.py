@@ -1,0 +1,317 @@
+"""Trials over HTTP: ask for one, look at it and at what it yielded, remove it. Knows no SQL."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+
+from app.core.errors import NotDoneError, NotFoundError
+from app.core.http import JSON, BaseUrl, Service, ServiceDep, found, geojson_answer, link, problems
+from app.core.http import link_documents as documents
+from app.core.lanes import PARTS
+from app.core.text import GEO_JSON, columns_text, dumps
+from app.drives import store as drives
+from app.drives import tracks
+from app.drives.documents import Drive
+from app.drives.method_choice import (
+    GnssOptionQuery,
+    GnssQuery,
+    MethodQuery,
+    OptionQuery,
+    OptionsQuery,
+    asked_options,
+    asked_positioning,
+    check_options,
+    with_columns_kept,
+    with_positioning,
+)
+from app.drives.outputs.estimates import collection_chunks, estimates_csv
+from app.drives.outputs.measurements import (
+    MEASUREMENTS_EXAMPLE,
+    MEASUREMENTS_SCHEMA,
+    measurements_json,
+)
+from app.drives.outputs.profile import Profile
+from app.drives.outputs.profile_document import (
+    PROFILE_EXAMPLE,
+    PROFILE_SCHEMA,
+    fewer,
+    profile_csv,
+    profile_json,
+)
+from app.drives.parts.raw import measurements_text
+from app.drives.parts.reading import CSV, PointsQuery, form_of, in_blocks, profile_of, stem_of
+from app.drives.parts.results import (
+    ESTIMATES,
+    ESTIMATES_CSV_EXAMPLE,
+    PROFILE_CSV_EXAMPLE,
+    as_file,
+    text_content,
+)
+from app.drives.trials import store
+from app.drives.trials.documents import (
+    EXAMPLE_TRIAL_ID,
+    Trial,
+    TrialAccepted,
+    TrialList,
+    accepted,
+    linked,
+    trial_address,
+)
+from app.drives.trials.results import beside_the_map, decode_slopes
+from app.map.attribution import attribution
+from app.map.segments import SEGMENT_EXAMPLE
+from app.map.store import segments_by_id
+from fusion.types import SegmentSlope
+
+PROFILES = {"json": JSON, "csv": CSV}
+
+router = APIRouter(prefix="/v1/drives/{drive_id}/trials", tags=["drives"])
+
+_LOCATION = {"Location": {"description": "The trial.", "schema": {"type": "string", "format": "uri"}}}
+_OF_TRIAL = {"trial_id": EXAMPLE_TRIAL_ID}
+_MEMBERS = {"trial_id": {"type": "string", "format": "uuid"}}
+
+
+def _of_trial(schema: dict[str, Any], example: dict[str, Any]) -> dict[str, Any]:
+    """The content of an answer that is a drive's, and names the trial as well."""
+    properties = {"properties": {**schema["properties"], **_MEMBERS}}
+    required = {"required": [*schema["required"], *_MEMBERS]}
+    return {"schema": schema | properties | required, "example": example | _OF_TRIAL}
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Try another method on a drive",
+    response_model=TrialAccepted,
+    responses={
+        200: {"model": TrialAccepted, "description": "Asked for before: that trial.", "headers": _LOCATION},
+        202: {"description": "Queued.", "headers": _LOCATION},
+        **problems(403, 404, 409, 422, 503),
+    },
+)
+def add_trial(
+    drive_id: uuid.UUID,
+    service: ServiceDep,
+    base: BaseUrl,
+    response: Response,
+    method: MethodQuery = None,
+    options: OptionsQuery = None,
+    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
+    gnss: GnssQuery = None,
+    gnss_option: GnssOptionQuery = [],  # noqa: B006
+) -> TrialAccepted:
+    """Compute the drive by another method or with other options, and look at the result beside the drive's own.
+
+    Nothing of it ever reaches the map. What is left out is chosen as for processing again: with neither a method nor
+    options the drive's own, with a method alone that method's defaults. It waits behind uploads, goes with its drive,
+    and is forgotten a week after its end; a drive has twenty at most (409). The same again answers with the same
+    trial, and tries it again if it failed.
+    """
+    chosen, positioning = asked_options(options, option), asked_positioning(gnss, gnss_option)
+    with service.reading() as session:
+        drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+    if drive.status == "cancelled":
+        raise NotFoundError(f"The drive {drive_id} is being removed.")
+    wanted = method or drive.method
+    kept = drive.options if method is None and chosen is None else chosen or {}
+    kept = with_positioning(with_columns_kept(kept, drive.options), positioning)
+    check_options(wanted, kept)
+    with service.sessions.begin() as session:
+        trial, queued = store.ask(session, drive_id, wanted, kept, _sha256(wanted, kept))
+    response.status_code = 202 if queued else 200
+    response.headers["Location"] = trial_address(base, trial)
+    return accepted(base, trial)
+
+
+@router.get("", summary="Trials of a drive", responses=problems(404, 503))
+def list_trials(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> TrialList:
+    """All of them, the newest first."""
+    with service.reading() as session:
+        found(drives.get_drive(session, drive_id), "drive", drive_id)
+        listed = store.list_trials(session, drive_id)
+    return TrialList(trials=[linked(base, trial) for trial in listed])
+
+
+@router.get("/{trial_id}", summary="One trial", responses=problems(404, 503))
+def get_trial(drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Trial:
+    """Status, progress, reason of a failure, and the report once it is done."""
+    with service.reading() as session:
+        return linked(base, _found(session, drive_id, trial_id))
+
+
+@router.delete(
+    "/{trial_id}", status_code=204, summary="Cancel or remove a trial", responses=problems(403, 404, 503)
+)
+def delete_trial(drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep) -> None:
+    """Always works, whatever the status, and at once: a worker that computes it discards what it has."""
+    with service.sessions.begin() as session:
+        if not store.remove(session, drive_id, trial_id):
+            found(None, f"trial of drive {drive_id} called", trial_id)
+
+
+@router.get(
+    "/{trial_id}/profile",
+    summary="A trial's elevation profile",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Columns over the distance driven, as of the drive.",
+            "content": {
+                JSON: _of_trial(PROFILE_SCHEMA, PROFILE_EXAMPLE),
+                CSV: text_content(PROFILE_CSV_EXAMPLE),
+            },
+        },
+        **problems(404, 406, 409, 422, 503),
+    },
+)
+async def trial_profile(
+    drive_id: uuid.UUID,
+    trial_id: uuid.UUID,
+    request: Request,
+    service: ServiceDep,
+    f: Annotated[Literal["json", "csv"] | None, Query(description="Overrides the Accept header.")] = None,
+    points: PointsQuery = None,
+) -> Response:
+    """As `/v1/drives/{drive_id}/profile`, with the trial's heights, grades and slopes. 409 until it is done."""
+    form = form_of(f, request.headers.get("accept"), PROFILES)
+    async with service.lanes[PARTS].place():
+        return await run_in_threadpool(_profile_answer, service, drive_id, trial_id, form, points)
+
+
+@router.get(
+    "/{trial_id}/measurements",
+    summary="What the sensors said, as a trial took them",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Columns over the distance driven, of each sensor.",
+            "content": {JSON: _of_trial(MEASUREMENTS_SCHEMA, MEASUREMENTS_EXAMPLE)},
+        },
+        **problems(404, 409, 422, 503),
+    },
+)
+async def trial_measurements(
+    drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
+) -> Response:
+    """As `/v1/drives/{drive_id}/measurements`: what is taken off each depends on the method. 409 until it is done."""
+    async with service.lanes[PARTS].place():
+        return await run_in_threadpool(_measurements_answer, service, drive_id, trial_id, points)
+
+
+@router.get(
+    "/{trial_id}/segments",
+    summary="A trial's estimates",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "All of them, in the order of driving.",
+            "content": {
+                **geojson_answer("", SEGMENT_EXAMPLE)["content"],
+                CSV: text_content(ESTIMATES_CSV_EXAMPLE),
+            },
+        },
+        **problems(404, 406, 409, 422, 503),
+    },
+)
+def trial_segments(
+    drive_id: uuid.UUID,
+    trial_id: uuid.UUID,
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    f: Annotated[Literal["geojson", "csv"] | None, Query(description="Overrides the Accept header.")] = None,
+) -> StreamingResponse:
+    """As `/v1/drives/{drive_id}/segments`: slope and sigma of each segment from the trial alone. 409 until it is done.
+
+    `in_network` is false and `accepted` null, for nothing of a trial is heard. A segment that was dropped from the map
+    since is left out.
+    """
+    form = form_of(f, request.headers.get("accept"), ESTIMATES)
+    with service.reading() as session:
+        trial, result = _done(session, drive_id, trial_id)
+        drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        slopes = decode_slopes(result.slopes)
+        rows = beside_the_map(slopes, segments_by_id(session, [slope.segment for slope in slopes]))
+    if form == "csv":
+        headers = as_file(f"{stem_of(drive.filename)}-{trial.method}-segments.csv")
+        return StreamingResponse(in_blocks(estimates_csv(rows)), media_type=CSV, headers=headers)
+    links = documents([link(f"{trial_address(base, trial)}/segments", "self", GEO_JSON)])
+    members = {"attribution": attribution(), "numberReturned": len(rows), "links": links}
+    vary = {"Vary": "Accept"}
+    return StreamingResponse(in_blocks(collection_chunks(members, rows)), media_type=GEO_JSON, headers=vary)
+
+
+def _profile_answer(
+    service: Service, drive_id: uuid.UUID, trial_id: uuid.UUID, form: str, points: int | None
+) -> Response:
+    with service.reading() as session:
+        trial, result = _done(session, drive_id, trial_id)
+        drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        profile = fewer(_profile(session, result), points)
+    if form == "csv":
+        headers = as_file(f"{stem_of(drive.filename)}-{trial.method}-profile.csv")
+        return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
+    text = columns_text({**_ids(trial), **profile_json(profile)})
+    return Response(text, media_type=JSON, headers={"Vary": "Accept"})
+
+
+def _measurements_answer(
+    service: Service, drive_id: uuid.UUID, trial_id: uuid.UUID, points: int | None
+) -> Response:
+    with service.reading() as session:
+        trial, result = _done(session, drive_id, trial_id)
+        profile = _profile(session, result)
+    said = None if result.measurements is None else tracks.decode_measurements(result.measurements)
+    text = measurements_text(_ids(trial), measurements_json(profile, said, points))
+    return Response(text, media_type=JSON)
+
+
+def _profile(session: Session, result: store.Result) -> Profile:
+    said: list[SegmentSlope] = decode_slopes(result.slopes)
+    slopes = {slope.segment: (slope.slope_percent, slope.slope_sigma_percent) for slope in said}
+    return profile_of(session, tracks.decode(result.track), slopes)
+
+
+def _ids(trial: Trial) -> dict[str, str]:
+    return {"drive_id": str(trial.drive_id), "trial_id": str(trial.id)}
+
+
+def _found(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
+    trial: Trial = found(
+        store.get_trial(session, drive_id, trial_id), f"trial of drive {drive_id} called", trial_id
+    )
+    return trial
+
+
+def _done(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> tuple[Trial, store.Result]:
+    """The trial and what it yielded; ``NotDoneError`` and ``NotFoundError`` say why there is nothing."""
+    trial = _found(session, drive_id, trial_id)
+    if (result := store.result_of(session, trial)) is not None:
+        return trial, result
+    if trial.failure is not None:
+        raise NotFoundError(f"The trial {trial_id} failed and has no result. {trial.failure.reason}")
+    raise NotDoneError(
+        f"The trial {trial_id} is {trial.status}: {trial.progress:.0%} of it is done. Ask again in a moment."
+    )
+
+
+def _sha256(method: str, options: Mapping[str, Any]) -> str:
+    """Names the method with what its options change: written out or left to their defaults they are the same."""
+    changed = dict(options)
+    if changed:
+        from fusion.pipeline import parse_options  # noqa: PLC0415 - loads the methods, see check_options
+
+        plain = parse_options(method, {}).model_dump(mode="json")
+        whole = parse_options(method, changed).model_dump(mode="json")
+        changed = {name: value for name, value in whole.items() if name not in plain or value != plain[name]}
+    text = dumps([method, {name: changed[name] for name in sorted(changed)}])
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,161 @@
+"""What the slopes stand on, over HTTP: the regions of the road network and the elevation rasters. Knows no SQL."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.orm import Session
+
+from app.core.db import Bounds
+from app.core.http import BaseUrl, Link, ServiceDep, link, problems
+from app.core.text import Moment
+from app.map import figures
+from app.roads.regions import driven_by_region, region_standings
+from app.terrain.store import current_dem, rasters_came
+
+FEW_SEGMENTS = 200_000
+"""In all regions together: so many are looked at for who asks. Of more it is told what a worker found last."""
+
+_REGION: dict[str, Any] = {
+    "name": "karlsruhe",
+    "source_name": "karlsruhe.osm.pbf",
+    "imported_at": "2026-11-20T09:12:44.120Z",
+    "segments": 141_793,
+    "measured": 5_120,
+    "bbox": [8.27, 48.94, 8.54, 49.09],
+}
+_RASTER: dict[str, Any] = {
+    "name": "N49E008.hgt",
+    "priority": 0,
+    "resolution_m": 30.9,
+    "bbox": [7.999861, 48.999861, 9.000139, 50.000139],
+    "imported_at": "2026-11-20T09:14:02.500Z",
+    "with_quality": False,
+}
+
+router = APIRouter(prefix="/v1", tags=["operation"])
+
+
+class RegionSeen(BaseModel):
+    """Roads that came from one file and are updated by the next of that name."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_REGION]})
+
+    name: str
+    source_name: str = Field(description="The file that it was imported from last.")
+    imported_at: Moment
+    segments: int
+    measured: int = Field(description="Segments with a slope that a drive stands behind.")
+    bbox: Bounds | None = Field(
+        description="West, south, east, north of its roads, degrees; null: not known."
+    )
+
+
+class RegionList(BaseModel):
+    """All regions, by name."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"regions": [_REGION], "measured_at": "2026-11-20T10:00:00.000Z", "links": []}]
+        }
+    )
+
+    regions: list[RegionSeen]
+    measured_at: Moment | None = Field(
+        description="Of which moment `measured` is: on a large map a worker counts every ten minutes; null: of now."
+    )
+    links: list[Link]
+
+
+class RasterSeen(BaseModel):
+    """An elevation raster that is in use."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_RASTER]})
+
+    name: str
+    priority: int = Field(
+        description="Where rasters lie over each other the highest counts, of one the finest."
+    )
+    resolution_m: float | None = Field(
+        description="Distance of its posts, the larger of rows and columns; null: imported before it was noted."
+    )
+    bbox: Bounds | None = Field(description="West, south, east, north, degrees; null: not known.")
+    imported_at: Moment | None
+    with_quality: bool = Field(
+        description="Whether a quality layer tells how many scenes stand behind each post."
+    )
+
+
+class RasterList(BaseModel):
+    """All elevation rasters that are in use."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"rasters": [_RASTER], "datum": "EGM96", "links": []}]}
+    )
+
+    rasters: list[RasterSeen]
+    datum: str | None = Field(description="What heights refer to; null without any raster.")
+    links: list[Link]
+
+
+@router.get("/regions", summary="Regions of the road network", responses=problems(503))
+def list_regions(service: ServiceDep, base: BaseUrl) -> RegionList:
+    """The regions by name: what each was imported from, how many segments it has, and where it lies."""
+    with service.reading() as session:
+        standings = region_standings(session)
+        measured, at = _measured(session, sum(one.segments for one in standings))
+    regions = [
+        RegionSeen(
+            name=one.name,
+            source_name=one.source_name,
+            imported_at=one.imported_at,
+            segments=one.segments,
+            measured=measured.get(one.name, 0),
+            bbox=None if one.bounds is None else tuple(one.bounds),
+        )
+        for one in standings
+    ]
+    here = f"{base}/v1/regions"
+    return RegionList(
+        regions=regions,
+        measured_at=at,
+        links=[link(here, "self"), link(f"{base}/v1/admin/coverage", "related", title="By road class")],
+    )
+
+
+@router.get("/rasters", summary="Elevation rasters", responses=problems(503))
+def list_rasters(service: ServiceDep, base: BaseUrl) -> RasterList:
+    """The rasters that give heights and slopes where none were measured. No file is opened."""
+    with service.reading() as session:
+        active = current_dem(session, service.settings.dem_dir)
+        came = rasters_came(session)
+    rasters = [
+        RasterSeen(
+            name=source.name,
+            priority=source.priority,
+            resolution_m=source.posting_m,
+            bbox=source.bounds_deg,
+            imported_at=came.get(source.uri),
+            with_quality=source.with_quality,
+        )
+        for source in (active.sources if active else ())
+    ]
+    links = [
+        link(f"{base}/v1/rasters", "self"),
+        link(f"{base}/v1/admin/terrain", "related", title="Against drives, by tile"),
+    ]
+    return RasterList(rasters=rasters, datum=active.datum if active else None, links=links)
+
+
+def _measured(session: Session, segments: int) -> tuple[dict[str, int], datetime | None]:
+    """Driven segments by region, and of which moment; None: of this."""
+    kept = figures.kept(session, "coverage") if segments > FEW_SEGMENTS else None
+    if kept is None:
+        return driven_by_region(session), None
+    found: dict[str, int] = {}
+    for row in kept.rows:
+        found[row["region"]] = found.get(row["region"], 0) + int(row["driven_segments"])
+    return found, kept.made_at

@@ -1,0 +1,266 @@
+"""Operations over HTTP: asked for, looked at, approved, cancelled. Knows no SQL."""
+
+from __future__ import annotations
+
+import logging
+import uuid
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+
+from app.core.databases import database_identity
+from app.core.errors import BadRequestError, NotDoneError
+from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems, with_query
+from app.core.query import cursor_of, parse_cursor, refuse_unknown
+from app.core.telemetry import audit
+from app.core.telemetry.audit import Origin
+from app.core.telemetry.logs import tell
+from app.operations import store
+from app.operations.documents import (
+    PLANNED_FIRST,
+    WITH_FILE,
+    Kind,
+    Operation,
+    OperationList,
+    Status,
+    linked,
+    operation_address,
+)
+from app.operations.receiving import Received, receive_file
+from app.operations.run import imports_store
+from app.roads.regions import check_name, known_region
+from app.terrain.imports import chosen
+from app.terrain.store import current_dem
+from fusion.errors import RoadsError, TerrainError
+
+logger = logging.getLogger(__name__)
+
+TAKEN: Mapping[Kind, frozenset[str]] = {
+    Kind.IMPORT_ROADS: frozenset({"region", "filename"}),
+    Kind.IMPORT_DEM: frozenset({"priority", "filename"}),
+    Kind.REMOVE_REGION: frozenset({"name"}),
+    Kind.REMOVE_RASTER: frozenset({"name"}),
+    Kind.SETTLE: frozenset(),
+}
+"""Which parameters belong to which kind."""
+LEAST_PRIORITY, MOST_PRIORITY = -1000, 1000
+
+router = APIRouter(prefix="/v1/operations", tags=["operation"])
+
+_BINARY = {"type": "string", "format": "binary"}
+_BODY: dict[str, Any] = {
+    "required": False,
+    "description": "Of imports: the file, as a form field or as the body itself with its name in `filename`.",
+    "content": {
+        "multipart/form-data": {
+            "schema": {"type": "object", "required": ["file"], "properties": {"file": _BINARY}},
+            "example": {"file": "karlsruhe.osm.pbf"},
+        },
+        "application/octet-stream": {"schema": _BINARY, "example": "(the bytes of karlsruhe.osm.pbf)"},
+    },
+}
+_LOCATION = {"Location": {"description": "The operation.", "schema": {"type": "string", "format": "uri"}}}
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Ask for an operation",
+    response_model=Operation,
+    responses={
+        202: {"description": "Queued, or the same that waits already.", "headers": _LOCATION},
+        **problems(403, 413, 415, 422, 503, 507),
+    },
+    openapi_extra={"requestBody": _BODY},
+)
+async def ask_for_operation(
+    request: Request,
+    response: Response,
+    service: ServiceDep,
+    base: BaseUrl,
+    origin: Origin,
+    kind: Annotated[Kind, Query(description="What is to be done.", examples=["import-roads"])],
+    region: Annotated[
+        str | None,
+        Query(
+            max_length=100,
+            description="Of `import-roads`: the region that the file brings up to date; else it is named after the "
+            "file.",
+        ),
+    ] = None,
+    priority: Annotated[
+        int | None,
+        Query(
+            ge=LEAST_PRIORITY,
+            le=MOST_PRIORITY,
+            description="Of `import-dem`: where rasters lie over each other the highest counts.",
+        ),
+    ] = None,
+    name: Annotated[
+        str | None, Query(max_length=255, description="Of removals: the region or the raster.")
+    ] = None,
+    filename: Annotated[
+        str | None, Query(max_length=255, description="Of imports whose body is the file itself: its name.")
+    ] = None,
+) -> Operation:
+    """Have a worker import roads or an elevation raster, remove a region or a raster, or solve the whole map anew.
+
+    One at a time, behind uploads. `import-roads` and removals first say what they would do, and wait as `planned` for
+    `approve`; the others are done at once. The same again, while it waits, is the same operation. Follow it at
+    `Location`.
+    """
+    refuse_unknown(request, {"kind", *set().union(*TAKEN.values())}, BadRequestError)
+    given = {"region": region, "priority": priority, "name": name, "filename": filename}
+    _require_fitting(kind, given)
+    asked = {name: value for name, value in given.items() if value is not None and name != "filename"}
+    await run_in_threadpool(_check, service, kind, asked)
+    received = None
+    if kind in WITH_FILE:
+        received = await receive_file(request, imports_store(service.settings), service.settings)
+    operation = await run_in_threadpool(_asked, service, origin, kind, asked, received)
+    response.headers["Location"] = operation_address(base, operation)
+    return linked(base, operation)
+
+
+@router.get("", summary="List operations", responses=problems(422, 503))
+def list_operations(
+    request: Request,
+    service: ServiceDep,
+    base: BaseUrl,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Operations per page.")] = 100,
+    after: Annotated[
+        str | None, Query(description="Where the page begins; only `next` links know what to write here.")
+    ] = None,
+) -> OperationList:
+    """The newest first. Follow the `next` link until there is none; each operation comes once."""
+    refuse_unknown(request, {"limit", "after"}, BadRequestError)
+    place = None
+    if after is not None:
+        moment, number = parse_cursor(after)
+        place = (moment, uuid.UUID(int=number))
+    with service.reading() as session:
+        listed = store.list_operations(session, limit=limit + 1, after=place)
+    shown, here = listed[:limit], f"{base}/v1/operations"
+    links = [link(with_query(here, limit=limit, after=after), "self")]
+    if len(listed) > limit:
+        following = cursor_of(shown[-1].created_at, shown[-1].id.int)
+        links.append(link(with_query(here, limit=limit, after=following), "next"))
+    return OperationList(operations=[linked(base, one) for one in shown], links=links)
+
+
+@router.get("/{operation_id}", summary="One operation", responses=problems(404, 503))
+def get_operation(operation_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Operation:
+    """Where it stands, what it would do, what it did, or why it failed."""
+    with service.reading() as session:
+        return linked(base, _found(session, operation_id))
+
+
+@router.post(
+    "/{operation_id}/approve",
+    status_code=202,
+    summary="Carry a plan out",
+    responses=problems(403, 404, 409, 422, 503),
+)
+def approve_operation(
+    operation_id: uuid.UUID, service: ServiceDep, base: BaseUrl, origin: Origin
+) -> Operation:
+    """Do what was planned, and only that: where the map has changed so that something else would be done, nothing is,
+    and the operation is `planned` anew with what would be done now. Once more changes nothing.
+    """
+    with service.sessions.begin() as session:
+        approved = store.approve(session, operation_id)
+        if approved is not None:
+            audit.note(session, origin, f"{approved.kind} approved", approved.subject, id=str(approved.id))
+            return linked(base, approved)
+        known = _found(session, operation_id)
+    if known.approved and known.status in {Status.QUEUED, Status.RUNNING, Status.DONE}:
+        return linked(base, known)
+    if known.status in {Status.QUEUED, Status.RUNNING}:
+        raise NotDoneError(f"Operation {operation_id} is {known.status}: there is no plan to approve yet.")
+    raise BadRequestError(f"Operation {operation_id} is {known.status}: there is nothing to approve.")
+
+
+@router.delete("/{operation_id}", summary="Cancel an operation", responses=problems(403, 404, 409, 422, 503))
+def cancel_operation(
+    operation_id: uuid.UUID, service: ServiceDep, base: BaseUrl, origin: Origin
+) -> Operation:
+    """Drop what waits, is planned, or is being planned: nothing of it was done. What has begun to change the map goes
+    on to its end (409). Its file goes at once. Once more changes nothing.
+    """
+    with service.sessions.begin() as session:
+        cancelled = store.cancel(session, operation_id, [kind.value for kind in PLANNED_FIRST])
+        if cancelled is None:
+            known = _found(session, operation_id)
+        else:
+            known, key = cancelled
+            audit.note(session, origin, f"{known.kind} cancelled", known.subject, id=str(known.id))
+    if cancelled is not None and key is not None:
+        imports_store(service.settings).delete(key)
+    if known.status is Status.CANCELLED:
+        return linked(base, known)
+    if known.status in {Status.QUEUED, Status.RUNNING}:
+        raise NotDoneError(
+            f"Operation {operation_id} is being carried out and goes on to its end; what it has done stays."
+        )
+    raise BadRequestError(f"Operation {operation_id} is {known.status}: there is nothing left to cancel.")
+
+
+def _require_fitting(kind: Kind, given: Mapping[str, Any]) -> None:
+    """``BadRequestError`` for a parameter of another kind of operation, or where one is missing."""
+    for name, value in given.items():
+        if value is not None and name not in TAKEN[kind]:
+            raise BadRequestError(f"An operation {kind.value} takes no {name}.", field=name)
+    if "name" in TAKEN[kind] and not given["name"]:
+        raise BadRequestError(f"{kind.value} of which one? Give its name.", field="name")
+
+
+def _check(service: Service, kind: Kind, asked: Mapping[str, Any]) -> None:
+    """``BadRequestError`` for a region or raster that there is not, before any file is taken."""
+    try:
+        if "region" in asked:
+            check_name(asked["region"])
+        with service.reading() as session:
+            if kind is Kind.REMOVE_REGION:
+                known_region(session, asked["name"])
+            if kind is Kind.REMOVE_RASTER:
+                active = current_dem(session, service.settings.dem_dir)
+                chosen(active.sources if active else (), [asked["name"]])
+    except (RoadsError, TerrainError) as error:
+        raise BadRequestError(str(error), field="region" if "region" in asked else "name") from error
+
+
+def _asked(
+    service: Service, origin: str, kind: Kind, asked: dict[str, Any], received: Received | None
+) -> Operation:
+    """The operation, with its audit row; a file that is not its own goes."""
+    blobs, key = imports_store(service.settings), None
+    subject = asked.get("name") or "map"
+    if received is not None:
+        key, subject = received.blob.key, received.name
+        file = {"filename": PurePosixPath(received.name).name, "size_bytes": received.blob.size_bytes}
+        asked |= {**file, "sha256": received.blob.sha256}
+    kept = False
+    try:
+        with service.sessions.begin() as session:
+            blobs.register_database(database_identity(session))
+            operation, created = store.ask(
+                session, kind=kind.value, subject=subject, request=asked, blob_key=key
+            )
+            if created:
+                audit.note(session, origin, f"{kind.value} asked for", subject, id=str(operation.id), **asked)
+        kept = created
+    finally:
+        if key is not None and not kept:
+            blobs.delete(key)
+    if created:
+        tell(logger, "operation asked for", operation=operation.id, kind=kind.value)
+    return operation
+
+
+def _found(session: Session, number: uuid.UUID) -> Operation:
+    operation: Operation = found(store.get_operation(session, number), "operation", number)
+    return operation

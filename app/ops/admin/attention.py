@@ -1,0 +1,180 @@
+"""What needs a person first: a few looks into indexes, each of which finds nothing while all is well."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.network.marks import PATIENCE
+from app.ops import store
+
+FAILED_DAYS = 7
+STUCK_S = 3600.0
+"""A run that lasts so long is as a rule none any more; a worker ends its own at VERSANT_RUN_LIMIT_S."""
+WAIT_LOOK_S, WAIT_ACT_S = 600.0, 3600.0
+"""Uploads that wait longer: something is slow, something is wrong."""
+REMOVAL_S = 900.0
+BEHIND_S = 900.0
+LITTLE_ROOM = 4
+"""So many times the room that is to stay free: time to look."""
+
+FAULTS = frozenset(
+    {"internal", "interrupted", "out-of-memory", "processing-failed", "no-roads", "bad-roads", "bad-terrain"}
+)
+"""Kinds of failures that are the service's own, or its machine's; others are the log's."""
+
+_FAILED = text(
+    """
+    SELECT failure_kind AS kind, CAST(sum(drives) AS bigint) AS drives FROM drive_counts
+    WHERE status = 'failed' AND day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
+    GROUP BY failure_kind HAVING sum(drives) > 0 ORDER BY 2 DESC, 1
+    """
+)
+# What runs and what is removed are few, and have an index by status.
+_STUCK = text(
+    """
+    SELECT count(*), extract(epoch FROM clock_timestamp() - min(started_at)) FROM drives
+    WHERE status = 'running' AND started_at < clock_timestamp() - make_interval(secs => :age_s)
+    """
+)
+_REMOVALS = text(
+    """
+    SELECT count(*), extract(epoch FROM clock_timestamp() - min(finished_at)) FROM drives
+    WHERE status = 'cancelled' AND finished_at < clock_timestamp() - make_interval(secs => :age_s)
+    """
+)
+# By the index on what waits. Drives of batches may wait: they are behind all others.
+_WAITING = text(
+    """
+    SELECT count(*), extract(epoch FROM clock_timestamp() - min(queued_at)) FROM drives
+    WHERE status = 'queued' AND batch_id IS NULL AND queued_at < clock_timestamp() - make_interval(secs => :age_s)
+    """
+)
+_UNSOLVED = text(
+    """
+    SELECT count(DISTINCT cell), extract(epoch FROM clock_timestamp() - min(made_at)) FROM network_marks
+    WHERE tries > :patience
+    """
+)
+_WEBHOOKS = text(
+    """
+    SELECT count(*), extract(epoch FROM clock_timestamp() - min(failing_since)) FROM webhooks
+    WHERE NOT active AND off_reason IS NOT NULL
+    """
+)
+_OPERATIONS = text(
+    """
+    SELECT status, count(*) AS operations, extract(epoch FROM clock_timestamp() - min(coalesce(planned_at, created_at)))
+        AS oldest_s
+    FROM operations
+    WHERE status = 'planned'
+        OR status = 'failed' AND finished_at > now() - make_interval(days => CAST(:days AS integer))
+    GROUP BY status ORDER BY status DESC
+    """
+)
+
+
+def attention(session: Session, free_bytes: int | None, least_bytes: int) -> list[dict[str, Any]]:
+    """Rows with ``kind``, ``severity`` (act before look), ``count``, ``oldest_s``, ``what`` and ``link``.
+
+    ``free_bytes``: room for logs, None: nothing tells; ``least_bytes`` is to stay free.
+    """
+    rows = [
+        *_workers(session),
+        *_room(free_bytes, least_bytes),
+        *_waits(session),
+        *_squares(session),
+        *_failed(session),
+        *_asked(session),
+    ]
+    return sorted(rows, key=lambda row: (row["severity"] != "act", -(row["oldest_s"] or 0.0)))
+
+
+def _row(
+    kind: str, act: bool, what: str, link: str | None, count: int = 1, oldest_s: Any = None
+) -> dict[str, Any]:
+    return {
+        "kind": kind,
+        "severity": "act" if act else "look",
+        "count": count,
+        "oldest_s": None if oldest_s is None else max(0.0, float(oldest_s)),
+        "what": what,
+        "link": link,
+    }
+
+
+def _workers(session: Session) -> list[dict[str, Any]]:
+    if store.workers(session):
+        return []
+    waiting = store.queue(session)
+    what = "No worker has given a sign of life for a minute. Start one: `versant worker`, or `versant up`."
+    return [
+        _row("worker", bool(waiting.depth), what, "/v1/admin/queue", waiting.depth, waiting.oldest_wait_s)
+    ]
+
+
+def _room(free_bytes: int | None, least_bytes: int) -> list[dict[str, Any]]:
+    if free_bytes is None or free_bytes >= LITTLE_ROOM * least_bytes:
+        return []
+    what = f"The store of uploaded logs has {free_bytes / 2**30:.1f} GiB free"
+    if free_bytes < least_bytes:
+        return [_row("disk", True, f"{what}, less than is to stay free: uploads are refused.", "/readyz")]
+    return [
+        _row("disk", False, f"{what}. Uploads are refused below {least_bytes / 2**30:.1f} GiB.", "/readyz")
+    ]
+
+
+def _waits(session: Session) -> list[dict[str, Any]]:
+    rows = []
+    count, oldest_s = session.execute(_STUCK, {"age_s": STUCK_S}).one()
+    if count:
+        what = "Drives have been running for more than an hour. The log of the workers says why."
+        rows.append(_row("stuck", True, what, "/drives?status=running", count, oldest_s))
+    count, oldest_s = session.execute(_WAITING, {"age_s": WAIT_LOOK_S}).one()
+    if count:
+        what = "Uploads have waited for more than ten minutes. More workers, or faster ones, would help."
+        rows.append(_row("wait", oldest_s > WAIT_ACT_S, what, "/drives?status=queued", count, oldest_s))
+    count, oldest_s = session.execute(_REMOVALS, {"age_s": REMOVAL_S}).one()
+    if count:
+        what = "Removed drives are not gone after a quarter of an hour: their squares wait to be solved."
+        rows.append(_row("removal", False, what, "/drives?status=cancelled", count, oldest_s))
+    behind_s = store.behind(session).behind_s
+    if behind_s is not None and behind_s > BEHIND_S:
+        what = "Ways and low zooms are behind what was measured."
+        rows.append(_row("derived", False, what, "/v1/admin/stats", 1, behind_s))
+    return rows
+
+
+def _squares(session: Session) -> list[dict[str, Any]]:
+    count, oldest_s = session.execute(_UNSOLVED, {"patience": PATIENCE}).one()
+    if not count:
+        return []
+    what = "Squares of the map cannot be solved: what drives say there is not published. The list says what to do."
+    return [_row("square", True, what, "/v1/admin/stats", count, oldest_s)]
+
+
+def _failed(session: Session) -> list[dict[str, Any]]:
+    rows = []
+    for kind, count in session.execute(_FAILED, {"days": FAILED_DAYS}):
+        what = f"Drives of the last {FAILED_DAYS} days failed: {kind or 'for a reason that was not noted'}."
+        link = f"/drives?status=failed&failure={kind}" if kind else "/drives?status=failed"
+        rows.append(_row("failed", kind in FAULTS, what, link, count))
+    return rows
+
+
+def _asked(session: Session) -> list[dict[str, Any]]:
+    rows = []
+    said = {
+        "planned": (True, "Operations are planned and wait to be approved or dropped."),
+        "failed": (False, f"Operations of the last {FAILED_DAYS} days failed."),
+    }
+    for status, count, oldest_s in session.execute(_OPERATIONS, {"days": FAILED_DAYS}):
+        act, what = said[status]
+        rows.append(_row(f"operation-{status}", act, what, "/v1/operations", count, oldest_s))
+    count, oldest_s = session.execute(_WEBHOOKS).one()
+    if count:
+        what = "Webhooks were switched off because their receivers did not answer."
+        rows.append(_row("webhook", False, what, "/v1/webhooks", count, oldest_s))
+    return rows

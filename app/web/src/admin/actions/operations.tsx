@@ -1,0 +1,70 @@
+/** Things of the operator that take long: asked for, shown as a plan, approved or dropped. */
+import { confirmed } from "../../shared/Confirm";
+import { tellDone, tellError } from "../../shared/Messages";
+import { t } from "../../shared/texts";
+import { withQuery } from "../links";
+import { reader } from "../page_state";
+import { ask } from "../requests";
+import type { Operation } from "../types";
+
+export const OPERATIONS = "/v1/operations";
+
+/** Something of the operations changed. */
+export function operationsChanged(): void {
+  reader.readNow(OPERATIONS, "/v1/admin/attention", "/v1/admin/audit");
+}
+
+/** An operation ended: roads and elevation may be others. */
+export function groundChanged(): void {
+  reader.readNow("/v1/regions", "/v1/rasters", "/v1/admin/attention");
+}
+
+/** Ask for an operation without a file. */
+export async function askFor(kind: string, name: string | null): Promise<void> {
+  try {
+    await ask<Operation>("POST", withQuery(OPERATIONS, { kind, name }));
+    tellDone(t(kind === "settle" ? "admin.operations.settle_asked" : "admin.operations.plan_asked"));
+    operationsChanged();
+  } catch (error) {
+    tellError(error);
+  }
+}
+
+/** Ask, then solve the whole map anew. */
+export async function settle(): Promise<void> {
+  const yes = await confirmed({
+    title: t("admin.settle.ask"),
+    what: <p>{t("admin.settle.what")}</p>,
+    action: t("admin.settle.do"),
+  });
+  if (yes) await askFor("settle", null);
+}
+
+/** Carry out what is planned. */
+export async function approve(one: Operation, what: preact.ComponentChildren): Promise<void> {
+  const yes = await confirmed({
+    title: t("admin.operations.approve_ask", { what: one.subject ?? one.kind }),
+    what,
+    action: t("admin.operations.approve"),
+    destructive: one.kind.startsWith("remove"),
+  });
+  if (!yes) return;
+  try {
+    await ask<Operation>("POST", `${OPERATIONS}/${one.id}/approve`);
+    tellDone(t("admin.operations.approved"));
+    operationsChanged();
+  } catch (error) {
+    tellError(error);
+  }
+}
+
+/** Drop what is planned, or cancel what waits: nothing of it has been done. */
+export async function drop(one: Operation): Promise<void> {
+  try {
+    await ask<unknown>("DELETE", `${OPERATIONS}/${one.id}`);
+    tellDone(t("admin.operations.dropped"));
+    operationsChanged();
+  } catch (error) {
+    tellError(error);
+  }
+}

@@ -1,0 +1,92 @@
+/** Why drives failed, with retry and removal of all that failed so. */
+import { useState } from "preact/hooks";
+import { moment, number } from "../../shared/format";
+import { t } from "../../shared/texts";
+import { remove, reprocess } from "../actions/drives";
+import { drivePage, drivesPage, queryAddress } from "../links";
+import { days, useQuery } from "../page_state";
+import { Loaded } from "../parts/Section";
+import { Table } from "../parts/Table";
+import type { Failure } from "../types";
+
+/** When the first of so many days began, the last of which is today, in UTC as the service counts. */
+function firstMoment(count: number): string {
+  return `${new Date(Date.now() - (count - 1) * 86_400_000).toISOString().slice(0, 10)}T00:00:00Z`;
+}
+
+function listOf(row: Failure): string {
+  return drivesPage({ status: "failed", failure: row.kind, created_after: firstMoment(days.value) });
+}
+
+export function Failures() {
+  const [said, say] = useState<string | null>(null);
+  const reading = useQuery<Failure>("failures", 30, days.value);
+  const acts = (row: Failure) => {
+    if (row.kind === null) return null;
+    const whom = t("admin.failures.whom", { kind: row.kind, n: days.value });
+    const selection = { which: "failed", failure: row.kind, created_after: firstMoment(days.value) };
+    return (
+      <span class="acts">
+        <button
+          type="button"
+          aria-label={t("admin.failures.retry_of", { kind: row.kind })}
+          onClick={() => void reprocess(selection, whom).then(say)}
+        >
+          {t("admin.failures.retry")}
+        </button>
+        <button
+          type="button"
+          class="danger"
+          aria-label={t("admin.failures.remove_of", { kind: row.kind })}
+          onClick={() => void remove(selection, whom).then(say)}
+        >
+          {t("admin.failures.remove")}
+        </button>
+      </span>
+    );
+  };
+  return (
+    <Loaded of={reading}>
+      {({ rows }) => (
+        <>
+          {rows.length > 0 && <p>{t("admin.failures.what", { n: days.value })}</p>}
+          {said && <p role="status">{said}</p>}
+          <Table
+            caption={t("admin.failures.caption")}
+            none={t("admin.failures.none")}
+            rows={rows}
+            csv={queryAddress("failures", { days: days.value, f: "csv" })}
+            columns={[
+              { title: t("admin.failures.kind"), cell: (row) => row.kind ?? "–" },
+              {
+                title: t("admin.failures.drives"),
+                number: true,
+                cell: (row) => <a href={listOf(row)}>{number(row.drives)}</a>,
+              },
+              { title: t("admin.failures.acts"), cell: acts },
+              {
+                title: t("admin.failures.share"),
+                number: true,
+                cell: (row) => (row.share === null ? "–" : `${number(100 * row.share, 1)} %`),
+              },
+              {
+                title: t("admin.failures.latest"),
+                cell: (row) => (
+                  <>
+                    {row.latest_drive ? (
+                      <a href={drivePage(row.latest_drive)}>{moment(row.latest_at)}</a>
+                    ) : (
+                      moment(row.latest_at)
+                    )}
+                    <br />
+                    <span class="reason">{row.latest_reason}</span>
+                  </>
+                ),
+              },
+            ]}
+          />
+        </>
+      )}
+    </Loaded>
+  );
+}

@@ -1,0 +1,175 @@
+/** What came out of a drive at a glance, its warnings, and its files. */
+import type { ComponentChildren } from "preact";
+import { distance, duration, moment, number, size } from "../shared/format";
+import { t } from "../shared/texts";
+import { addressOf, type Drive, type Report } from "./data";
+import { Scrolled } from "./Scrolled";
+import { allFigures, sentencesOf, versionsOf, warningsOf } from "./sentences";
+import { kinds, profile } from "./state";
+import { shares } from "./stretches";
+
+function Figure({ name, children }: { name: string; children: ComponentChildren }) {
+  return (
+    <div>
+      <dt>{name}</dt>
+      <dd>{children}</dd>
+    </div>
+  );
+}
+
+function share(of: number): string {
+  return of > 0 && of < 0.001 ? "< 0.1 %" : `${number(100 * of, of > 0 && of < 0.1 ? 1 : 0)} %`;
+}
+
+export function Figures({ drive }: { drive: Drive }) {
+  const report = (drive.report ?? {}) as Report;
+  const sigma = report["median_slope_sigma_percent"] as number | null | undefined;
+  const parts = profile.value ? shares(profile.value, kinds.value) : null;
+  return (
+    <dl class="figures">
+      <Figure name={t("drive.figure.driven")}>{moment(drive.drive_time)}</Figure>
+      <Figure name={t("drive.figure.length")}>
+        {distance(drive.distance_m)}, {duration(report["duration_s"] as number | undefined)}
+      </Figure>
+      <Figure name={t("drive.figure.segments")}>
+        {number(report["segments_estimated"] as number | undefined)}
+      </Figure>
+      <Figure name={t("drive.figure.sigma")}>
+        {number(sigma, 2)}
+        {sigma == null ? "" : " %"}
+      </Figure>
+      <Figure name={t("drive.figure.rejected")}>
+        <a href="#contradictions">{number(report["rejected_segments"] as number | undefined)}</a>
+      </Figure>
+      {parts && (
+        <Figure name={t("drive.figure.unmatched")}>
+          {share(parts.unmatched)} · {share(parts.blind)}
+        </Figure>
+      )}
+      <Figure name={t("drive.figure.method")}>{drive.method}</Figure>
+      <Figure name={t("drive.figure.uploaded")}>{moment(drive.created_at)}</Figure>
+    </dl>
+  );
+}
+
+/** What a person should know or do, as the service says it. */
+export function Warnings({ drive }: { drive: Drive }) {
+  const warnings = warningsOf(drive.report as Report | null);
+  if (warnings.length === 0 && !drive.same_as) return null;
+  return (
+    <section class="card drive-warnings" aria-labelledby="warnings">
+      <h2 id="warnings" class="warn-text">
+        {t("drive.warnings", { n: Math.max(warnings.length, 1) })}
+      </h2>
+      <ul>
+        {warnings.map((one) => (
+          <li key={one}>{one}</li>
+        ))}
+      </ul>
+      {drive.same_as && (
+        <p>
+          <a href={`/drives/${drive.same_as}`}>{t("drive.same_as")}</a>
+        </p>
+      )}
+    </section>
+  );
+}
+
+export function ReportCard({ drive }: { drive: Drive }) {
+  const report = drive.report as Report | null;
+  if (!report) return null;
+  const options = Object.entries((report["options"] ?? drive.options) as Record<string, unknown>);
+  return (
+    <section class="card" aria-labelledby="report">
+      <h2 id="report">{t("drive.report.title")}</h2>
+      <div class="drive-topics">
+        {sentencesOf(report).map(([topic, sentences]) => (
+          <section key={topic}>
+            <h3>{t(`drive.report.topic.${topic}`)}</h3>
+            <ul>
+              {sentences.map((one) => (
+                <li key={one}>{one}</li>
+              ))}
+            </ul>
+          </section>
+        ))}
+        <section>
+          <h3>{t("drive.report.topic.versions")}</h3>
+          <ul>
+            <li>{versionsOf(report)}</li>
+            <li>
+              {t("drive.report.options", {
+                method: drive.method,
+                options:
+                  options.map(([name, value]) => `${name} = ${JSON.stringify(value)}`).join(", ") || "–",
+              })}
+            </li>
+          </ul>
+        </section>
+      </div>
+      <details>
+        <summary>{t("drive.report.all")}</summary>
+        <Scrolled name={t("drive.report.all")}>
+          <table>
+            <thead>
+              <tr>
+                <th scope="col">{t("drive.report.figure")}</th>
+                <th scope="col">{t("drive.report.value")}</th>
+              </tr>
+            </thead>
+            <tbody>
+              {allFigures(report).map(([name, value]) => (
+                <tr key={name}>
+                  <th scope="row">{name}</th>
+                  <td>{value}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </Scrolled>
+      </details>
+    </section>
+  );
+}
+
+const FILES = [
+  ["track", ["geojson", "csv", "gpx"]],
+  ["profile", ["json", "csv", "png"]],
+  ["segments", ["geojson", "csv"]],
+] as const;
+
+export function Downloads({ drive }: { drive: Drive }) {
+  const stem = drive.filename.replace(/\.[^.]*$/, "");
+  return (
+    <section class="card" aria-labelledby="downloads">
+      <h2 id="downloads">{t("drive.download.title")}</h2>
+      <ul class="drive-files">
+        <li>
+          <a href={addressOf(drive.id, "/log")} download={drive.filename}>
+            {t("drive.download.log")}
+          </a>{" "}
+          <span class="quiet-text">{size(drive.size_bytes)}</span>
+        </li>
+        {drive.report !== null &&
+          FILES.map(([part, formats]) => (
+            <li key={part}>
+              {t(`drive.download.${part}`)}{" "}
+              {formats.map((format) => (
+                <a
+                  key={format}
+                  href={addressOf(drive.id, `/${part}?f=${format}`)}
+                  download={`${stem}-${part}.${format}`}
+                  aria-label={t("drive.download.as", {
+                    what: t(`drive.download.${part}`),
+                    format: format.toUpperCase(),
+                  })}
+                >
+                  {format.toUpperCase()}
+                </a>
+              ))}
+            </li>
+          ))}
+      </ul>
+    </section>
+  );
+}

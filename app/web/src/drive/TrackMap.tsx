@@ -1,0 +1,121 @@
+/** Where the drive went, over the roads by slope; the place under the pointer is that of the charts' cursor. */
+import { effect } from "@preact/signals";
+import { type GeoJSONSource, type Map as LibreMap, Marker } from "maplibre-gl";
+import { useEffect, useRef, useState } from "preact/hooks";
+import type { ChartLink } from "../shared/chart/lines";
+import { makeMap } from "../shared/maplibre";
+import { t } from "../shared/texts";
+import { theme } from "../shared/theme";
+import type { Profile } from "./data";
+import { wantedBounds } from "./state";
+import { type Kind, rowAt, rowNear } from "./stretches";
+import { boundsOf, TRACK, trackLines, withTrack } from "./trackLayers";
+
+/** Pixels from the track within which the pointer means it. */
+const REACH_PX = 24;
+
+interface Shown {
+  profile: Profile;
+  kinds: readonly Kind[];
+  other: Profile | null;
+}
+
+/** Let the pointer on the map move the cursor of the charts, and the cursor a marker on the map. */
+function linkUp(map: LibreMap, shown: () => Shown, link: ChartLink): () => void {
+  const dot = document.createElement("div");
+  dot.className = "track-marker";
+  const marker = new Marker({ element: dot });
+  let on = false;
+  const end = effect(() => {
+    const at = link.at.value;
+    const { profile } = shown();
+    const row = at === null ? -1 : rowAt(profile.distance_m, at);
+    if (row < 0) {
+      marker.remove();
+      on = false;
+      return;
+    }
+    marker.setLngLat([profile.lon_deg[row] as number, profile.lat_deg[row] as number]);
+    if (!on) marker.addTo(map);
+    on = true;
+  });
+  map.on("mousemove", (event) => {
+    const { profile } = shown();
+    const edge = map.unproject([event.point.x, event.point.y + REACH_PX]);
+    const before = link.at.peek() === null ? null : rowAt(profile.distance_m, link.at.peek() as number);
+    const reach = Math.abs(event.lngLat.lat - edge.lat);
+    const row = rowNear(profile, event.lngLat.lng, event.lngLat.lat, reach, before);
+    if (row !== null) link.at.value = profile.distance_m[row] as number;
+  });
+  return end;
+}
+
+export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartLink }) {
+  const place = useRef<HTMLDivElement>(null);
+  const map = useRef<LibreMap | null>(null);
+  const shown = useRef<Shown>({ profile, kinds, other });
+  const [lacking, setLacking] = useState(false);
+  shown.current = { profile, kinds, other };
+
+  useEffect(() => {
+    let over = false;
+    const ends: (() => void)[] = [];
+    const start = async () => {
+      const { map: made, gone } = await makeMap({
+        container: place.current as HTMLElement,
+        bounds: boundsOf(shown.current.profile),
+        fitBoundsOptions: { padding: 40, maxZoom: 17 },
+        cooperativeGestures: matchMedia("(pointer: coarse)").matches,
+        change: (style) => {
+          const { profile, kinds, other } = shown.current;
+          const second =
+            other &&
+            trackLines(
+              other,
+              other.segment_id.map(() => "matched"),
+            );
+          return withTrack(style, theme.peek(), trackLines(profile, kinds), second);
+        },
+        locale: {
+          "NavigationControl.ZoomIn": t("drive.map.zoom_in"),
+          "NavigationControl.ZoomOut": t("drive.map.zoom_out"),
+          "AttributionControl.ToggleAttribution": t("drive.map.sources"),
+          "Map.Title": t("drive.map.title"),
+          "CooperativeGesturesHandler.WindowsHelpText": t("drive.map.gesture"),
+          "CooperativeGesturesHandler.MacHelpText": t("drive.map.gesture"),
+          "CooperativeGesturesHandler.MobileHelpText": t("drive.map.gesture"),
+        },
+      });
+      if (over) return gone();
+      map.current = made;
+      ends.push(
+        linkUp(made, () => shown.current, link),
+        gone,
+      );
+      ends.push(
+        effect(() => {
+          const box = wantedBounds.value;
+          if (box) made.fitBounds(box, { padding: 60, maxZoom: 17, animate: false });
+        }),
+      );
+    };
+    start().catch(() => setLacking(true));
+    return () => {
+      over = true;
+      map.current = null;
+      for (const end of ends) end();
+    };
+  }, [link, other]);
+
+  useEffect(() => {
+    const source = map.current?.getSource<GeoJSONSource>(TRACK);
+    source?.setData(trackLines(profile, kinds));
+  }, [profile, kinds]);
+
+  return (
+    <div class="track-map">
+      <div ref={place} class="track-canvas" />
+      {lacking && <p class="quiet-text">{t("drive.map.lacking")}</p>}
+    </div>
+  );
+}

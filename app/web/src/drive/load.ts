@@ -1,0 +1,188 @@
+/** Asks for what the page of a drive shows, again where it changes, and follows a drive that waits or runs. */
+import { batch } from "@preact/signals";
+import { ApiProblem } from "../shared/api";
+import { errorText, tellError } from "../shared/Messages";
+import { t } from "../shared/texts";
+import {
+  addressOf,
+  type Drive,
+  loadDrive,
+  loadProfile,
+  loadSegments,
+  loadSensors,
+  loadTrials,
+  orMissing,
+  POINTS,
+} from "./data";
+import { drive, link, other, problem, profile, removed, segments, sensors, trials, whole } from "./state";
+
+const POLL_MS = 2000;
+/** From this share of the axis on a closer look is worth all rows. */
+const CLOSE = 0.3;
+
+/** The drive that the address names. */
+export const driveId = decodeURIComponent(location.pathname.split("/")[2] ?? "");
+
+const ENDED = new Set(["done", "failed"]);
+
+/** Show what the last successful run left. */
+async function showResult(): Promise<void> {
+  const address = addressOf(driveId);
+  // Nothing waits for the slower ones: charts are drawn at once, and each other part when it comes.
+  const slow = Promise.all([loadSegments(address), loadSensors(address)]);
+  profile.value = await orMissing(loadProfile(address, POINTS), null);
+  const [rows, said] = await slow;
+  batch(() => {
+    segments.value = rows;
+    sensors.value = said;
+  });
+  await loadWhole();
+  await showOther();
+}
+
+/** What the address asks to be shown beside it. */
+async function showOther(): Promise<void> {
+  const asked = new URLSearchParams(location.search);
+  const trial = asked.get("trial");
+  const id = asked.get("with");
+  if (!trial && !id) {
+    other.value = null;
+    return;
+  }
+  const address = trial
+    ? addressOf(driveId, `/trials/${encodeURIComponent(trial)}`)
+    : addressOf(id as string);
+  try {
+    const [theirs, rows, name] = await Promise.all([
+      loadProfile(address, POINTS),
+      loadSegments(address),
+      trial ? trialName(trial) : loadDrive(id as string).then((one) => one.filename),
+    ]);
+    other.value = {
+      kind: trial ? "trial" : "drive",
+      id: (trial ?? id) as string,
+      name,
+      profile: theirs,
+      segments: rows,
+    };
+  } catch (error) {
+    other.value = null;
+    tellError(new ApiProblem(0, "", t("drive.compare.failed", { why: errorText(error) })));
+  }
+}
+
+async function trialName(id: string): Promise<string> {
+  const one = (await loadTrials(driveId)).find((trial) => trial.id === id);
+  return one ? one.method : t("drive.compare.trial");
+}
+
+/** Show another estimate beside, or none; the address says so. */
+export async function compareWith(kind: "drive" | "trial" | null, id = ""): Promise<void> {
+  const here = new URL(location.href);
+  here.searchParams.delete("with");
+  here.searchParams.delete("trial");
+  if (kind) here.searchParams.set(kind === "drive" ? "with" : "trial", id);
+  history.pushState(null, "", here);
+  await showOther();
+}
+
+let asked: Promise<void> | null = null;
+
+/** All rows of the profile, for the map at once: a thinned track cuts corners. */
+function loadWhole(): Promise<void> {
+  const now = profile.peek();
+  if (!now) return Promise.resolve();
+  // The service thins to so many rows at most, and leaves alone what has fewer.
+  if ((drive.peek()?.epochs ?? 0) <= POINTS) {
+    whole.value = now;
+    return Promise.resolve();
+  }
+  asked ??= loadProfile(addressOf(driveId), 0).then((all) => {
+    whole.value = all;
+    refineOnZoom(link.range.peek());
+  });
+  return asked;
+}
+
+/** Charts get all rows, too. */
+export async function drawWhole(): Promise<void> {
+  await loadWhole();
+  if (whole.peek()) profile.value = whole.peek();
+}
+
+/** Draw all rows as soon as somebody looks closely. */
+export function refineOnZoom(range: [number, number] | null): void {
+  const all = profile.peek()?.distance_m;
+  if (!range || !all || all.length < 2) return;
+  const length = (all[all.length - 1] as number) - (all[0] as number);
+  if (range[1] - range[0] < CLOSE * length && whole.peek()) profile.value = whole.peek();
+}
+
+let stopFollowing: (() => void) | null = null;
+
+/** Follow the drive until it has ended; the service ends the stream itself. */
+function followDrive(): void {
+  stopFollowing?.();
+  const source = new EventSource(addressOf(driveId, "/events"));
+  stopFollowing = () => source.close();
+  source.addEventListener("drive", (event) => {
+    const now = JSON.parse((event as MessageEvent<string>).data) as Drive;
+    drive.value = now;
+    if (!ENDED.has(now.status)) return;
+    source.close();
+    if (now.status === "done") void again();
+  });
+  source.addEventListener("deleted", () => {
+    source.close();
+    removed.value = true;
+  });
+  source.addEventListener("error", () => {
+    // Too many streams, or none goes through: ask every few seconds.
+    if (source.readyState === EventSource.CLOSED) setTimeout(() => void look(), POLL_MS);
+  });
+}
+
+/** The result as it is now, after a run. */
+async function again(): Promise<void> {
+  asked = null;
+  link.range.value = null;
+  await showResult().catch(tellError);
+}
+
+/** Look at the drive, and follow it where it has not ended. */
+export async function look(): Promise<void> {
+  try {
+    drive.value = await loadDrive(driveId);
+    problem.value = null;
+  } catch (error) {
+    if (error instanceof ApiProblem && error.status === 404 && drive.peek()) removed.value = true;
+    else problem.value = error;
+    return;
+  }
+  if (!ENDED.has(drive.value.status)) followDrive();
+}
+
+let polling = false;
+
+/** Trials as they are; asked for again while one is being made. */
+export async function lookAtTrials(): Promise<void> {
+  trials.value = await loadTrials(driveId).catch(() => trials.peek());
+  if (polling || !trials.value.some((one) => one.status === "queued" || one.status === "running")) return;
+  polling = true;
+  setTimeout(() => {
+    polling = false;
+    void lookAtTrials();
+  }, POLL_MS);
+}
+
+/** Begin. */
+export async function open(): Promise<void> {
+  await look();
+  const now = drive.value;
+  if (!now) return;
+  if (now.report !== null) await showResult().catch(tellError);
+  if (now.status === "done") await lookAtTrials();
+}
+
+addEventListener("popstate", () => void showOther());
+link.range.subscribe(refineOnZoom);

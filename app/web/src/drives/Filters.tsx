@@ -1,0 +1,202 @@
+/** What the list is searched and narrowed by. */
+import { useEffect, useRef } from "preact/hooks";
+import { hasText, type TextKey, t } from "../shared/texts";
+import {
+  addressWith,
+  filtered,
+  go,
+  order,
+  query,
+  SORTS,
+  type Sort,
+  STATUSES,
+  sort,
+  usualOrder,
+} from "./state";
+
+const FAILURES = [
+  "no-match",
+  "no-roads",
+  "empty-log",
+  "bad-log",
+  "malformed-log",
+  "unknown-format",
+  "missing-sensor",
+  "too-long",
+  "method-failed",
+  "out-of-memory",
+  "processing-failed",
+  "internal",
+];
+const TYPING_MS = 250;
+
+/** The kind of a failure in words. */
+export function failureText(kind: string): string {
+  const key = `drives.failure.${kind}`;
+  return hasText(key) ? t(key) : kind;
+}
+
+function Search() {
+  const field = useRef<HTMLInputElement>(null);
+  const timer = useRef<ReturnType<typeof setTimeout> | undefined>(undefined);
+  const said = query.value.get("q") ?? "";
+  useEffect(() => {
+    // Another address by the back button, but not while somebody types.
+    if (field.current && document.activeElement !== field.current) field.current.value = said;
+  }, [said]);
+  const search = (inPlace: boolean) => {
+    clearTimeout(timer.current);
+    const text = (field.current?.value ?? "").trim();
+    // The back button leads to the list before the search, not letter by letter.
+    if (text !== said) go(addressWith({ q: text }), inPlace && said !== "");
+  };
+  return (
+    <form
+      onSubmit={(event) => {
+        event.preventDefault();
+        search(false);
+      }}
+    >
+      <label>
+        <span>{t("drives.search")}</span>
+        <input
+          ref={field}
+          type="search"
+          maxLength={100}
+          defaultValue={said}
+          placeholder={t("drives.search_example")}
+          onInput={() => {
+            clearTimeout(timer.current);
+            timer.current = setTimeout(() => search(true), TYPING_MS);
+          }}
+        />
+      </label>
+    </form>
+  );
+}
+
+/** Local midnight of a day, or of the one after it, as the service takes it. */
+function midnight(day: string, later = 0): string | null {
+  const [year, month, date] = day.split("-").map(Number);
+  if (year === undefined || month === undefined || date === undefined || year < 1900) return null;
+  return new Date(year, month - 1, date + later).toISOString();
+}
+
+/** The local day of a moment, as a field takes it. */
+function dayOf(moment: string | null, earlierMs = 0): string {
+  const at = new Date(Date.parse(moment ?? "") - earlierMs);
+  if (Number.isNaN(at.getTime())) return "";
+  return [at.getFullYear(), at.getMonth() + 1, at.getDate()]
+    .map((part) => String(part).padStart(2, "0"))
+    .join("-");
+}
+
+function Days() {
+  const since = query.value.get("created_after");
+  const until = query.value.get("created_before");
+  return (
+    <>
+      <label>
+        <span>{t("drives.uploaded_from")}</span>
+        <input
+          type="date"
+          value={dayOf(since)}
+          onChange={(event) => go(addressWith({ created_after: midnight(event.currentTarget.value) }))}
+        />
+      </label>
+      <label>
+        <span>{t("drives.uploaded_to")}</span>
+        <input
+          type="date"
+          value={dayOf(until, 1)}
+          onChange={(event) => go(addressWith({ created_before: midnight(event.currentTarget.value, 1) }))}
+        />
+      </label>
+    </>
+  );
+}
+
+function Order() {
+  const value = `${sort.value} ${order.value}`;
+  return (
+    <label class="phone-only">
+      <span>{t("drives.order")}</span>
+      <select
+        value={value}
+        onChange={(event) => {
+          const [by, way] = event.currentTarget.value.split(" ") as [Sort, "asc" | "desc"];
+          go(sortedBy(by, way));
+        }}
+      >
+        {SORTS.flatMap((one) =>
+          (["desc", "asc"] as const).map((way) => (
+            <option key={one + way} value={`${one} ${way}`}>
+              {t(`drives.by.${one}_${way}` as TextKey)}
+            </option>
+          )),
+        )}
+      </select>
+    </label>
+  );
+}
+
+/** The address of the list in that order. */
+export function sortedBy(by: Sort, way: "asc" | "desc"): string {
+  return addressWith({ sort: by === "created_at" ? null : by, order: way === usualOrder(by) ? null : way });
+}
+
+/** All of them. */
+export function Filters() {
+  const failure = query.value.get("failure") ?? "";
+  const kinds = failure && !FAILURES.includes(failure) ? [failure, ...FAILURES] : FAILURES;
+  const status = query.value.get("status") ?? (failure ? "failed" : "");
+  return (
+    <section class="filters" aria-label={t("drives.filters")}>
+      <Search />
+      <label>
+        <span>{t("drives.status")}</span>
+        <select
+          value={status}
+          onChange={(event) => go(addressWith({ status: event.currentTarget.value, failure: null }))}
+        >
+          <option value="">{t("drives.any")}</option>
+          {STATUSES.map((one) => (
+            <option key={one} value={one}>
+              {t(`drives.is.${one}`)}
+            </option>
+          ))}
+        </select>
+      </label>
+      {status === "failed" && (
+        <label>
+          <span>{t("drives.reason")}</span>
+          <select
+            value={failure}
+            onChange={(event) => go(addressWith({ status: "failed", failure: event.currentTarget.value }))}
+          >
+            <option value="">{t("drives.any")}</option>
+            {kinds.map((one) => (
+              <option key={one} value={one}>
+                {failureText(one)}
+              </option>
+            ))}
+          </select>
+        </label>
+      )}
+      <Days />
+      <Order />
+      {filtered.value && (
+        <a
+          class="button"
+          href="/drives"
+          onClick={(event) => {
+            event.preventDefault();
+            go("/drives");
+          }}
+        >
+          {t("drives.all")}
+        </a>
+      )}
+    </section>
+  );
+}

@@ -1,0 +1,254 @@
+/** The map itself: MapLibre with the state's style, and what clicks and keys on it do. */
+import {
+  AttributionControl,
+  Map as MapLibre,
+  type MapMouseEvent,
+  NavigationControl,
+  type PointLike,
+  type RequestParameters,
+  ScaleControl,
+  type StyleSpecification,
+  setWorkerUrl,
+} from "maplibre-gl";
+import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?url";
+import "maplibre-gl/dist/maplibre-gl.css";
+import { effect } from "@preact/signals";
+import { getJson } from "../shared/api";
+import { config } from "../shared/config";
+import { tellError } from "../shared/Messages";
+import { t } from "../shared/texts";
+import { theme } from "../shared/theme";
+import { lettersOf, over } from "./background";
+import type { Asked, Counted } from "./count";
+import { breaksOf } from "./count";
+import { Freshness, stayNew, tilesInView } from "./live";
+import { nearest } from "./picking";
+import { counts, legend } from "./shown";
+import { type Box, choices, colour, layer, movedBy, opened, type Place, selected, view } from "./state";
+import { drawn, isRoad, type OwnStyle, ownStyle, SOURCE, showsUnknown } from "./style";
+import { type Tile, tileOf, tileUrl } from "./tiles";
+
+declare global {
+  interface Window {
+    /** The map, for tests and for the curious. */
+    versantMap?: MapLibre;
+  }
+}
+
+setWorkerUrl(workerUrl);
+
+const LEAST_ZOOM = { segments: 6, ways: 10 } as const;
+const MOST_ZOOM = 18;
+/** The style's first view is made for a window of so many pixels. */
+const FIRST_PX = 768;
+const MOUSE_PX = 6;
+const FINGER_PX = 16;
+const OWN_FONTS: ReadonlySet<string> = new Set(["DejaVu Sans"]);
+const still = matchMedia("(prefers-reduced-motion: reduce)");
+
+/** Open the map in an element, once: the service's style is there, and has a centre. */
+export function openMap(
+  place: HTMLElement,
+  first: OwnStyle,
+  background: StyleSpecification | null,
+): MapLibre {
+  const freshness = new Freshness();
+  let own = first;
+  const styleNow = () => {
+    const roads = drawn(own, choices(), theme.peek());
+    return background ? over(background, roads) : roads;
+  };
+  const map = new MapLibre({
+    container: place,
+    style: styleNow(),
+    ...firstView(place, first.style),
+    attributionControl: false,
+    dragRotate: false,
+    pitchWithRotate: false,
+    touchPitch: false,
+    maxZoom: 20,
+    minZoom: 1,
+    fadeDuration: 100,
+    clickTolerance: 5,
+    locale: {
+      "Map.Title": t("map.title"),
+      "NavigationControl.ZoomIn": t("map.zoom_in"),
+      "NavigationControl.ZoomOut": t("map.zoom_out"),
+      "AttributionControl.ToggleAttribution": t("map.attribution"),
+    },
+    transformRequest: (url: string, type?: string) => request(url, type, first.style.glyphs, freshness),
+  });
+  window.versantMap = map;
+  map.touchZoomRotate.disableRotation();
+  map.keyboard.disableRotation();
+  map.addControl(new NavigationControl({ showCompass: false }), "bottom-right");
+  map.addControl(new ScaleControl({ maxWidth: 90 }), "bottom-right");
+  map.addControl(new AttributionControl({ compact: true }), "bottom-right");
+  map.on("error", ({ error }) => {
+    if (!(error instanceof DOMException && error.name === "AbortError")) tellError(error);
+  });
+  followState(map, (found) => {
+    own = found;
+    return styleNow();
+  });
+  const inView = () => tilesInView(map, LEAST_ZOOM[layer.value], MOST_ZOOM);
+  const count = counter(map, inView);
+  stayNew(map, freshness, inView, count.forget);
+  moves(map);
+  clicks(map, () => own.segmentsFrom);
+  return map;
+}
+
+function request(
+  url: string,
+  type: string | undefined,
+  letters: string | undefined,
+  freshness: Freshness,
+): RequestParameters {
+  if (type === "Glyphs") return { url: lettersOf(url, letters, OWN_FONTS) ?? url };
+  const tile = type === "Tile" ? tileOf(url) : null;
+  if (!tile || !url.startsWith(location.origin)) return { url };
+  freshness.asked(tile);
+  // What the browser kept may be from before the change, however long the service lets it keep tiles.
+  return freshness.any ? { url, cache: "no-cache" } : { url };
+}
+
+function firstView(place: HTMLElement, style: StyleSpecification): object {
+  if (opened.view) return { center: [opened.view.lon, opened.view.lat], zoom: opened.view.zoom };
+  if (opened.box) return { bounds: opened.box, fitBoundsOptions: { padding: 40, maxZoom: 17 } };
+  const room = Math.min(place.clientWidth, 1.5 * place.clientHeight);
+  const zoom = (style.zoom ?? 1) + Math.min(0, Math.log2(Math.max(room, 100) / FIRST_PX));
+  return { center: style.center ?? [0, 0], zoom };
+}
+
+/** Draw what the state says, whenever it says otherwise. */
+function followState(map: MapLibre, styleOf: (own: OwnStyle) => StyleSpecification): void {
+  let turn = 0;
+  let begun = false;
+  let tiles = layer.peek();
+  effect(() => {
+    const state = choices();
+    const light = theme.value;
+    turn += 1;
+    const mine = turn;
+    if (!begun) {
+      begun = true;
+      return;
+    }
+    ownStyle(light, state.colour, state.layer)
+      .then((own) => {
+        if (mine !== turn) return;
+        legend.value = own.legend;
+        // Other tiles are another source, which cannot be changed in place.
+        map.setStyle(styleOf(own), { diff: state.layer === tiles });
+        tiles = state.layer;
+      })
+      .catch(tellError);
+  });
+}
+
+/** Where the map is goes into the state, and others can move it. */
+function moves(map: MapLibre): void {
+  const tell = () => {
+    const { lng, lat } = map.getCenter();
+    view.value = { lon: lng, lat, zoom: map.getZoom() };
+  };
+  const go = (place: Place, atOnce: boolean) => {
+    const motion = atOnce || still.matches ? { duration: 0 } : { duration: 800 };
+    if ("bbox" in place) map.fitBounds(place.bbox, { padding: 60, maxZoom: 17, ...motion });
+    else
+      map.easeTo({
+        center: [place.lon, place.lat],
+        ...(place.zoom === undefined ? {} : { zoom: place.zoom }),
+        ...motion,
+      });
+  };
+  map.on("moveend", tell);
+  tell();
+  const waiting = movedBy(go);
+  if (waiting) go(waiting, true);
+}
+
+/** Clicks, taps and Enter select the nearest road; from afar they lead nearer first. */
+function clicks(map: MapLibre, singlesFrom: () => number): void {
+  const at = (point: { x: number; y: number }, reach: number) => {
+    const box: [PointLike, PointLike] = [
+      [point.x - reach, point.y - reach],
+      [point.x + reach, point.y + reach],
+    ];
+    const layers = map.getLayersOrder().filter(isRoad);
+    return nearest(map.queryRenderedFeatures(box, { layers }), point, (place) => map.project(place));
+  };
+  const select = (point: { x: number; y: number }, reach: number) => {
+    const found = at(point, reach);
+    if (layer.value === "segments" && map.getZoom() < singlesFrom()) {
+      if (!found) return;
+      map.once("idle", () => select(map.project(map.getCenter()), FINGER_PX));
+      map.easeTo({
+        center: map.unproject([point.x, point.y]),
+        zoom: singlesFrom() + 1,
+        duration: still.matches ? 0 : 600,
+      });
+      return;
+    }
+    selected.value = found === null ? null : { kind: layer.value === "ways" ? "way" : "segment", id: found };
+  };
+  const finger = (event: MapMouseEvent) =>
+    (event.originalEvent as PointerEvent).pointerType === "touch" || !matchMedia("(pointer: fine)").matches;
+  map.on("click", (event) => select(event.point, finger(event) ? FINGER_PX : MOUSE_PX));
+  map.on("mousemove", (event) => {
+    if (map.isMoving()) return;
+    map.getCanvas().style.cursor = at(event.point, MOUSE_PX) === null ? "" : "pointer";
+  });
+  map.getCanvas().addEventListener("keydown", (event) => {
+    if (event.key === "Enter") select(map.project(map.getCenter()), FINGER_PX);
+    if (event.key === "Escape") selected.value = null;
+  });
+}
+
+/** Counts what is in view whenever the map has come to rest. */
+function counter(map: MapLibre, inView: () => Tile[]): { forget: (tiles: Tile[]) => void } {
+  const worker = new Worker(new URL("./count.worker.ts", import.meta.url), { type: "module" });
+  let number = 0;
+  let anew: string[] = [];
+  let asked = "";
+  worker.onmessage = ({ data }: MessageEvent<Counted>) => {
+    if (data.number === number) counts.value = data;
+  };
+  const ask = () => {
+    const said = legend.value;
+    if (!said || map.isMoving() || !map.isSourceLoaded(SOURCE)) return;
+    const bounds = map.getBounds();
+    const state = choices();
+    const question: Omit<Asked, "number"> = {
+      tiles: inView().map((tile) => ({ tile, url: tileUrl(layer.value, tile) })),
+      anew,
+      box: [bounds.getWest(), bounds.getSouth(), bounds.getEast(), bounds.getNorth()] as Box,
+      colour: colour.value,
+      breaks: breaksOf(said.classes),
+      classes: state.classes,
+      mostSigma: state.mostSigma,
+      leastDrives: state.leastDrives,
+      unknown: showsUnknown(state),
+    };
+    const text = JSON.stringify(question);
+    if (text === asked) return;
+    asked = JSON.stringify({ ...question, anew: [] });
+    anew = [];
+    number += 1;
+    worker.postMessage({ ...question, number } satisfies Asked);
+  };
+  map.on("idle", ask);
+  return { forget: (tiles) => anew.push(...tiles.map((tile) => tileUrl(layer.value, tile))) };
+}
+
+/** The background's style, where there is one; null: there is none, or it cannot be had, which is told. */
+export async function backgroundStyle(): Promise<StyleSpecification | null> {
+  if (!config.background_style_url) return null;
+  try {
+    return await getJson<StyleSpecification>(config.background_style_url);
+  } catch (error) {
+    tellError(error);
+    return null;
+  }
+}

@@ -1,0 +1,141 @@
+/** One upload in the list: how far it is in words and as a bar, why it failed, and what can be done now. */
+import { confirmed } from "../shared/Confirm";
+import { mapOf, stageText, warningsOf } from "../shared/drives";
+import { distance, duration, size } from "../shared/format";
+import { t } from "../shared/texts";
+import { Columns, mayLackColumns } from "./Columns";
+import { type Item, type Phase, remove, removeDrive, retry } from "./queue";
+
+function words(item: Item): string {
+  const phase: Phase = item.phase.value;
+  const drive = item.drive.value;
+  if (phase === "waiting") return t(item.tries > 0 ? "upload.waits_again" : "upload.waits");
+  if (phase === "sending")
+    return item.sent.value < item.size
+      ? t("upload.sending", { sent: size(item.sent.value), all: size(item.size) })
+      : t("upload.storing");
+  if (phase === "refused") return t("upload.refused");
+  if (phase === "running") return stageText(drive?.stage);
+  if (phase === "done") {
+    const took = (Date.parse(drive?.finished_at ?? "") - Date.parse(drive?.started_at ?? "")) / 1000;
+    return t("upload.is_done", { length: distance(drive?.distance_m), time: duration(took) });
+  }
+  return t(`upload.is_${phase}`);
+}
+
+async function askAndRemove(item: Item): Promise<void> {
+  const yes = await confirmed({
+    title: t("upload.cancel_title", { name: item.name }),
+    what: t("upload.cancel_what"),
+    action: t("upload.cancel_action"),
+    destructive: true,
+  });
+  if (yes) await removeDrive(item);
+}
+
+function Bar({ item }: { item: Item }) {
+  const phase = item.phase.value;
+  if (phase === "sending")
+    return (
+      <progress
+        max={item.size}
+        value={item.sent.value}
+        aria-label={t("upload.transfer_of", { name: item.name })}
+      />
+    );
+  if (phase === "running")
+    return (
+      <progress
+        max={1}
+        value={item.drive.value?.progress ?? 0}
+        aria-label={t("upload.processing_of", { name: item.name })}
+      />
+    );
+  return null;
+}
+
+function Actions({ item }: { item: Item }) {
+  const phase = item.phase.value;
+  const drive = item.drive.value;
+  const name = item.name;
+  const over = ["refused", "done", "failed", "cancelled"].includes(phase);
+  return (
+    <div class="actions">
+      {item.driveId && phase !== "cancelled" && (
+        <a class="button" href={`/drives/${item.driveId}`} aria-label={t("upload.open_named", { name })}>
+          {t("upload.open")}
+        </a>
+      )}
+      {phase === "done" && drive?.bbox && (
+        <a class="button" href={mapOf(drive.bbox)} aria-label={t("upload.map_named", { name })}>
+          {t("upload.map")}
+        </a>
+      )}
+      {(phase === "refused" || phase === "failed") && (
+        <button type="button" aria-label={t("upload.again_named", { name })} onClick={() => void retry(item)}>
+          {t(phase === "failed" ? "upload.process_again" : "upload.again")}
+        </button>
+      )}
+      {(phase === "queued" || phase === "running") && !item.known.value && (
+        <button
+          type="button"
+          aria-label={t("upload.cancel_named", { name })}
+          onClick={() => void askAndRemove(item)}
+        >
+          {t("upload.cancel_action")}
+        </button>
+      )}
+      {(phase === "waiting" || phase === "sending") && (
+        <button type="button" aria-label={t("upload.cancel_named", { name })} onClick={() => remove(item)}>
+          {t("page.cancel")}
+        </button>
+      )}
+      {over && (
+        <button
+          type="button"
+          class="quiet"
+          aria-label={t("upload.forget_named", { name })}
+          title={t("upload.forget")}
+          onClick={() => remove(item)}
+        >
+          ×
+        </button>
+      )}
+    </div>
+  );
+}
+
+/** The row. */
+export function Row({ item }: { item: Item }) {
+  const phase = item.phase.value;
+  const drive = item.drive.value;
+  const warnings = warningsOf(drive);
+  const reason = phase === "refused" ? item.problem.value?.message : drive?.failure?.reason;
+  return (
+    <li class={`upload-row ${phase}`}>
+      <div class="what">
+        <p class="name">
+          <strong>{item.name}</strong> <span class="quiet-text">{size(item.size)}</span>
+        </p>
+        <p class="state">
+          <span class="mark" aria-hidden="true" /> {words(item)}
+          {item.known.value && <span class="quiet-text"> {t("upload.known")}</span>}
+        </p>
+        <Bar item={item} />
+        {(phase === "refused" || phase === "failed") && <p class="reason">{reason}</p>}
+        {phase === "done" && warnings.length > 0 && (
+          <details>
+            <summary class="warn-text">{t("upload.warnings", { n: warnings.length })}</summary>
+            <ul>
+              {warnings.map((warning) => (
+                <li key={warning}>{warning}</li>
+              ))}
+            </ul>
+          </details>
+        )}
+        {phase === "refused" && mayLackColumns(item) && <Columns item={item} />}
+      </div>
+      <Actions item={item} />
+    </li>
+  );
+}

@@ -1,0 +1,212 @@
+/** What is uploaded from this page: each item with what became of it, so many transfers at once. */
+import { computed, type Signal, signal } from "@preact/signals";
+import { type ApiProblem, api, got } from "../shared/api";
+import { type Drive, getDrive } from "../shared/drives";
+import { Follower } from "../shared/following";
+import { tellError } from "../shared/Messages";
+import { Refusal, send, type Transfer } from "./transfers";
+
+export type Phase =
+  | "waiting"
+  | "sending"
+  | "refused"
+  | "queued"
+  | "running"
+  | "done"
+  | "failed"
+  | "cancelled";
+
+const AT_ONCE = 2;
+const TRIES = 4;
+let last = 0;
+
+/** One drive to be, of one file or of several. */
+export class Item {
+  readonly id: number;
+  readonly name: string;
+  readonly size: number;
+  readonly phase: Signal<Phase> = signal("waiting");
+  readonly sent = signal(0);
+  readonly problem: Signal<ApiProblem | null> = signal(null);
+  readonly drive: Signal<Drive | null> = signal(null);
+  /** Of the drive that it became; empty before. */
+  driveId = "";
+  readonly known = signal(false);
+  /** Names of columns: Versant's -> the file's. */
+  columns: Record<string, string> = {};
+  tries = 0;
+  notBefore = 0;
+  transfer: Transfer | null = null;
+
+  constructor(
+    readonly files: File[],
+    readonly query: URLSearchParams,
+  ) {
+    last += 1;
+    this.id = last;
+    this.name = files.map((file) => file.name).join(", ");
+    this.size = files.reduce((sum, file) => sum + file.size, 0);
+  }
+
+  /** Tells the same files from others. */
+  get key(): string {
+    return this.files.map((file) => `${file.name}/${file.size}/${file.lastModified}`).join("|");
+  }
+}
+
+export const items = signal<Item[]>([]);
+const OVER: Phase[] = ["refused", "done", "failed", "cancelled"];
+const isOver = (item: Item) => OVER.includes(item.phase.value);
+
+export interface Overall {
+  count: number;
+  over: number;
+  done: number;
+  bad: number;
+  bytes: number;
+  sent: number;
+  transferring: boolean;
+}
+
+/** How far all of it is. */
+export const overall = computed<Overall>(() => {
+  const all = items.value;
+  const of = (...phases: Phase[]) => all.filter((item) => phases.includes(item.phase.value)).length;
+  return {
+    count: all.length,
+    over: all.filter(isOver).length,
+    done: of("done"),
+    bad: of("refused", "failed"),
+    bytes: all.reduce((sum, item) => sum + item.size, 0),
+    sent: all.reduce((sum, item) => sum + Math.min(item.sent.value, item.size), 0),
+    transferring: of("waiting", "sending") > 0,
+  };
+});
+
+const follower = new Follower<Item>({
+  driveOf: (item) => item.driveId,
+  unfinished: () =>
+    items.value.filter((item) => item.phase.value === "queued" || item.phase.value === "running"),
+  told: (item, drive) => tell(item, drive),
+  gone: (item) => {
+    item.phase.value = "cancelled";
+  },
+});
+
+function tell(item: Item, drive: Drive): void {
+  item.drive.value = drive;
+  item.phase.value = drive.status;
+}
+
+/** Put drives into the queue; those that are in it already are left out. Returns how many there are now more. */
+export function add(drives: File[][], query: URLSearchParams): number {
+  const there = new Set(items.value.filter((item) => item.phase.value !== "refused").map((item) => item.key));
+  const fresh = drives.map((files) => new Item(files, query)).filter((item) => !there.has(item.key));
+  items.value = [...items.value, ...fresh];
+  pump();
+  return fresh.length;
+}
+
+/** Begin transfers while there are some to begin. */
+function pump(): void {
+  const all = items.value;
+  let free = AT_ONCE - all.filter((item) => item.phase.value === "sending").length;
+  const now = Date.now();
+  for (const item of all) {
+    if (free <= 0) return;
+    if (item.phase.value !== "waiting" || item.notBefore > now) continue;
+    free -= 1;
+    void transfer(item);
+  }
+}
+
+async function transfer(item: Item): Promise<void> {
+  item.phase.value = "sending";
+  item.problem.value = null;
+  item.sent.value = 0;
+  item.tries += 1;
+  const query = new URLSearchParams(item.query);
+  for (const [ours, theirs] of Object.entries(item.columns)) query.append("columns", `${ours}=${theirs}`);
+  item.transfer = send(item.files, query, (bytes) => {
+    item.sent.value = bytes;
+  });
+  try {
+    const { accepted, known } = await item.transfer.done;
+    item.sent.value = item.size;
+    item.known.value = known;
+    item.driveId = accepted.id;
+    // Of a drive that waits there is no more to be known; those that follow it tell the rest.
+    if (accepted.status === "queued") item.phase.value = "queued";
+    else tell(item, await getDrive(accepted.id));
+    follower.arrange();
+  } catch (error) {
+    if (items.value.includes(item)) fail(item, error);
+  } finally {
+    item.transfer = null;
+    pump();
+  }
+}
+
+function fail(item: Item, error: unknown): void {
+  const again = error instanceof Refusal ? error.againAfterS : null;
+  if (again !== null && item.tries < TRIES) {
+    item.notBefore = Date.now() + again * 1000;
+    item.phase.value = "waiting";
+    setTimeout(pump, again * 1000 + 10);
+    return;
+  }
+  item.problem.value = error instanceof Refusal ? error.problem : (error as ApiProblem);
+  item.sent.value = 0;
+  item.phase.value = "refused";
+}
+
+/** Take an item off the list; a transfer that is under way ends. What became a drive stays one. */
+export function remove(item: Item): void {
+  items.value = items.value.filter((one) => one !== item);
+  item.transfer?.cancel();
+  follower.arrange();
+  pump();
+}
+
+/** Take off all that is over and well. */
+export function removeDone(): void {
+  items.value = items.value.filter((item) => item.phase.value !== "done" && item.phase.value !== "cancelled");
+}
+
+/** Try again what did not come to its end: the transfer, or the processing. */
+export async function retry(item: Item): Promise<void> {
+  item.tries = 0;
+  item.notBefore = 0;
+  if (item.phase.value === "refused") {
+    item.problem.value = null;
+    item.phase.value = "waiting";
+    pump();
+    return;
+  }
+  const path = { drive_id: item.driveId };
+  try {
+    await got(api.POST("/v1/drives/{drive_id}/reprocess", { params: { path } }));
+    tell(item, await getDrive(path.drive_id));
+    follower.arrange();
+  } catch (error) {
+    tellError(error);
+  }
+}
+
+/** The same for all of them, one after the other. */
+export async function retryAll(): Promise<void> {
+  for (const item of items.value)
+    if (item.phase.value === "refused" || item.phase.value === "failed") await retry(item);
+}
+
+/** Remove the drive from the service. */
+export async function removeDrive(item: Item): Promise<void> {
+  const path = { drive_id: item.driveId };
+  try {
+    await got(api.DELETE("/v1/drives/{drive_id}", { params: { path } }));
+    item.phase.value = "cancelled";
+    follower.arrange();
+  } catch (error) {
+    tellError(error);
+  }
+}

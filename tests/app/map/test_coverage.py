@@ -1,0 +1,47 @@
+"""Where most roads are: what a map opens on."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.map.coverage import MOST_ROADS, crowded_box
+from app.network.cells import ZOOM, square_bounds
+
+EVERYWHERE = (-180.0, -90.0, 180.0, 90.0)
+HEIDELBERG = 8586 << ZOOM | 5609
+
+sides = st.integers(100, (1 << ZOOM) - 100)
+crowds = st.dictionaries(
+    st.builds(lambda x, y: x << ZOOM | y, sides, sides), st.integers(1, 1000), min_size=1
+)
+
+
+def test_a_lone_road_far_away_does_not_count() -> None:
+    far = (8586 + 900) << ZOOM | 5000
+    box = crowded_box({HEIDELBERG: 5000, far: 10}, EVERYWHERE)
+    assert box == square_bounds(HEIDELBERG)
+
+
+def test_two_towns_are_both_in_it() -> None:
+    other = (8586 + 40) << ZOOM | (5609 + 30)
+    west, south, east, north = crowded_box({HEIDELBERG: 500, other: 500}, EVERYWHERE)
+    for place in (HEIDELBERG, other):
+        left, bottom, right, top = square_bounds(place)
+        assert west <= left and south <= bottom and east >= right and north >= top
+
+
+@given(crowds)
+def test_no_side_leaves_out_more_than_it_may(found: dict[int, int]) -> None:
+    west, south, east, north = crowded_box(found, EVERYWHERE)
+    total = sum(found.values())
+    for side, sign, edge in ((0, 1, west), (1, 1, south), (2, -1, east), (3, -1, north)):
+        beyond = sum(n for square, n in found.items() if sign * (square_bounds(square)[side] - edge) < -1e-9)
+        assert beyond <= (1 - MOST_ROADS) / 2 * total + 1e-6
+
+
+def test_it_ends_where_the_roads_do() -> None:
+    west, south, east, north = square_bounds(HEIDELBERG)
+    inset = (east - west) / 4, (north - south) / 4
+    whole = (west + inset[0], south + inset[1], east - inset[0], north - inset[1])
+    assert crowded_box({HEIDELBERG: 3}, whole) == whole

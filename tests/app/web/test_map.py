@@ -1,0 +1,181 @@
+"""The map as its users meet it: what it draws, filters, selects, and what its address says."""
+
+from __future__ import annotations
+
+import re
+import time
+import uuid
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from browser_fixtures import PATIENCE_MS, Tab
+from web_fixtures import SOUTH, STEP, WEST, Web
+
+Drive = Callable[..., uuid.UUID]
+DRAWN = """() => {
+  const map = window.versantMap;
+  const layers = map.getLayersOrder().filter((id) => id.startsWith('slope-') || id.startsWith('unknown-'));
+  return [...new Set(map.queryRenderedFeatures({ layers }).map((one) => one.id))].sort((a, b) => a - b);
+}"""
+AT = f"at=14.00/{SOUTH + 3.5 * STEP}/{WEST + 3.5 * STEP}"
+"""Over the whole grid, near enough for single segments."""
+
+
+def opened(tab: Tab, address: str) -> None:
+    """Open the map and wait until it has come to rest with everything counted."""
+    tab.page.goto(address)
+    rest(tab)
+
+
+def wait(tab: Tab, expression: str, arg: Any = None) -> None:
+    """Until it is true; Playwright's own waiting would need what the pages' policy forbids."""
+    ends = time.monotonic() + PATIENCE_MS / 1000
+    while not tab.page.evaluate(expression, arg):
+        assert time.monotonic() < ends, expression
+        tab.page.wait_for_timeout(30)
+
+
+def rest(tab: Tab) -> None:
+    wait(tab, "Boolean(window.versantMap?.loaded() && !window.versantMap.isMoving())")
+    tab.page.wait_for_selector(".total", state="attached")
+
+
+def drawn(tab: Tab) -> list[int]:
+    found: list[int] = tab.page.evaluate(DRAWN)
+    return found
+
+
+def total(tab: Tab, text: str) -> None:
+    tab.page.get_by_text(text, exact=True).wait_for()
+
+
+@pytest.fixture
+def driven(filled: Web, drive_maker: Drive) -> Web:
+    """The grid with flat and steep streets, one of them driven twice."""
+    drive_maker(filled.sessions, [0, 1, 2], 0.5, 0.2)
+    drive_maker(filled.sessions, [7, 8, 9, 10], 5.0, 1.2)
+    drive_maker(filled.sessions, [7], 5.0, 1.2)
+    return filled
+
+
+def test_legend_and_sliders_filter_and_the_address_keeps_it(
+    driven: Web, tab_maker: Callable[..., Tab]
+) -> None:
+    tab = tab_maker(viewport={"width": 1280, "height": 800})
+    opened(tab, f"{driven.base}/map?{AT}")
+    total(tab, "112 of 112 segments in view")
+    every = drawn(tab)
+    assert len(every) == 112
+    page = tab.page
+    steep = page.get_by_role("button", name=re.compile(r"4 to 6 %\s*4\s*in view"))
+    steep.click()
+    total(tab, "4 of 112 segments in view")
+    assert steep.get_attribute("aria-pressed") == "true"
+    wait(tab, f"({DRAWN})().length === 4")
+    sigma = page.get_by_role("slider", name="Uncertainty at most")
+    sigma.fill("5")
+    total(tab, "1 of 112 segments in view")
+    drives = page.get_by_role("slider", name="Drives at least")
+    drives.fill("2")
+    assert drives.get_attribute("aria-valuetext") == "2"
+    total(tab, "1 of 112 segments in view")
+    wait(tab, f"({DRAWN})().length === 1")
+    said = page.url
+    assert all(one in said for one in ("classes=4", "sigma=1", "drives=2"))
+    twice = drawn(tab)
+
+    other = tab_maker(viewport={"width": 1280, "height": 800})
+    opened(other, said)
+    total(other, "1 of 112 segments in view")
+    wait(other, f"({DRAWN})().length === 1")
+    assert drawn(other) == twice
+    page.go_back()
+    wait(tab, "!location.search.includes('drives')")
+    page.get_by_role("button", name="Show everything").click()
+    total(tab, "112 of 112 segments in view")
+    page.get_by_role("button", name="Unknown").click()
+    total(tab, "105 of 112 segments in view")
+
+
+def test_modes_and_ways(driven: Web, tab: Tab) -> None:
+    opened(tab, f"{driven.base}/map?{AT}")
+    choice = tab.page.get_by_label("Colours show")
+    for colour, known in (("elevation-model", 84), ("difference", 5), ("steepness", 7)):
+        choice.select_option(colour)
+        wait(
+            tab,
+            "(known) => window.versantMap.loaded() && window.versantMap.queryRenderedFeatures({layers: "
+            "window.versantMap.getLayersOrder().filter((id) => id.startsWith('slope-'))}).length >= known",
+            known,
+        )
+        rest(tab)
+        assert ("colour=" in tab.page.url) == (colour != "steepness")
+    tab.page.get_by_label("ways").check()
+    assert choice.locator("option[value=difference]").is_disabled()
+    tab.page.wait_for_url("**layer=ways**")
+    wait(tab, "window.versantMap.getLayer('slope-minor').sourceLayer === 'ways'")
+
+
+def test_click_and_enter_select_the_segment(driven: Web, tab: Tab) -> None:
+    opened(tab, f"{driven.base}/map?{AT}")
+    page = tab.page
+    place: dict[str, Any] = page.evaluate(
+        "(at) => window.versantMap.project(at)", [WEST + 0.5 * STEP, SOUTH + STEP]
+    )
+    frame = page.locator("canvas").bounding_box()
+    assert frame is not None
+    page.mouse.move(frame["x"] + place["x"], frame["y"] + place["y"] + 3)
+    wait(tab, "window.versantMap.getCanvas().style.cursor === 'pointer'")
+    page.mouse.click(frame["x"] + place["x"], frame["y"] + place["y"] + 3)
+    page.wait_for_url("**segment=*")
+    number = int(page.url.split("segment=")[1].split("&")[0])
+    segment = driven.client.get(f"/v1/segments/{number}").json()
+    assert segment["properties"]["slope_percent"] is not None or segment["id"] == number
+    wait(tab, "window.versantMap.queryRenderedFeatures({layers: ['selected']}).length > 0")
+
+    page.locator("canvas").focus()
+    page.keyboard.press("Escape")
+    wait(tab, "!location.search.includes('segment')")
+    before = page.evaluate("window.versantMap.getCenter().lng")
+    page.keyboard.press("ArrowRight")
+    wait(tab, "(before) => window.versantMap.getCenter().lng > before", before)
+    wait(tab, "!window.versantMap.isMoving()")
+    page.evaluate("(at) => window.versantMap.jumpTo({center: at})", [WEST + 1.5 * STEP, SOUTH + 2 * STEP])
+    wait(tab, "window.versantMap.loaded()")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**segment=*")
+
+
+def test_a_published_drive_appears_by_itself(filled: Web, drive_maker: Drive, tab: Tab) -> None:
+    opened(tab, f"{filled.base}/map?{AT}")
+    total(tab, "112 of 112 segments in view")
+    tab.page.get_by_text("No road here has been measured yet.").wait_for()
+    tab.page.wait_for_timeout(300)
+    drive_maker(filled.sessions, [0, 1, 2], 7.0)
+    began = time.monotonic()
+    measured = (
+        "window.versantMap.queryRenderedFeatures({layers: window.versantMap.getLayersOrder()"
+        ".filter((id) => id.startsWith('slope-'))}).length >= 3"
+    )
+    wait(tab, measured)
+    assert time.monotonic() - began < 3
+    tab.page.get_by_role("button", name=re.compile(r"6 to 8 %\s*3\s*in view")).wait_for()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_no_fault_on_a_phone_or_a_desk(driven: Web, tab_maker: Callable[..., Tab], theme: str) -> None:
+    for width, height in ((1280, 800), (390, 844)):
+        tab = tab_maker(viewport={"width": width, "height": height}, color_scheme=theme)
+        opened(tab, f"{driven.base}/map")
+        assert tab.faults() == []
+        folded = tab.page.locator("details.legend").get_attribute("open") is None
+        assert folded == (width < 640)
+
+
+def test_nothing_to_draw_says_what_to_do(web: Web, tab: Tab) -> None:
+    tab.page.goto(f"{web.base}/map")
+    tab.page.get_by_role("heading", name="There are no roads here yet").wait_for()
+    assert tab.page.get_by_role("link", name="Upload a drive").get_attribute("href") == "/upload"
+    assert tab.faults() == []

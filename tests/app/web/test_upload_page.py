@@ -1,0 +1,216 @@
+"""The upload page as people use it: from a file to the drive, and what happens to files that are no logs."""
+
+from __future__ import annotations
+
+import threading
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from app.roads.imports import import_roads
+from browser_fixtures import Tab
+from processing_support import HEADER, process_drive
+from web_fixtures import Web
+
+MANY = 80
+LOG = HEADER + b"".join(b"%d,%.5f,8.4\n" % (k, 49 + k * 1e-4) for k in range(40))
+_QUEUED = text("SELECT id, generation FROM drives WHERE status = 'queued' ORDER BY queued_at")
+# Drops a tree of files as a file manager would; entries of folders are what no test may make otherwise.
+_DROP = """
+(tree) => {
+  const entry = (name, content) => content === null || typeof content === 'string'
+    ? {name, isFile: true, isDirectory: false, file: (done) => done(new File([content ?? ''], name))}
+    : {name, isFile: false, isDirectory: true, createReader: () => {
+        const parts = Object.entries(content).map(([n, c]) => entry(n, c));
+        return {readEntries: (done) => done(parts.splice(0, 2))};
+      }};
+  const items = Object.entries(tree).map(([n, c]) => ({kind: 'file', webkitGetAsEntry: () => entry(n, c)}));
+  const drop = new Event('drop', {bubbles: true, cancelable: true});
+  Object.defineProperty(drop, 'dataTransfer', {value: {items, files: [], types: ['Files']}});
+  document.querySelector('main').dispatchEvent(drop);
+}
+"""
+
+_COUNT = """
+  window.sent = window.now = window.most = 0;
+  const open = XMLHttpRequest.prototype.open;
+  XMLHttpRequest.prototype.open = function (...how) {
+    window.sent += 1;
+    window.now += 1;
+    window.most = Math.max(window.most, window.now);
+    this.addEventListener('load', () => { window.now -= 1; });
+    return open.apply(this, how);
+  };
+"""
+
+
+@pytest.fixture
+def computing(web: Web) -> Iterator[None]:
+    """A worker beside the service, as far as drives are concerned."""
+    over = threading.Event()
+
+    def work() -> None:
+        bench = web.bench
+        while not over.wait(0.05):
+            with web.sessions() as session:
+                waiting = session.execute(_QUEUED).all()
+            for drive_id, generation in waiting:
+                process_drive(bench, drive_id, generation)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+
+
+def named(name: str, content: bytes) -> dict[str, Any]:
+    return {"name": name, "mimeType": "", "buffer": content}
+
+
+def choose(tab: Tab, *files: Any, button: str = "Choose files") -> None:
+    with tab.page.expect_file_chooser() as chooser:
+        tab.page.get_by_role("button", name=button).click()
+    chooser.value.set_files(list(files))
+
+
+def row(tab: Tab, name: str) -> Any:
+    return tab.page.get_by_role("listitem").filter(has=tab.page.get_by_text(name, exact=True))
+
+
+def opened(tab: Tab, web: Web) -> Tab:
+    tab.page.goto(f"{web.base}/upload", wait_until="networkidle")
+    return tab
+
+
+def test_a_log_from_the_drop_to_the_map_and_again(
+    web: Web, tab: Tab, files: Path, computing: None, tmp_path: Path
+) -> None:
+    import_roads(web.sessions, files / "town.osm", tmp_path / "dem")
+    opened(tab, web).page.evaluate(
+        _DROP,
+        {
+            "logs": {
+                "0.csv": (files / "0.csv").read_bytes().decode(),
+                ".hidden": "x",
+                "deep": {".git": {"a": "b"}},
+            }
+        },
+    )
+    done = row(tab, "0.csv")
+    done.get_by_text("Done:").wait_for()
+    tab.page.get_by_text("2 hidden files or folders were left out.").wait_for()
+    tab.page.get_by_text("1 of one drive is done.").first.wait_for()
+    [drive] = web.client.get("/v1/drives").json()["drives"]
+    assert (
+        done.get_by_role("link", name="Open the drive 0.csv").get_attribute("href")
+        == f"/drives/{drive['id']}"
+    )
+    west, south, east, north = (
+        float(part)
+        for part in done.get_by_role("link", name="on the map").get_attribute("href").split("=")[1].split(",")
+    )
+    assert [west, south, east, north] == pytest.approx(drive["bbox"], abs=1e-4)
+    assert tab.faults() == []
+    # The same bytes under another name.
+    choose(tab, named("again.csv", (files / "0.csv").read_bytes()))
+    row(tab, "again.csv").get_by_text("Already uploaded").wait_for()
+    assert len(web.client.get("/v1/drives").json()["drives"]) == 1
+
+
+def test_what_is_refused_says_why_and_can_be_tried_again(web: Web, tab_maker: Callable[..., Tab]) -> None:
+    tab = opened(tab_maker(color_scheme="dark"), web)
+    tab.expected += ["415", "422", "413"]
+    choose(tab, named("holiday.jpg", b"\xff\xd8\xff" * 300), named("big.csv", LOG + b" " * 300_000))
+    row(tab, "holiday.jpg").get_by_text("looks like a JPEG picture").wait_for()
+    row(tab, "big.csv").get_by_text("larger than 200000 bytes").wait_for()
+    row(tab, "big.csv").get_by_role("button", name="Try big.csv again").wait_for()
+    assert tab.faults() == []
+    # A CSV by other names: the columns that it lacks are asked for.
+    header, rows = LOG.split(b"\n", 1)
+    assert header == b"time_s,lat_deg,lon_deg"
+    choose(tab, named("ours.csv", b"when;Breite;Laenge\n" + rows.replace(b",", b";")))
+    form = row(tab, "ours.csv")
+    for ours, theirs in (("lat_deg", "Breite"), ("lon_deg", "Laenge"), ("time_s", "when")):
+        form.get_by_label(ours, exact=True).select_option(theirs)
+    assert tab.faults() == []
+    form.get_by_role("button", name="Upload with these columns").click()
+    form.get_by_text("Waits to be computed").wait_for()
+    [drive] = web.client.get("/v1/drives").json()["drives"]
+    assert drive["options"] == {"columns": {"lat_deg": "Breite", "lon_deg": "Laenge", "time_s": "when"}}
+    row(tab, "holiday.jpg").get_by_role("button", name="Remove holiday.jpg").click()
+    row(tab, "holiday.jpg").wait_for(state="detached")
+
+
+def test_a_failure_is_told_and_computed_again(web: Web, tab: Tab, computing: None) -> None:
+    opened(tab, web)
+    choose(tab, named("far.csv", LOG))
+    far = row(tab, "far.csv")
+    far.get_by_text("Could not be computed").wait_for()
+    [drive] = web.client.get("/v1/drives").json()["drives"]
+    assert far.get_by_text(drive["failure"]["reason"]).is_visible()
+    far.get_by_role("button", name="Try far.csv again").click()
+    for _ in range(100):
+        with web.sessions() as session:
+            query = text("SELECT generation, status FROM drives")
+            generation, status = session.execute(query).one()
+        if generation == 2 and status == "failed":
+            break
+        tab.page.wait_for_timeout(50)
+    assert generation == 2
+    far.get_by_text("Could not be computed").wait_for()
+
+
+def test_files_of_one_drive_a_method_and_the_keyboard_alone(web: Web, tab: Tab) -> None:
+    opened(tab, web)
+    keys = tab.page.keyboard
+    tab.page.get_by_text("How drives are computed").focus()
+    keys.press("Enter")
+    tab.page.get_by_label("Method").focus()
+    keys.type("particle")
+    keys.press("Tab")
+    keys.press("Enter")  # unfolds its options
+    particles = tab.page.get_by_label("particles", exact=True)
+    particles.fill("5")
+    tab.page.get_by_text("Out of range").first.wait_for()
+    particles.fill("700")
+    tab.page.get_by_text("Out of range").first.wait_for(state="detached")
+    tab.page.get_by_label("resampling", exact=True).select_option("systematic")
+    tab.page.get_by_label("Positions").select_option("receiver")
+    assert tab.faults() == []
+    with tab.page.expect_file_chooser() as chooser:
+        tab.page.get_by_role("button", name="Choose files").focus()
+        keys.press("Enter")
+    chooser.value.set_files([named("rover.csv", LOG), named("brdc.26n", HEADER + b"1,2,3\n")])
+    tab.page.get_by_text("Do these 2 files belong together?").wait_for()
+    assert tab.page.evaluate("document.activeElement.textContent") == "They are one drive"
+    keys.press("Enter")
+    row(tab, "rover.csv, brdc.26n").get_by_text("Waits to be computed").wait_for()
+    [drive] = web.client.get("/v1/drives").json()["drives"]
+    assert drive["filename"] == "rover.csv, brdc.26n"
+    assert drive["method"] == "particle"
+    assert drive["options"] == {"particles": 700, "resampling": "systematic", "gnss": "receiver"}
+    tab.page.get_by_role("button", name="Cancel rover.csv").focus()
+    keys.press("Enter")
+    tab.page.get_by_role("dialog").get_by_role("button", name="Remove the drive").focus()
+    keys.press("Enter")
+    tab.page.get_by_text("Removed from the service").wait_for()
+    assert web.client.get(f"/v1/drives/{drive['id']}").json()["status"] == "cancelled"
+
+
+def test_many_files(web: Web, tab: Tab) -> None:
+    """None is lost, no more than two are sent at once, and leaving meanwhile is warned of."""
+    tab.page.add_init_script(_COUNT)
+    opened(tab, web)
+    choose(tab, *[named(f"{k}.csv", LOG + b"%d,49,8\n" % (1000 + k)) for k in range(MANY)])
+    asked = tab.page.evaluate("() => !window.dispatchEvent(new Event('beforeunload', {cancelable: true}))")
+    assert asked
+    tab.page.get_by_text("you may leave this page").wait_for(timeout=60_000)
+    assert tab.page.evaluate("[window.sent, window.most]") == [MANY, 2]
+    with web.sessions() as session:
+        assert session.execute(text("SELECT count(*) FROM drives")).scalar_one() == MANY
+    assert uuid.UUID(web.client.get("/v1/drives?q=79").json()["drives"][0]["id"])
