@@ -76,7 +76,9 @@ def scripts() -> list[Path]:
 def used(sources: list[str]) -> tuple[set[str], list[re.Pattern[str]]]:
     """Keys that stand in the sources, and patterns of those that are put together (``t(`page.${name}`)``)."""
     written = {key for text in sources for key in QUOTED.findall(text)}
-    made = {r"[\w.-]+".join(map(re.escape, HOLE.split(one))) for text in sources for one in MADE.findall(text)}
+    made = {
+        r"[\w.-]+".join(map(re.escape, HOLE.split(one))) for text in sources for one in MADE.findall(text)
+    }
     return written, [re.compile(one) for one in made]
 
 

@@ -25,6 +25,7 @@ export function Figures({ drive }: { drive: Drive }) {
   const report = (drive.report ?? {}) as Report;
   const sigma = report["median_slope_sigma_percent"] as number | null | undefined;
   const parts = profile.value ? shares(profile.value, kinds.value) : null;
+  const matched = report["matched_share"];
   return (
     <dl class="figures">
       <Figure name={t("drive.figure.driven")}>{moment(drive.drive_time)}</Figure>
@@ -43,7 +44,7 @@ export function Figures({ drive }: { drive: Drive }) {
       </Figure>
       {parts && (
         <Figure name={t("drive.figure.unmatched")}>
-          {share(parts.unmatched)} · {share(parts.blind)}
+          {share(typeof matched === "number" ? 1 - matched : parts.unmatched)} · {share(parts.blind)}
         </Figure>
       )}
       <Figure name={t("drive.figure.method")}>{drive.method}</Figure>

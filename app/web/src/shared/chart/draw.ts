@@ -233,6 +233,7 @@ export function draw(
 /** Dots at the first and last moment are not cut in half. */
 const momentRange: uPlot.Scale.Range = (_chart, low, high) => {
   if (low === null || high === null) return [0, 1];
-  const spare = Math.max((high - low) * 0.04, 60);
+  // A single moment stands in the middle of its day.
+  const spare = high > low ? Math.max((high - low) * 0.04, 60) : 43_200;
   return [low - spare, high + spare];
 };
