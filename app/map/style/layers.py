@@ -43,6 +43,8 @@ WIDTHS_PX = {
 UNKNOWN_SHARE = 0.4
 """Of that width, how much a road of unknown slope has."""
 LEAST_WIDTH_PX = 0.7
+CAPS: Expression = ["step", ["zoom"], "butt", 14, "round"]
+"""Round ends of many short lines are most of what a browser draws; where lines are thin nobody sees them."""
 CASE_PX = (0.0, 0.0, 0.8, 1.6, 2.4)
 """By so much the ground shows on both sides of a line, so that crossing roads keep apart."""
 FIRST_ZOOMS = {"major": 0, "middle": 0, "minor": 11, "lesser": 12}
@@ -98,7 +100,7 @@ def layers(theme: Theme, scale: ColourScale, shown: Shown, drawn: str = LAYER) -
 
 
 def _line(name: str, conditions: list[Expression], paint: dict[str, Any], **more: Any) -> dict[str, Any]:
-    layout = {"line-cap": "round", "line-join": "round"} | more.pop("layout", {})
+    layout = {"line-cap": CAPS, "line-join": "round"} | more.pop("layout", {})
     return {
         "id": name,
         "type": "line",
