@@ -3,6 +3,7 @@ import {
   AttributionControl,
   Map as MapLibre,
   type MapMouseEvent,
+  Marker,
   NavigationControl,
   type PointLike,
   type RequestParameters,
@@ -13,6 +14,7 @@ import {
 import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?url";
 import "maplibre-gl/dist/maplibre-gl.css";
 import { effect } from "@preact/signals";
+import { showPointed } from "../segment/pointed";
 import { getJson } from "../shared/api";
 import { config } from "../shared/config";
 import { tellError } from "../shared/Messages";
@@ -96,6 +98,7 @@ export function openMap(
   stayNew(map, freshness, inView, count.forget);
   moves(map);
   clicks(map, () => own.segmentsFrom);
+  showPointed(map, Marker);
   return map;
 }
 

@@ -2,7 +2,7 @@
 import { useEffect, useRef } from "preact/hooks";
 import { selected } from "../map/state";
 import { t } from "../shared/texts";
-import { pointedPlace, pointedSegment } from "./data";
+import { pointedPlace } from "./data";
 import { SegmentView } from "./SegmentView";
 import { WayView } from "./WayView";
 import "./segment.css";
@@ -23,7 +23,6 @@ export function Panel() {
     before.current = document.activeElement;
     return () => {
       pointedPlace.value = null;
-      pointedSegment.value = null;
       const back = before.current;
       if (back instanceof HTMLElement && back !== document.body && back.isConnected) back.focus();
       else document.getElementById("content")?.focus();

@@ -24,7 +24,7 @@ export function Regions() {
   if (regions.length === 0) return null;
   return (
     <label class="regions">
-      <span>{t("segment.region")}</span>
+      <span class="regions-name">{t("segment.region")}</span>
       <select
         value=""
         onChange={(event) => {

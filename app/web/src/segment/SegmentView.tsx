@@ -1,9 +1,10 @@
 /** One segment: its slope in words, where it is steepest, how sure that is, its heights, and the drives behind it. */
 import type { ComponentChildren } from "preact";
-import { flyTo, selected } from "../map/state";
+import { flyTo } from "../map/state";
 import { distance, moment, number, slope } from "../shared/format";
 import { tellDone, tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
+import { choose } from "./choosing";
 import { Drives } from "./Drives";
 import {
   loadProfile,
@@ -38,7 +39,7 @@ async function chooseWay(segment: Segment): Promise<void> {
     const place = segment.geometry.coordinates[0];
     const ways = await waysOf(segment.properties.osm_way_id, new AbortController().signal);
     const way = place && wayThrough(ways, place);
-    if (way) selected.value = { kind: "way", id: way.id };
+    if (way) choose("way", way.id);
     else tellDone(t("segment.no_way_yet"));
   } catch (error) {
     tellError(error);

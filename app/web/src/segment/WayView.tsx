@@ -1,10 +1,11 @@
 /** A way: its slope by length, where it is steepest, how much of it was measured, and its segments. */
 import { useEffect, useState } from "preact/hooks";
-import { flyTo, selected } from "../map/state";
+import { flyTo } from "../map/state";
 import { distance, moment, number, slope } from "../shared/format";
 import { errorText } from "../shared/Messages";
 import { t } from "../shared/texts";
-import { boxOf, loadSegmentsOf, loadWay, pointedSegment, type Segment, type Way } from "./data";
+import { choose } from "./choosing";
+import { boxOf, loadSegmentsOf, loadWay, middleOf, pointedPlace, type Segment, type Way } from "./data";
 import { useLoaded } from "./loading";
 import { Road, Sources } from "./Road";
 import { Facts } from "./SegmentView";
@@ -102,11 +103,11 @@ function Segments({ way }: { way: Way }) {
     );
     return () => {
       ended.abort();
-      pointedSegment.value = null;
+      pointedPlace.value = null;
     };
   }, [osm_way_id, wanted]);
-  const point = (id: number | null) => () => {
-    pointedSegment.value = id;
+  const point = (one: Segment | null) => () => {
+    pointedPlace.value = one && middleOf(one);
   };
   return (
     <>
@@ -126,12 +127,12 @@ function Segments({ way }: { way: Way }) {
             <button
               type="button"
               class="quiet"
-              onMouseEnter={point(one.id)}
+              onMouseEnter={point(one)}
               onMouseLeave={point(null)}
-              onFocus={point(one.id)}
+              onFocus={point(one)}
               onBlur={point(null)}
               onClick={() => {
-                selected.value = { kind: "segment", id: one.id };
+                choose("segment", one.id);
               }}
             >
               <span>{t("segment.title", { id: String(one.id) })}</span>

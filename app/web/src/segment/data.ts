@@ -67,8 +67,7 @@ interface Page<P> {
   links: Link[];
 }
 
-/** The segment that a list points at, and the place on a road that a chart does: for the map to show. */
-export const pointedSegment = signal<number | null>(null);
+/** The place that a list or a chart points at; the map shows it (pointed.ts). */
 export const pointedPlace = signal<{ lon: number; lat: number } | null>(null);
 
 const ITEMS = "/collections/segments/items";
@@ -145,6 +144,12 @@ function next(links: readonly Link[]): string | null {
   if (href === undefined) return null;
   const address = new URL(href, location.origin);
   return address.pathname + address.search;
+}
+
+/** The middle between a line's ends. */
+export function middleOf({ geometry }: Feature<unknown>): { lon: number; lat: number } | null {
+  const [from, to] = [geometry.coordinates[0], geometry.coordinates.at(-1)];
+  return from && to ? { lon: (from[0] + to[0]) / 2, lat: (from[1] + to[1]) / 2 } : null;
 }
 
 /** The box around lines. */

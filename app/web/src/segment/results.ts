@@ -1,8 +1,9 @@
 /** What the service has for what was written: each result says what it is and goes there. */
-import { flyTo, selected, view } from "../map/state";
+import { flyTo, view } from "../map/state";
 import { ApiProblem } from "../shared/api";
 import { distance, number } from "../shared/format";
 import { t } from "../shared/texts";
+import { choose } from "./choosing";
 import { boxOf, loadSegment, type Segment, segmentsWhere, type Way, waysOf, wayThrough } from "./data";
 import { apart, begins, exactly, fromName, type Meaning } from "./finding";
 import { roadClass } from "./words";
@@ -33,7 +34,7 @@ function ofSegment(segment: Segment): Result {
     detail: [of.name ?? t("segment.unnamed"), roadClass(of.highway), distance(of.length_m)].join(" · "),
     go: () => {
       flyTo({ bbox: boxOf([segment]) });
-      selected.value = { kind: "segment", id: segment.id };
+      choose("segment", segment.id);
     },
   };
 }
@@ -46,7 +47,7 @@ function ofWay(way: Way): Result {
     detail: [of.name ?? t("segment.unnamed"), roadClass(of.highway), distance(of.length_m)].join(" · "),
     go: () => {
       flyTo({ bbox: boxOf([way]) });
-      selected.value = { kind: "way", id: way.id };
+      choose("way", way.id);
     },
   };
 }
@@ -84,9 +85,8 @@ function byWay(segments: readonly Segment[]): Result[] {
             await waysOf(osmWay, new AbortController().signal),
             (some[0] as Segment).geometry.coordinates[0] as [number, number],
           );
-          selected.value = way
-            ? { kind: "way", id: way.id }
-            : { kind: "segment", id: (some[0] as Segment).id };
+          if (way) choose("way", way.id);
+          else choose("segment", (some[0] as Segment).id);
         },
       };
     });
