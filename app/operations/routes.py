@@ -30,11 +30,10 @@ from app.operations.documents import (
     linked,
     operation_address,
 )
+from app.operations.files import imports_store
 from app.operations.receiving import Received, receive_file
-from app.operations.run import imports_store
 from app.roads.regions import check_name, known_region
-from app.terrain.imports import chosen
-from app.terrain.store import current_dem
+from app.terrain.store import chosen, current_dem
 from fusion.errors import RoadsError, TerrainError
 
 logger = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from app.core.blobs import IMPORTS, BlobStore
+from app.core.blobs import BlobStore
 from app.core.databases import database_identity
 from app.core.db import Sessions
 from app.core.errors import ServiceError, StorageFullError
@@ -24,6 +24,7 @@ from app.core.telemetry.logs import about, tell
 from app.jobs.task import Interrupted, Task, Work
 from app.operations import store
 from app.operations.documents import Operation
+from app.operations.files import imports_store
 from app.operations.look import Look, Unwanted
 from app.operations.work import Bench, Outcome, PlanChangedError, work
 from fusion.errors import FusionError
@@ -66,11 +67,6 @@ class Desk:
     def scratch(self) -> Path:
         """Where files are brought to be read; a folder of each run below."""
         return self.settings.data_dir / "operations"
-
-
-def imports_store(settings: Settings) -> BlobStore:
-    """The part of the store in which files to be imported wait."""
-    return BlobStore(settings.blob_store_url, IMPORTS)
 
 
 def operation_task(

@@ -22,8 +22,8 @@ from app.roads.sentences import remarks, summary
 from app.terrain.coverage import effect_of_removal, rasters_over
 from app.terrain.files import store_files
 from app.terrain.heights import renewing
-from app.terrain.imports import add_dem, chosen, remove_dem
-from app.terrain.store import current_dem
+from app.terrain.imports import add_dem, remove_dem
+from app.terrain.store import chosen, current_dem
 
 Document = dict[str, Any]
 

@@ -16,7 +16,7 @@ from app.core.telemetry.events import imported
 from app.network.locks import own_network
 from app.terrain.files import reach_deg, store_files, with_bounds
 from app.terrain.heights import renewing
-from app.terrain.store import DemSet, DemSource, current_dem, local_raster, replace_dem
+from app.terrain.store import DemSet, DemSource, chosen, current_dem, local_raster, replace_dem
 from fusion.errors import TerrainError
 from fusion.terrain.dem import Dem
 from fusion.types import Progress, no_progress
@@ -100,17 +100,6 @@ def rank_dem(
         return [replace(source, priority=priority) if source in mine else source for source in former]
 
     return _change(sessions, ranked, dem_dir, progress)
-
-
-def chosen(sources: Sequence[DemSource], names: Collection[str]) -> list[DemSource]:
-    """The rasters of these names, in any case; ``TerrainError`` where one is not there."""
-    by_name = {source.name.casefold(): source for source in sources}
-    for name in names:
-        if name.casefold() not in by_name:
-            raise TerrainError(
-                f"There is no elevation raster {name}. There are: {', '.join(s.name for s in sources) or 'none'}."
-            )
-    return list(dict.fromkeys(by_name[name.casefold()] for name in names))
 
 
 def _change(sessions: Sessions, change: _Change, dem_dir: FilePlace, progress: Progress) -> DemSet | None:

@@ -6,7 +6,7 @@ The files themselves are ``app.terrain.files``' business: no raster is opened he
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -145,6 +145,17 @@ _SET_TERRAIN = text(
     WHERE s.id = t.id AND (s.dem_slope_percent, s.dem_heights_m) IS DISTINCT FROM (t.slope, t.heights)
     """
 )
+
+
+def chosen(sources: Sequence[DemSource], names: Collection[str]) -> list[DemSource]:
+    """The rasters of these names, in any case; ``TerrainError`` where one is not there."""
+    by_name = {source.name.casefold(): source for source in sources}
+    for name in names:
+        if name.casefold() not in by_name:
+            raise TerrainError(
+                f"There is no elevation raster {name}. There are: {', '.join(s.name for s in sources) or 'none'}."
+            )
+    return list(dict.fromkeys(by_name[name.casefold()] for name in names))
 
 
 def current_dem(session: Session, dem_dir: FilePlace) -> DemSet | None:

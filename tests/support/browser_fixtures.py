@@ -66,9 +66,9 @@ def chromium_path() -> str:
     return found
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """One Chromium for all tests of a process."""
+    """One Chromium for the tests of a module: while its driver is there, no other loop of asyncio runs in a process."""
     path = chromium_path()
     from playwright.sync_api import sync_playwright  # noqa: PLC0415
 

@@ -106,8 +106,8 @@ def remove(
     from app.cli.database import sessions
     from app.terrain.coverage import effect_of_removal
     from app.terrain.files import add_bounds
-    from app.terrain.imports import chosen, remove_dem
-    from app.terrain.store import current_dem
+    from app.terrain.imports import remove_dem
+    from app.terrain.store import chosen, current_dem
 
     console: Console = ctx.obj
     with sessions(data_dir) as (settings, factory):

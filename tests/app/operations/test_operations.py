@@ -11,7 +11,7 @@ import httpx
 import pytest
 from sqlalchemy import text
 
-from app.operations.run import imports_store
+from app.operations.files import imports_store
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
