@@ -25,6 +25,7 @@ export default defineConfig({
     chunkSizeWarningLimit: 1500,
     rolldownOptions: { input: pages.map((name) => resolve(here, "src", name)) },
   },
+  worker: { format: "es" },
   oxc: { jsx: { runtime: "automatic", importSource: "preact" } },
   server: {
     fs: { allow: [repository] },

@@ -6,10 +6,12 @@ import re
 import time
 import uuid
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
 
+from app.exports.run import ExportDesk, make_export
 from browser_fixtures import PATIENCE_MS, Tab
 from web_fixtures import SOUTH, STEP, WEST, Web
 
@@ -179,3 +181,45 @@ def test_nothing_to_draw_says_what_to_do(web: Web, tab: Tab) -> None:
     tab.page.get_by_role("heading", name="There are no roads here yet").wait_for()
     assert tab.page.get_by_role("link", name="Upload a drive").get_attribute("href") == "/upload"
     assert tab.faults() == []
+
+
+def exported(web: Web, kind: str = "pmtiles") -> str:
+    """An export of the map as it is, done."""
+    number = str(web.client.post("/v1/exports", json={"format": kind}).json()["id"])
+    desk = ExportDesk(web.settings, web.sessions)
+    assert make_export(desk, uuid.UUID(number), lambda: False, nullcontext) == "done"
+    return number
+
+
+def test_a_kept_map_in_place_of_today_s(driven: Web, drive_maker: Drive, tab: Tab) -> None:
+    number = exported(driven)
+    drive_maker(driven.sessions, [30, 31], 5.0, 0.5)
+    opened(tab, f"{driven.base}/map?{AT}")
+    page = tab.page
+    page.get_by_role("button", name=re.compile(r"4 to 6 %\s*6\s*in view")).wait_for()
+    choice = page.get_by_role("combobox", name=re.compile("^Map of"))
+    choice.select_option(index=1)
+    page.wait_for_url(f"**export={number}**")
+    page.get_by_text("The map as it was on").wait_for()
+    rest(tab)
+    page.get_by_role("button", name=re.compile(r"4 to 6 %\s*4\s*in view")).click()
+    total(tab, "4 of 112 segments in view")
+    wait(tab, f"({DRAWN})().length === 4")
+    assert f"export={number}" in page.url
+    assert page.get_by_label("ways").is_disabled()
+    drive_maker(driven.sessions, [33], 5.0, 0.5)
+    total(tab, "4 of 112 segments in view")
+    page.get_by_role("link", name="Today's map").click()
+    total(tab, "7 of 112 segments in view")
+    assert "export" not in page.url
+
+
+def test_what_is_no_kept_map_is_told_and_today_s_is_shown(driven: Web, tab: Tab) -> None:
+    opened(tab, f"{driven.base}/map?{AT}&export={exported(driven, 'csv')}")
+    tab.page.get_by_text(re.compile(r"^[\w.-]+\.csv is no map that can be shown")).wait_for()
+    total(tab, "112 of 112 segments in view")
+    assert "export" not in tab.page.url
+    tab.expected.append("404")
+    opened(tab, f"{driven.base}/map?{AT}&export={uuid.uuid4()}")
+    tab.page.get_by_text("There is no export").first.wait_for()
+    total(tab, "112 of 112 segments in view")

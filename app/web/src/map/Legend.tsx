@@ -2,7 +2,8 @@
 import { useState } from "preact/hooks";
 import { number } from "../shared/format";
 import { type TextKey, t } from "../shared/texts";
-import { counts, legend, segmentsFrom } from "./shown";
+import { KeptMaps } from "./KeptMaps";
+import { counts, kept, legend, segmentsFrom } from "./shown";
 import {
   type Class,
   COLOURS,
@@ -119,11 +120,18 @@ function Choices() {
         <legend>{t("map.drawn")}</legend>
         {(["segments", "ways"] as const).map((one) => (
           <label key={one}>
-            <input type="radio" name="layer" checked={layer.value === one} onChange={() => choose(one)} />{" "}
+            <input
+              type="radio"
+              name="layer"
+              checked={layer.value === one}
+              disabled={one === "ways" && kept.value !== null}
+              onChange={() => choose(one)}
+            />{" "}
             {t(`map.layer.${one}`)}
           </label>
         ))}
       </fieldset>
+      <KeptMaps />
     </>
   );
 }

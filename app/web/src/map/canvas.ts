@@ -23,6 +23,7 @@ import { theme } from "../shared/theme";
 import { lettersOf, over } from "./background";
 import type { Asked, Counted } from "./count";
 import { breaksOf } from "./count";
+import { type Kept, ofKept } from "./kept";
 import { Freshness, stayNew, tilesInView } from "./live";
 import { nearest } from "./picking";
 import { counts, legend } from "./shown";
@@ -53,17 +54,18 @@ export function openMap(
   place: HTMLElement,
   first: OwnStyle,
   background: StyleSpecification | null,
+  kept: Kept | null,
 ): MapLibre {
   const freshness = new Freshness();
   let own = first;
   const styleNow = () => {
-    const roads = drawn(own, choices(), theme.peek());
+    const roads = ofKept(drawn(own, choices(), theme.peek()), kept);
     return background ? over(background, roads) : roads;
   };
   const map = new MapLibre({
     container: place,
     style: styleNow(),
-    ...firstView(place, first.style),
+    ...firstView(place, first.style, kept?.bbox ?? null),
     attributionControl: false,
     dragRotate: false,
     pitchWithRotate: false,
@@ -93,9 +95,10 @@ export function openMap(
     own = found;
     return styleNow();
   });
-  const inView = () => tilesInView(map, LEAST_ZOOM[layer.value], MOST_ZOOM);
-  const count = counter(map, inView);
-  stayNew(map, freshness, inView, count.forget);
+  const inView = () =>
+    tilesInView(map, kept?.leastZoom ?? LEAST_ZOOM[layer.value], kept?.mostZoom ?? MOST_ZOOM);
+  const count = counter(map, inView, kept?.address ?? null);
+  if (kept === null) stayNew(map, freshness, inView, count.forget);
   moves(map);
   clicks(map, () => own.segmentsFrom);
   showPointed(map, Marker);
@@ -116,9 +119,10 @@ function request(
   return freshness.any ? { url, cache: "no-cache" } : { url };
 }
 
-function firstView(place: HTMLElement, style: StyleSpecification): object {
+function firstView(place: HTMLElement, style: StyleSpecification, all: Box | null): object {
   if (opened.view) return { center: [opened.view.lon, opened.view.lat], zoom: opened.view.zoom };
   if (opened.box) return { bounds: opened.box, fitBoundsOptions: { padding: 40, maxZoom: 17 } };
+  if (!style.center && all) return { bounds: all, fitBoundsOptions: { padding: 40, maxZoom: 17 } };
   const room = Math.min(place.clientWidth, 1.5 * place.clientHeight);
   const zoom = (style.zoom ?? 1) + Math.min(0, Math.log2(Math.max(room, 100) / FIRST_PX));
   return { center: style.center ?? [0, 0], zoom };
@@ -210,7 +214,11 @@ function clicks(map: MapLibre, singlesFrom: () => number): void {
 }
 
 /** Counts what is in view whenever the map has come to rest. */
-function counter(map: MapLibre, inView: () => Tile[]): { forget: (tiles: Tile[]) => void } {
+function counter(
+  map: MapLibre,
+  inView: () => Tile[],
+  archive: string | null,
+): { forget: (tiles: Tile[]) => void } {
   const worker = new Worker(new URL("./count.worker.ts", import.meta.url), { type: "module" });
   let number = 0;
   let anew: string[] = [];
@@ -226,6 +234,7 @@ function counter(map: MapLibre, inView: () => Tile[]): { forget: (tiles: Tile[])
     const question: Omit<Asked, "number"> = {
       tiles: inView().map((tile) => ({ tile, url: tileUrl(layer.value, tile) })),
       anew,
+      archive,
       box: [bounds.getWest(), bounds.getSouth(), bounds.getEast(), bounds.getNorth()] as Box,
       colour: colour.value,
       breaks: breaksOf(said.classes),

@@ -8,6 +8,8 @@ export interface Asked {
   tiles: { url: string; tile: Tile }[];
   /** What was fetched of these before is old. */
   anew: string[];
+  /** The PMTiles that hold the tiles; null: their addresses do. */
+  archive: string | null;
   box: Box;
   colour: Colour;
   breaks: number[];

@@ -4,6 +4,8 @@ import { PbfReader } from "pbf";
 import { type Asked, counted, type Roads } from "./count";
 import { acrossOf, downOf, type Tile } from "./tiles";
 
+type Wanted = Asked["tiles"][number];
+
 const MOST_TILES = 200;
 const kept = new Map<string, Roads>();
 
@@ -49,17 +51,31 @@ function read(data: ArrayBuffer): Roads {
   return roads;
 }
 
-async function roadsOf(url: string): Promise<Roads> {
+let archives: Promise<(tile: Tile) => Promise<ArrayBuffer>> | null = null;
+
+async function fromArchive(address: string, tile: Tile): Promise<ArrayBuffer> {
+  archives ??= import("pmtiles").then(({ PMTiles }) => {
+    const archive = new PMTiles(address);
+    return async ({ z, x, y }) => (await archive.getZxy(z, x, y))?.data ?? new ArrayBuffer(0);
+  });
+  return (await archives)(tile);
+}
+
+async function fromService(url: string): Promise<ArrayBuffer> {
+  // The map has just fetched it: whatever age it may have, that is what is drawn.
+  const answer = await fetch(url, { cache: "force-cache" });
+  if (!answer.ok) throw new Error(`${answer.status}`);
+  return answer.arrayBuffer();
+}
+
+async function roadsOf({ url, tile }: Wanted, archive: string | null): Promise<Roads> {
   const found = kept.get(url);
   if (found) {
     kept.delete(url);
     kept.set(url, found);
     return found;
   }
-  // The map has just fetched it: whatever age it may have, that is what is drawn.
-  const answer = await fetch(url, { cache: "force-cache" });
-  if (!answer.ok) throw new Error(`${answer.status}`);
-  const roads = read(await answer.arrayBuffer());
+  const roads = read(await (archive === null ? fromService(url) : fromArchive(archive, tile)));
   kept.set(url, roads);
   for (const oldest of kept.keys()) {
     if (kept.size <= MOST_TILES) break;
@@ -75,7 +91,7 @@ self.onmessage = async ({ data: asked }: MessageEvent<Asked>) => {
   for (const url of asked.anew) kept.delete(url);
   try {
     const parts = await Promise.all(
-      asked.tiles.map(async ({ url, tile }) => ({ tile, roads: await roadsOf(url) })),
+      asked.tiles.map(async (one) => ({ tile: one.tile, roads: await roadsOf(one, asked.archive) })),
     );
     if (newest !== asked.number) return;
     const [west, south, east, north] = asked.box;

@@ -6,15 +6,19 @@ import { tellError } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
 import { theme } from "../shared/theme";
+import { KeptNotice } from "./KeptMaps";
+import { searchOf } from "./keeping";
+import type { Kept } from "./kept";
 import { Legend } from "./Legend";
-import { legend, segmentsFrom } from "./shown";
-import { colour, flyTo, keepAddress, layer, opened, selected } from "./state";
+import { kept, legend, segmentsFrom } from "./shown";
+import { colour, flyTo, keepAddress, keptId, layer, opened, selected } from "./state";
 import { type OwnStyle, ownStyle } from "./style";
 import "./map.css";
 
 // Both are fetched while the page is put together: the first view waits for them.
 const first = ownStyle(theme.value, colour.value, layer.value);
 const library = import("./canvas");
+const keeping = keptId === null ? null : import("./kept");
 
 type Found = "waiting" | "roads" | "nothing";
 const found = signal<Found>("waiting");
@@ -31,17 +35,30 @@ async function showSelected(): Promise<void> {
   flyTo({ bbox: [Math.min(...lons), Math.min(...lats), Math.max(...lons), Math.max(...lats)] });
 }
 
+/** The kept map that the address asks for; where it cannot be had that is told, and today's is shown. */
+async function asked(): Promise<Kept | null> {
+  if (keptId === null || keeping === null) return null;
+  try {
+    return await (await keeping).openKept(keptId);
+  } catch (error) {
+    tellError(error);
+    history.replaceState(null, "", location.pathname + searchOf(null));
+    return null;
+  }
+}
+
 async function open(place: HTMLElement): Promise<void> {
   const own: OwnStyle = await first;
+  kept.value = await asked();
   legend.value = own.legend;
   segmentsFrom.value = own.segmentsFrom;
-  if (!own.style.center) {
+  if (!own.style.center && kept.value === null) {
     found.value = "nothing";
     return;
   }
   found.value = "roads";
   const { backgroundStyle, openMap } = await library;
-  openMap(place, own, await backgroundStyle());
+  openMap(place, own, await backgroundStyle(), kept.value);
   keepAddress();
   await showSelected();
 }
@@ -78,6 +95,7 @@ function Content() {
             <h1 class="unseen">{t("map.title")}</h1>
             <div class="canvas" ref={place} />
             <div class="map-side">
+              <KeptNotice />
               <Search />
               <Legend />
             </div>

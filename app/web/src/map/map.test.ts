@@ -75,6 +75,7 @@ describe("counting", () => {
     number: 1,
     tiles: [],
     anew: [],
+    archive: null,
     box: [0, 0, 1, 1] as [number, number, number, number],
     colour: "steepness" as const,
     breaks: [0, 4],

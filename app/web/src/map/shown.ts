@@ -1,9 +1,12 @@
 /** What the canvas tells the page: the legend that is drawn, and what of it is in view. */
 import { signal } from "@preact/signals";
 import type { Counted } from "./count";
+import type { Kept } from "./kept";
 import type { Legend } from "./style";
 
 export const legend = signal<Legend | null>(null);
 export const counts = signal<Counted | null>(null);
+/** The kept map that is shown; null: today's. */
+export const kept = signal<Kept | null>(null);
 /** From this zoom on single segments are drawn. */
 export const segmentsFrom = signal(13);

@@ -2,7 +2,8 @@
  * What the map shows, and its address: a link reproduces the view, the back button leads to the one before.
  *
  * `?at=14.2/49.41/8.69&colour=difference&layer=ways&classes=5,8,unknown&sigma=0.5&drives=2&segment=17`; what is as usual
- * is left out. Others lead here by `?segment=17`, `?way=3`, `?at=` or `?bbox=west,south,east,north`.
+ * is left out. Others lead here by `?segment=17`, `?way=3`, `?at=` or `?bbox=west,south,east,north`. `export=` names a kept
+ * map that is shown in place of today's.
  */
 import { effect, signal } from "@preact/signals";
 
@@ -106,8 +107,17 @@ export function address(state: State, search: string): string {
   return text ? `?${text}` : "";
 }
 
+/** The export that an address asks for in place of today's map. */
+export function keptOf(search: string): string | null {
+  const said = new URLSearchParams(search).get("export") ?? "";
+  return /^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/i.test(said) ? said : null;
+}
+
 /** What the address said when the page was opened. */
+export const keptId = keptOf(location.search);
 export const opened = parsed(location.search);
+// Ways are not among the tiles that are kept.
+if (keptId !== null) opened.layer = "segments";
 apply(opened);
 
 function apply(state: State): void {

@@ -30,40 +30,46 @@ export function unauthorised(): void {
   location.assign(login);
 }
 
-/** What an answer that is no success says. */
-export async function problemOf(response: Response): Promise<ApiProblem> {
+/** What an answer that is no success says; `read` is its document, where somebody has read it. */
+export async function problemOf(response: Response, read?: unknown): Promise<ApiProblem> {
   if (response.status === 401) unauthorised();
+  const { status, statusText } = response;
   try {
-    const said = (await response.clone().json()) as Record<string, string | undefined>;
-    const title = said["title"] ?? response.statusText;
+    const document = read === undefined ? await response.json() : read;
+    if (typeof document !== "object" || document === null) throw new TypeError("no document");
+    const said = document as Record<string, string | undefined>;
+    const title = said["title"] ?? statusText;
     return new ApiProblem(
-      response.status,
+      status,
       title,
       said["detail"] ?? title,
       said["field"] ?? null,
       said["type"] ?? null,
     );
   } catch {
-    return new ApiProblem(
-      response.status,
-      response.statusText,
-      t("problem.unreadable", { status: response.status }),
-    );
+    return new ApiProblem(status, statusText, t("problem.unreadable", { status }));
   }
 }
 
 export const api = createClient<paths>({ baseUrl: location.origin });
 
+interface Settled<T> {
+  data?: T;
+  /** The document of an answer that is no success, where it has been read. */
+  error?: unknown;
+  response: Response;
+}
+
 /** The answer's document; throws an `ApiProblem` for whatever is no success. */
-export async function got<T>(answer: Promise<{ data?: T; response: Response }>): Promise<T> {
-  let settled: { data?: T; response: Response };
+export async function got<T>(answer: Promise<Settled<T>>): Promise<T> {
+  let settled: Settled<T>;
   try {
     settled = await answer;
   } catch (error) {
     if (error instanceof DOMException && error.name === "AbortError") throw error;
     throw new ApiProblem(0, t("problem.offline"), t("problem.offline"));
   }
-  if (!settled.response.ok) throw await problemOf(settled.response);
+  if (!settled.response.ok) throw await problemOf(settled.response, settled.error);
   return settled.data as T;
 }
 

@@ -34,7 +34,7 @@ var e=`<h1 id="the-pages">The pages</h1>
 </tr>
 </tbody>
 </table></div>
-<p><code>/</code> in a browser leads to all of them. <code>/map?bbox=8.4,49.2,8.5,49.3</code>, <code>/map?segment=17</code> and <code>/map?way=3</code> open the map there; <code>?lang=de</code> chooses a language once, the list in the header for good. What is shown is what the API answers: everything on a page can be had by a program, and <code>/openapi.json?f=html</code> tells the routes to browsers that run no scripts.</p>
+<p><code>/</code> in a browser leads to all of them. <code>/map?bbox=8.4,49.2,8.5,49.3</code>, <code>/map?segment=17</code> and <code>/map?way=3</code> open the map there, <code>/map?export=ID</code> shows the map that an export kept; <code>?lang=de</code> chooses a language once, the list in the header for good. What is shown is what the API answers: everything on a page can be had by a program, and <code>/openapi.json?f=html</code> tells the routes to browsers that run no scripts.</p>
 <h2 id="settings"><a class="self" href="#settings">Settings</a></h2>
 <ul>
 <li><code>VERSANT_MAP_BACKGROUND_URL</code>: a MapLibre style, drawn below the roads. Browsers then ask its host, and no other, for that style, its tiles and its letters. Without it the roads stand on a plain ground.</li>

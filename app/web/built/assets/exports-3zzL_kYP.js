@@ -50,6 +50,7 @@ theirs, what heights refer to, and the version of the program. It stands</p>
 version of the program and of its libraries, is the same byte for byte, whenever it is made, and also from a restored copy of the database (a test holds that for every format). <code>data_version</code> tells versions apart: it is equal for equal data.</p>
 <p><strong>Ways</strong> are derived from segments by workers, moments after these changed; a file of ways, and the low zooms of tiles, may be that much older than one of segments. <code>data_version</code> counts both.</p>
 <p><strong>Tiles</strong> are those of the service, with its segments from zoom 13 on. A tile's grid is 0.6 m wide at zoom 14: a segment that is shorter is in no tile (10 of Heidelberg's 141,793), and in all other formats.</p>
+<p><strong>A map that is kept.</strong> <code>/map?export=ID</code> shows an export of the format <code>pmtiles</code> in place of today's map, for as long as it is there: what was known then, beside what is known now. The map page lists them under &quot;Map of&quot;. Ways are not in them, and what a click tells is of today.</p>
 <h2 id="an-exports-life"><a class="self" href="#an-exports-life">An export's life</a></h2>
 <div class="wide" tabindex="0"><table>
 <thead>

@@ -1,0 +1,47 @@
+/** A kept map instead of today's: an export as PMTiles, of which only what is looked at is fetched (`/map?export=ID`). */
+import { addProtocol, type StyleSpecification } from "maplibre-gl";
+import { PMTiles, Protocol } from "pmtiles";
+import { ApiProblem, api, got } from "../shared/api";
+import { t } from "../shared/texts";
+import { isMap } from "./keeping";
+import type { Box } from "./state";
+import { SOURCE } from "./style";
+
+export interface Kept {
+  /** Of the file. */
+  address: string;
+  /** The moment that it shows. */
+  moment: string | null;
+  leastZoom: number;
+  mostZoom: number;
+  bbox: Box;
+}
+
+/** Make the export's tiles known to the map; throws where it is gone, not done, or holds no tiles. */
+export async function openKept(id: string): Promise<Kept> {
+  const said = await got(api.GET("/v1/exports/{export_id}", { params: { path: { export_id: id } } }));
+  if (!isMap(said)) {
+    const why = t("map.kept_not", { name: said.file_name });
+    throw new ApiProblem(409, why, why);
+  }
+  const address = `${location.origin}/v1/exports/${id}/file`;
+  const archive = new PMTiles(address);
+  const head = await archive.getHeader();
+  const protocol = new Protocol({ metadata: true });
+  protocol.add(archive);
+  addProtocol("pmtiles", protocol.tile);
+  return {
+    address,
+    moment: said.started_at,
+    leastZoom: head.minZoom,
+    mostZoom: head.maxZoom,
+    bbox: [head.minLon, head.minLat, head.maxLon, head.maxLat],
+  };
+}
+
+/** The style with the kept tiles in place of the service's. */
+export function ofKept(style: StyleSpecification, kept: Kept | null): StyleSpecification {
+  if (kept === null) return style;
+  const tiles = { type: "vector", url: `pmtiles://${kept.address}` } as const;
+  return { ...style, sources: { ...style.sources, [SOURCE]: tiles } };
+}
