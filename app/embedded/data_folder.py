@@ -48,6 +48,7 @@ _FORGETFUL = """\
 fsync = off
 synchronous_commit = off
 full_page_writes = off
+max_wal_size = 256MB
 """
 
 

@@ -31,9 +31,9 @@ def thinned(
     """Which rows stay of columns of one length, in order; all, where these are no more than ``points``.
 
     First the ends of all and of each gap (``starts`` is the first row after one), then half of the points that are
-    left for ``place`` (x and y, any unit), the rest for the highest and lowest of each of the ``peaks``; NaN is no
-    peak. Ends of an ``outage`` stay unless they would take more than half. There are more than ``points`` only where
-    ends and one stretch's peaks are more.
+    left for ``place`` (x and y, any unit), but none that one stretch's peaks need, the rest for the highest and lowest
+    of each of the ``peaks``; NaN is no peak. Ends of an ``outage`` stay unless they would take more than half. There
+    are more than ``points`` only where ends and one stretch's peaks are more.
     """
     n = len(along_m)
     if n <= points:
@@ -44,10 +44,11 @@ def thinned(
     if np.count_nonzero(with_outages) <= points // 2:
         kept = with_outages
     left = max(points - int(np.count_nonzero(kept)), 0)
-    for_place = 0 if place is None else left // 2
+    least = 2 * len(peaks)  # of one stretch; a map's line has what is left beside it
+    for_place = 0 if place is None else max(min(left // 2, left - least), 0)
     if place is not None and for_place:
         kept[_bends(_stretches(along_m, for_place), *place)] = True
-    stretch = _stretches(along_m, max((left - for_place) // (2 * max(len(peaks), 1)), 1))
+    stretch = _stretches(along_m, max((left - for_place) // max(least, 1), 1))
     for values in peaks:
         kept[_extremes(stretch, values)] = True
     return np.flatnonzero(kept)

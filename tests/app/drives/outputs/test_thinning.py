@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -52,6 +53,19 @@ def test_extremes_and_ends_of_gaps_stay(given_: tuple[dict[str, np.ndarray], int
     assert len(kept) <= max(points, ends + 4)
     if n <= points:
         assert len(kept) == n
+
+
+@pytest.mark.parametrize("points", range(2, 30))
+def test_bends_take_no_room_from_peaks(points: int) -> None:
+    """What is more than was asked for are ends and the peaks of one stretch, nothing else."""
+    rng = np.random.default_rng(points)
+    for _ in range(20):
+        table = {
+            **{name: rng.normal(size=100) for name in ("height", "grade", "x", "y")},
+            **{name: np.zeros(100, np.bool_) for name in ("starts", "outage")},
+            "along": np.cumsum(rng.exponential(20, 100)),
+        }
+        assert len(kept_of(table, points)) <= max(points, 2 + 4)
 
 
 def test_each_stretch_keeps_its_own_peaks() -> None:
