@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import ssl
 import threading
 import uuid
 from collections.abc import Callable, Iterator
@@ -37,6 +38,8 @@ from processing_support import publish_all
 GRID = 8  # streets each way
 WEST, SOUTH, STEP = 8.40, 49.00, 0.002
 START_S = 1_700_000_000.0
+TLS = ssl.create_default_context()
+"""Nothing here speaks TLS, but each client would read all certificates of the machine for a context of its own."""
 
 
 @dataclass
@@ -77,7 +80,7 @@ def served(settings: Settings) -> Iterator[Web]:
     base = f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
     engine = make_engine(str(settings.database_url))
     try:
-        with httpx.Client(base_url=base, trust_env=False, timeout=60) as client:
+        with httpx.Client(base_url=base, trust_env=False, timeout=60, verify=TLS) as client:
             yield Web(base, client, settings, session_factory(engine))
     finally:
         server.should_exit = True
