@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -14,9 +15,12 @@ from app.network.cells import ZOOM, square_bounds
 from app.roads.store import road_crowds, road_extent, road_tag
 from app.terrain.coverage import names_over, rasters_over
 from app.terrain.store import current_dem
+from fusion.types import Bools, Floats, Ints
 
 MOST_ROADS = 0.98
 """Share of the roads that an opened map shows from west to east, and from south to north."""
+SHOWN_AT_ONCE = 1.5
+"""Tiles of the lowest zoom that has any, over which an opened map may reach: from farther nothing is drawn."""
 
 
 def cached_extent(service: Service, session: Session) -> Bounds | None:
@@ -33,25 +37,48 @@ def cached_crowd(service: Service, session: Session) -> Bounds | None:
     tag = ("crowd", road_tag(session))
     if tag not in service.extents:
         whole = cached_extent(service, session)  # first: it forgets what was of other roads
-        service.extents[tag] = None if whole is None else crowded_box(road_crowds(session), whole)
+        widest = SHOWN_AT_ONCE * 2 ** (ZOOM - service.settings.tile_min_zoom)
+        service.extents[tag] = None if whole is None else crowded_box(road_crowds(session), whole, widest)
     return service.extents[tag]
 
 
-def crowded_box(crowds: Mapping[int, int], whole: Bounds) -> Bounds:
-    """The smallest box of squares outside of which, on each side, lie no more of the segments than is left out."""
+def crowded_box(crowds: Mapping[int, int], whole: Bounds, widest: float = math.inf) -> Bounds:
+    """The smallest box of squares outside of which, on each side, lie no more of the segments than is left out.
+
+    Where it were wider or higher than ``widest`` squares, as of roads in two countries, it is that of the roads near
+    the place where most of them are together.
+    """
     squares = np.array(list(crowds), np.int64)
     weights = np.array(list(crowds.values()), float)
+    places = np.array([squares >> ZOOM, squares & ((1 << ZOOM) - 1)])
+    low, high = _most_of(places, weights)
+    if (high - low).max() >= widest:
+        near = _together(places, weights, widest)
+        low, high = _most_of(places[:, near], weights[near])
+    west, south, _, _ = square_bounds(int(low[0]) << ZOOM | int(high[1]))
+    _, _, east, north = square_bounds(int(high[0]) << ZOOM | int(low[1]))
+    return max(west, whole[0]), max(south, whole[1]), min(east, whole[2]), min(north, whole[3])
+
+
+def _most_of(places: Ints, weights: Floats) -> tuple[Ints, Ints]:
+    """The first and last column and row of the squares without those left out; rows of ``places`` are x and y."""
     beyond = (1 - MOST_ROADS) / 2
     sides = []
-    for along in (squares >> ZOOM, squares & ((1 << ZOOM) - 1)):
+    for along in places:
         order = np.argsort(along, kind="stable")
         share = np.cumsum(weights[order]) / weights.sum()
-        low, high = np.searchsorted(share, (beyond + 1e-9, 1 - beyond - 1e-9))
-        sides.append((int(along[order[low]]), int(along[order[high]])))
-    (left, right), (top, bottom) = sides
-    west, south, _, _ = square_bounds(left << ZOOM | bottom)
-    _, _, east, north = square_bounds(right << ZOOM | top)
-    return max(west, whole[0]), max(south, whole[1]), min(east, whole[2]), min(north, whole[3])
+        sides.append(along[order[np.searchsorted(share, (beyond + 1e-9, 1 - beyond - 1e-9))]])
+    low, high = np.transpose(sides)
+    return low, high
+
+
+def _together(places: Ints, weights: Floats, widest: float) -> Bools:
+    """Which squares lie in a part of the map, ``widest`` squares wide and high, in the middle of the largest crowd."""
+    parts = places // max(int(widest / 3), 1)
+    _, part = np.unique(parts, axis=1, return_inverse=True)
+    mine = part == np.argmax(np.bincount(part, weights))
+    middle = np.average(places[:, mine], axis=1, weights=weights[mine])
+    return np.asarray((np.abs(places - middle[:, None]) <= (widest - 1) / 2).all(axis=0))
 
 
 def dem_names(service: Service, session: Session, shown: Sequence[Segment] | None = None) -> tuple[str, ...]:

@@ -45,3 +45,23 @@ def test_it_ends_where_the_roads_do() -> None:
     inset = (east - west) / 4, (north - south) / 4
     whole = (west + inset[0], south + inset[1], east - inset[0], north - inset[1])
     assert crowded_box({HEIDELBERG: 3}, whole) == whole
+
+
+def test_a_map_of_two_countries_opens_on_the_one_with_more_roads() -> None:
+    """From as far as both are seen nothing is drawn at all."""
+    sweden = {(8586 + 600 + k) << ZOOM | 4200: 300 for k in range(5)}
+    karlsruhe = {(8586 + k) << ZOOM | 5609: 310 for k in range(5)}
+    california = {2600 << ZOOM | 6300: 100}
+    box = crowded_box(sweden | karlsruhe | california, EVERYWHERE, widest=192)
+    assert box == (*square_bounds(HEIDELBERG)[:2], *square_bounds(HEIDELBERG + (4 << ZOOM))[2:])
+
+
+@given(crowds, st.integers(1, 500))
+def test_what_is_opened_is_never_too_wide_and_never_empty(found: dict[int, int], widest: int) -> None:
+    west, south, east, north = crowded_box(found, EVERYWHERE, widest)
+    assert west < east and south < north
+    assert (east - west) / 360 * (1 << ZOOM) <= widest + 1e-6
+    assert any(
+        west <= left < east and south <= bottom < north
+        for left, bottom, _, _ in (square_bounds(square) for square in found)
+    )

@@ -117,7 +117,7 @@ def test_modes_and_ways(driven: Web, tab: Tab) -> None:
     tab.page.get_by_label("ways").check()
     assert choice.locator("option[value=difference]").is_disabled()
     tab.page.wait_for_url("**layer=ways**")
-    wait(tab, "window.versantMap.getLayer('slope-minor').sourceLayer === 'ways'")
+    wait(tab, "window.versantMap.getLayer('slope-minor')?.sourceLayer === 'ways'")
 
 
 def test_click_and_enter_select_the_segment(driven: Web, tab: Tab) -> None:
@@ -223,3 +223,12 @@ def test_what_is_no_kept_map_is_told_and_today_s_is_shown(driven: Web, tab: Tab)
     opened(tab, f"{driven.base}/map?{AT}&export={uuid.uuid4()}")
     tab.page.get_by_text("There is no export").first.wait_for()
     total(tab, "112 of 112 segments in view")
+
+
+def test_from_too_far_it_says_so_and_leads_nearer(driven: Web, tab: Tab) -> None:
+    opened(tab, f"{driven.base}/map?{AT.replace('14.00', '4.00')}")
+    tab.page.get_by_text("Roads are drawn from nearer.").wait_for()
+    assert drawn(tab) == []
+    tab.page.locator(".hint").get_by_role("button").click()
+    tab.page.get_by_text("Roads are drawn from nearer.").wait_for(state="detached")
+    wait(tab, "window.versantMap.getZoom() >= 6")

@@ -19,10 +19,10 @@ import {
   view,
 } from "./state";
 import { filters, type LegendClass } from "./style";
+import { LEAST_ZOOM } from "./tiles";
 
 const SIGMAS = [0.1, 0.2, 0.3, 0.5, 0.75, 1, 1.5, 2, 3, 5] as const;
 const DRIVES = [0, 1, 2, 3, 5, 10, 20, 50, 100] as const;
-const WAYS_FROM = 10;
 
 function toggle(one: Class): void {
   const now = classes.value;
@@ -138,11 +138,12 @@ function Choices() {
 
 function Hint() {
   const zoom = view.value?.zoom ?? 20;
-  const least = layer.value === "ways" ? WAYS_FROM : ofSegmentsOnly(colour.value) ? segmentsFrom.value : 0;
+  const modelled = ofSegmentsOnly(colour.value);
+  const least = layer.value === "segments" && modelled ? segmentsFrom.value : LEAST_ZOOM[layer.value];
   if (zoom < least)
     return (
       <p class="hint" role="status">
-        {t(layer.value === "ways" ? "map.ways_nearer" : "map.model_nearer")}{" "}
+        {t(layer.value === "ways" ? "map.ways_nearer" : modelled ? "map.model_nearer" : "map.roads_nearer")}{" "}
         <button type="button" onClick={() => view.value && flyTo({ ...view.value, zoom: least + 0.2 })}>
           {t("map.zoom_there")}
         </button>

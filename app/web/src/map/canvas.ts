@@ -29,7 +29,7 @@ import { nearest } from "./picking";
 import { counts, legend } from "./shown";
 import { type Box, choices, colour, layer, movedBy, opened, type Place, selected, view } from "./state";
 import { drawn, isRoad, type OwnStyle, ownStyle, SOURCE, showsUnknown } from "./style";
-import { type Tile, tileOf, tileUrl } from "./tiles";
+import { LEAST_ZOOM, type Tile, tileOf, tileUrl } from "./tiles";
 
 declare global {
   interface Window {
@@ -40,7 +40,6 @@ declare global {
 
 setWorkerUrl(workerUrl);
 
-const LEAST_ZOOM = { segments: 6, ways: 10 } as const;
 const MOST_ZOOM = 18;
 /** The style's first view is made for a window of so many pixels. */
 const FIRST_PX = 768;
@@ -124,8 +123,9 @@ function firstView(place: HTMLElement, style: StyleSpecification, all: Box | nul
   if (opened.box) return { bounds: opened.box, fitBoundsOptions: { padding: 40, maxZoom: 17 } };
   if (!style.center && all) return { bounds: all, fitBoundsOptions: { padding: 40, maxZoom: 17 } };
   const room = Math.min(place.clientWidth, 1.5 * place.clientHeight);
-  const zoom = (style.zoom ?? 1) + Math.min(0, Math.log2(Math.max(room, 100) / FIRST_PX));
-  return { center: style.center ?? [0, 0], zoom };
+  const nearest = style.zoom ?? 1;
+  const zoom = nearest + Math.min(0, Math.log2(Math.max(room, 100) / FIRST_PX));
+  return { center: style.center ?? [0, 0], zoom: Math.max(zoom, Math.min(nearest, LEAST_ZOOM.segments)) };
 }
 
 /** Draw what the state says, whenever it says otherwise. */

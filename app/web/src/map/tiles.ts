@@ -7,6 +7,9 @@ export interface Tile {
   y: number;
 }
 
+/** Farther out nothing is drawn of a layer. */
+export const LEAST_ZOOM = { segments: 6, ways: 10 } as const;
+
 export const keyOf = (one: Tile) => `${one.z}/${one.x}/${one.y}`;
 /** Of a tile's width: as far as lines go beyond its edge, and a little. */
 const MARGIN = 0.02;

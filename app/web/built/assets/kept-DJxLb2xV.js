@@ -1,1 +1,0 @@
-export{t as ofKept,n as openKept}from"./kept-BUbNjNDq.js";

@@ -1,0 +1,1 @@
+export{t as ofKept,n as openKept}from"./kept-QsGQjnX1.js";
