@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from app.exports.run import ExportDesk, make_export
+from app.map.derived.following import follow_all
 from browser_fixtures import PATIENCE_MS, Tab
 from web_fixtures import SOUTH, STEP, WEST, Web
 
@@ -212,6 +213,19 @@ def test_a_kept_map_in_place_of_today_s(driven: Web, drive_maker: Drive, tab: Ta
     page.get_by_role("link", name="Today's map").click()
     total(tab, "7 of 112 segments in view")
     assert "export" not in page.url
+
+
+def test_a_way_is_told_on_a_kept_map_and_segments_stay_drawn(driven: Web, tab: Tab) -> None:
+    follow_all(driven.sessions)
+    opened(tab, f"{driven.base}/map?{AT}&export={exported(driven)}&layer=ways")
+    page = tab.page
+    assert page.get_by_role("radio", name="segments").is_checked()
+    field = page.get_by_role("combobox", name="Search the map")
+    field.fill("way 3")
+    field.press("Enter")
+    page.get_by_text(re.compile("^Way 3 · ")).wait_for()
+    assert page.get_by_role("radio", name="segments").is_checked()
+    wait(tab, f"({DRAWN})().length > 0")
 
 
 def test_what_is_no_kept_map_is_told_and_today_s_is_shown(driven: Web, tab: Tab) -> None:

@@ -23,7 +23,7 @@ import { theme } from "../shared/theme";
 import { lettersOf, over } from "./background";
 import type { Asked, Counted } from "./count";
 import { breaksOf } from "./count";
-import { type Kept, ofKept } from "./kept";
+import { type Kept, ofKept } from "./keeping";
 import { Freshness, stayNew, tilesInView } from "./live";
 import { nearest } from "./picking";
 import { counts, legend } from "./shown";

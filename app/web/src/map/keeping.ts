@@ -1,6 +1,9 @@
-/** Which maps are kept, and the addresses that show them. */
+/** Which maps are kept, the addresses that show them, and how a style draws one; what reads them is loaded for them alone. */
+import type { StyleSpecification } from "maplibre-gl";
 import type { components } from "../api/schema";
 import { api, got } from "../shared/api";
+import type { Box } from "./state";
+import { SOURCE } from "./style";
 
 export type Export = components["schemas"]["Export"];
 
@@ -20,4 +23,21 @@ export function searchOf(id: string | null): string {
   if (id !== null) said.set("export", id);
   const text = said.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
   return text ? `?${text}` : "";
+}
+
+export interface Kept {
+  /** Of the file. */
+  address: string;
+  /** The moment that it shows. */
+  moment: string | null;
+  leastZoom: number;
+  mostZoom: number;
+  bbox: Box;
+}
+
+/** The style with the kept tiles in place of the service's. */
+export function ofKept(style: StyleSpecification, kept: Kept | null): StyleSpecification {
+  if (kept === null) return style;
+  const tiles = { type: "vector", url: `pmtiles://${kept.address}` } as const;
+  return { ...style, sources: { ...style.sources, [SOURCE]: tiles } };
 }

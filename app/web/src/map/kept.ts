@@ -1,21 +1,9 @@
 /** A kept map instead of today's: an export as PMTiles, of which only what is looked at is fetched (`/map?export=ID`). */
-import { addProtocol, type StyleSpecification } from "maplibre-gl";
+import { addProtocol } from "maplibre-gl";
 import { PMTiles, Protocol } from "pmtiles";
 import { ApiProblem, api, got } from "../shared/api";
 import { t } from "../shared/texts";
-import { isMap } from "./keeping";
-import type { Box } from "./state";
-import { SOURCE } from "./style";
-
-export interface Kept {
-  /** Of the file. */
-  address: string;
-  /** The moment that it shows. */
-  moment: string | null;
-  leastZoom: number;
-  mostZoom: number;
-  bbox: Box;
-}
+import { isMap, type Kept } from "./keeping";
 
 /** Make the export's tiles known to the map; throws where it is gone, not done, or holds no tiles. */
 export async function openKept(id: string): Promise<Kept> {
@@ -37,11 +25,4 @@ export async function openKept(id: string): Promise<Kept> {
     mostZoom: head.maxZoom,
     bbox: [head.minLon, head.minLat, head.maxLon, head.maxLat],
   };
-}
-
-/** The style with the kept tiles in place of the service's. */
-export function ofKept(style: StyleSpecification, kept: Kept | null): StyleSpecification {
-  if (kept === null) return style;
-  const tiles = { type: "vector", url: `pmtiles://${kept.address}` } as const;
-  return { ...style, sources: { ...style.sources, [SOURCE]: tiles } };
 }

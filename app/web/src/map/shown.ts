@@ -1,7 +1,7 @@
 /** What the canvas tells the page: the legend that is drawn, and what of it is in view. */
 import { signal } from "@preact/signals";
 import type { Counted } from "./count";
-import type { Kept } from "./kept";
+import type { Kept } from "./keeping";
 import type { Legend } from "./style";
 
 export const legend = signal<Legend | null>(null);

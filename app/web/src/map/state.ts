@@ -116,14 +116,13 @@ export function keptOf(search: string): string | null {
 /** What the address said when the page was opened. */
 export const keptId = keptOf(location.search);
 export const opened = parsed(location.search);
-// Ways are not among the tiles that are kept.
-if (keptId !== null) opened.layer = "segments";
 apply(opened);
 
 function apply(state: State): void {
   selected.value = state.selected;
   colour.value = state.colour;
-  layer.value = state.layer;
+  // Ways are not among the tiles that are kept.
+  layer.value = keptId === null ? state.layer : "segments";
   classes.value = state.classes;
   mostSigma.value = state.mostSigma;
   leastDrives.value = state.leastDrives;

@@ -1,1 +1,0 @@
-export{t as ofKept,n as openKept}from"./kept-QsGQjnX1.js";
