@@ -11,7 +11,7 @@ UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test soak web pictures check check-types check-tests lock clean
+.PHONY: help setup demo test fuzz soak web pictures check check-types check-tests lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 16
@@ -24,6 +24,9 @@ demo: setup  ## from nothing to slopes: the whole job on simulated drives, resul
 test: setup  ## every test, on a private PostGIS, the pages' in Chromium
 	@.ci/prepare chromium
 	@$(BIN)/python -m pytest -n 3 --dist worksteal
+
+fuzz: setup  ## readers, routes and filters with inputs at random (FUZZ=600: seconds for each fuzzer)
+	@FUZZ_SECONDS=$(or $(FUZZ),120) $(BIN)/python -m pytest -n 2 --dist worksteal --timeout=0 tests/fuzz
 
 soak: setup  ## ten minutes of uploads, removals, imports and kills at random (SOAK=--seed 7: that one again)
 	@PYTHONPATH=.:benchmarks $(BIN)/python -m soak $(SOAK)

@@ -1,0 +1,25 @@
+"""How long the fuzzers of ``tests/fuzz`` go on: seconds in the suite, as long as asked under ``make fuzz``."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+
+FUZZ_SECONDS = "FUZZ_SECONDS"
+"""Environment variable: seconds for each fuzzer."""
+SECONDS_IN_THE_SUITE = 15.0
+
+
+def fuzz_s() -> float:
+    """Seconds that each fuzzer may take."""
+    return float(os.environ.get(FUZZ_SECONDS, SECONDS_IN_THE_SUITE))
+
+
+def rounds(share: float = 1.0) -> Iterator[int]:
+    """Numbers of rounds, from 0 on, until that share of the time is over; always at least one."""
+    deadline = time.monotonic() + share * fuzz_s()
+    number = 0
+    while number == 0 or time.monotonic() < deadline:
+        yield number
+        number += 1
