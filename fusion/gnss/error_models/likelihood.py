@@ -20,6 +20,8 @@ UNKNOWN_CN0_DBHZ = 35.0
 """What a signal is taken to have that comes without C/N0: neither clearly direct nor clearly reflected."""
 _ROOT_2PI = math.sqrt(2 * math.pi)
 _BISECTIONS = 30
+_FAR = 25.0
+"""Sigmas up to which the tail of the normal law is taken from erfc, which is 0 from 38 on."""
 
 
 class Errors(NamedTuple):
@@ -68,46 +70,55 @@ def densities(error_m: float, variance_m2: float, delay_m: float) -> tuple[float
     sigma = math.sqrt(variance_m2)
     clear = -0.5 * error_m * error_m / variance_m2 - math.log(sigma * _ROOT_2PI)
     z = (error_m - variance_m2 / delay_m) / sigma
-    if z > -8.0:
+    if z > -_FAR:
         tail = math.log(0.5 * math.erfc(-z / math.sqrt(2.0)))
-    else:  # Mills' ratio; the next term is below 1e-4
+    else:  # Mills' ratio, where erfc ends; what it leaves out is below 1e-7
         tail = -0.5 * z * z - math.log(-z * _ROOT_2PI) + math.log1p(-1 / z**2 + 3 / z**4)
     late = 0.5 * variance_m2 / delay_m**2 - error_m / delay_m + tail - math.log(delay_m)
     return clear, late
 
 
 @compiled
-def _part(share: float, log: float) -> float:
-    """share exp(log), 0 for no share: without any, the density of late signals may be as large as it likes."""
-    return share * math.exp(log) if share > 0.0 else 0.0
+def _log(share: float) -> float:
+    return math.log(share) if share > 0.0 else -math.inf
+
+
+@compiled
+def _parts(
+    error_m: float, share: float, variance_m2: float, delay_m: float
+) -> tuple[float, float, float, float]:
+    """The law's density (1/m) as its direct and its delayed part, and share times the density of noise, all three
+    over the larger part; that one's logarithm.
+
+    Shares are multiplied as logarithms: the smallest ones have too few digits for products, and late signals may be
+    denser by any factor.
+    """
+    clear, late = densities(error_m, variance_m2, delay_m)
+    direct, delayed = clear + _log(1 - share), late + _log(share)
+    top = max(direct, delayed)
+    return math.exp(direct - top), math.exp(delayed - top), math.exp(clear + _log(share) - top), top
 
 
 @compiled
 def log_density(error_m: float, share: float, variance_m2: float, delay_m: float) -> float:
     """Logarithm of the law's density (1/m)."""
-    clear, late = densities(error_m, variance_m2, delay_m)
-    top = max(clear, late) if share > 0.0 else clear
-    return top + math.log((1 - share) * math.exp(clear - top) + _part(share, late - top))
+    direct, delayed, _, top = _parts(error_m, share, variance_m2, delay_m)
+    return top + math.log(direct + delayed)
 
 
 @compiled
 def reflected(error_m: float, share: float, variance_m2: float, delay_m: float) -> float:
     """Probability that a pseudorange with this error was reflected."""
-    clear, late = densities(error_m, variance_m2, delay_m)
-    top = max(clear, late) if share > 0.0 else clear
-    direct, delayed = (1 - share) * math.exp(clear - top), _part(share, late - top)
+    direct, delayed, _, _ = _parts(error_m, share, variance_m2, delay_m)
     return delayed / (direct + delayed)
 
 
 @compiled
 def pull(error_m: float, share: float, variance_m2: float, delay_m: float) -> float:
     """Minus the slope of the logarithm of the density (1/m): 0 at the mode, and 1/mean delay far on the late side."""
-    clear, late = densities(error_m, variance_m2, delay_m)
-    top = max(clear, late) if share > 0.0 else clear
-    noise, delayed = math.exp(clear - top), _part(share, late - top)
+    direct, delayed, noise, _ = _parts(error_m, share, variance_m2, delay_m)
     # The delayed density's slope is (noise - itself) / mean delay.
-    total = (1 - share) * noise + delayed
-    return ((1 - share) * noise * error_m / variance_m2 + (delayed - share * noise) / delay_m) / total
+    return (direct * error_m / variance_m2 + (delayed - noise) / delay_m) / (direct + delayed)
 
 
 @compiled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import norm
@@ -45,13 +45,17 @@ def test_densities_sum_to_one(share: float, variance: float, delay: float) -> No
 
 
 @given(error=ERRORS, share=SHARES, variance=VARIANCES, delay=DELAYS)
+@example(
+    error=39.0, share=5e-324, variance=1.0, delay=5.0
+)  # the smallest share, of signals that are surely late
+@example(error=-30.0, share=0.5, variance=16.0, delay=8.0)  # eight sigmas before the delayed ones
+@example(error=-59.96875, share=0.5, variance=6.25, delay=200 / 81)  # where the tail's form changes
 def test_the_pull_is_the_slope(error: float, share: float, variance: float, delay: float) -> None:
     step = 1e-4
     slope = (
         likelihood.log_density(error + step, share, variance, delay)
         - likelihood.log_density(error - step, share, variance, delay)
     ) / (2 * step)
-    # Where the tail's form changes the density steps by 1e-4 of itself.
     assert likelihood.pull(error, share, variance, delay) == pytest.approx(-slope, abs=2e-3, rel=2e-3)
 
 
