@@ -87,10 +87,15 @@ def session_factory(engine: Engine) -> Sessions:
     return sessionmaker(engine, expire_on_commit=False)
 
 
-def fetch_binary(session: Session, query: str, parameters: Mapping[str, Any]) -> list[tuple[Any, ...]]:
-    """The rows of a query with psycopg's placeholders, in the session's transaction."""
+def fetch_binary(
+    session: Session, query: str, parameters: Mapping[str, Any], *, prepare: bool | None = None
+) -> list[tuple[Any, ...]]:
+    """The rows of a query with psycopg's placeholders, in the session's transaction.
+
+    ``prepare=False`` is for what a client composes: each connection would keep a hundred such with their plans.
+    """
     with _connection(session).cursor(binary=True) as cursor:
-        return list(cursor.execute(query, parameters).fetchall())
+        return list(cursor.execute(query, parameters, prepare=prepare).fetchall())
 
 
 def send_binary(session: Session, statement: str, parameters: Mapping[str, Any]) -> None:

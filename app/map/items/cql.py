@@ -1,7 +1,7 @@
 """Reads a filter in CQL2, text or JSON, into the tree that the standard's JSON describes. Knows no property.
 
 The grammar is a library's (``cql2``). It descends into itself for every bracket and sign, so what is too long or too
-deep is refused before it sees it.
+deep is refused before it sees it; and so do those who read the tree, so of that the depth is bounded too.
 """
 
 from __future__ import annotations
@@ -18,15 +18,20 @@ TEXT, JSON = "cql2-text", "cql2-json"
 LANGUAGES = (TEXT, JSON)
 LONGEST_CHARACTERS = 64_000
 DEEPEST = 32
+"""Operators, or brackets, inside each other."""
 MOST_OPERATORS = 250
+MOST_EFFORT = 400_000
+"""Characters that the parser looks at, again and again where brackets are inside each other."""
 EXACT = 2**53 - 1
 """Up to here every whole number in a text is read exactly."""
 NO_TEXT = re.compile("[\0\ud800-\udfff]")
 """What no text of PostgreSQL holds: NUL, and halves of characters."""
 
 _QUOTED = re.compile(r"'(?:[^']|'')*'|\"[^\"]*\"")
-_COORDINATES = re.compile(r"\(\s*[-+\d.eE,\s]*\)")
+_COORDINATES = re.compile(r"\([-+\d.eE,\s]*\)")
 _OPERATORS = re.compile(r"<>|!=|<=|>=|[-+*/%^=<>]|\b(?:NOT|DIV|LIKE|BETWEEN|IN|IS|AND|OR)\b", re.IGNORECASE)
+_BRACKETS = re.compile(r"(?P<word>\b[^\W\d]\w*)?\(|\)")
+_NO_FUNCTIONS = {"NOT", "DIV", "LIKE", "BETWEEN", "IN", "IS", "AND", "OR"}
 _PLACE = re.compile(r"--> (\d+):(\d+)")
 _EXPECTED = re.compile(r"= expected (.+)$", re.DOTALL)
 
@@ -48,9 +53,11 @@ def refuse(reason: str) -> NoReturn:
 def _of_text(text: str) -> Any:
     _check_size(text)
     try:
-        return cql2.parse_text(text).to_json()
+        tree = cql2.parse_text(text).to_json()
     except cql2.ParseError as error:
         refuse(_told(str(error), text))
+    _check_depth(tree)
+    return tree
 
 
 def _of_json(text: str) -> Any:
@@ -63,7 +70,7 @@ def _of_json(text: str) -> Any:
         refuse(f"it is no JSON: {error.msg} at character {error.pos + 1}")
     except ValueError as error:
         refuse(str(error))
-    check_depth(tree)
+    _check_depth(tree)
     try:
         cql2.parse_json(text)
     except cql2.ParseError as error:
@@ -78,29 +85,55 @@ def _no_number(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number of JSON")
 
 
-def check_depth(tree: Any, depth: int = 0) -> None:
-    """``BadQueryError`` for a tree deeper than a filter may be; lists of coordinates are four of it at most."""
-    if depth > 2 * DEEPEST:
-        refuse(f"it is nested deeper than {DEEPEST}")
-    inner = tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ()
-    for one in inner:
-        if isinstance(one, dict | list):
-            check_depth(one, depth + 1)
+def _check_depth(tree: Any) -> None:
+    """``BadQueryError`` for a tree that is too deep: an operator and its list of arguments are two levels."""
+    level = [tree]
+    for _ in range(2 * DEEPEST + 2):
+        level = [one for one in level if isinstance(one, dict | list)]
+        level = [one for some in level for one in (some.values() if isinstance(some, dict) else some)]
+    if level:
+        refuse(f"it is nested deeper than {DEEPEST} operators. AND, OR and IN take any number of parts")
 
 
 def _check_size(text: str) -> None:
-    bare = _COORDINATES.sub("0", _QUOTED.sub("0", text))
-    depth = deepest = 0
-    for character in bare:
-        depth += {"(": 1, ")": -1}.get(character, 0)
-        deepest = max(deepest, depth)
-    if deepest > DEEPEST:
-        refuse(f"its brackets are nested {deepest} deep; they may be {DEEPEST} deep")
+    # As long as before: what stands in them is read as often as all else.
+    bare = _COORDINATES.sub(_blank, _QUOTED.sub(_blank, text))
+    effort = _effort(bare)
+    if effort > MOST_EFFORT:
+        refuse(
+            f"its brackets are nested too deep for its length: characters inside n brackets count 2^n times, {effort} "
+            f"in all, and there may be {MOST_EFFORT}. Leave out brackets, or write it in {JSON}"
+        )
     operators = len(_OPERATORS.findall(bare))
     if operators > MOST_OPERATORS:
         refuse(
             f"it has {operators} operators; there may be {MOST_OPERATORS}. A list is shorter: name IN ('a', 'b')"
         )
+
+
+def _blank(found: re.Match[str]) -> str:
+    return "0" * len(found[0])
+
+
+def _effort(bare: str) -> int:
+    """How many characters the library's parser may look at.
+
+    It tries what stands in brackets first as an expression and then as a list, brackets inside again in both ways. A
+    function's arguments it reads once.
+    """
+    effort, weight, begin = 0, 1, 0
+    weights: list[int] = []
+    for bracket in _BRACKETS.finditer(bare):
+        effort += weight * (bracket.end() - begin)
+        begin = bracket.end()
+        if bracket[0] == ")":
+            weight = weights.pop() if weights else 1
+        else:
+            weights.append(weight)
+            if len(weights) > DEEPEST:
+                refuse(f"its brackets are nested more than {DEEPEST} deep")
+            weight *= 2 if (bracket["word"] or "NOT").upper() in _NO_FUNCTIONS else 1
+    return effort + weight * (len(bare) - begin)
 
 
 def _told(said: str, text: str) -> str:

@@ -33,6 +33,8 @@ from app.map.items.times import interval, moment, span
 
 MOST_NODES = 2000
 MOST_LISTED = 1000
+MOST_SQL_CHARACTERS = 200_000
+"""Of the condition. With these parts it stays below; an operator that wrote an operand twice would not."""
 
 
 class _Compiler:
@@ -175,17 +177,22 @@ class _Compiler:
         if not isinstance(args, list):
             self._refuse(f"the arguments of {written} must be a list")
         if op in {"and", "or"}:
-            return self._junction(op, args)
+            return self._bounded(self._junction(op, args))
         for names, count, reader in self._readers():
             if op in names:
                 if len(args) not in count:
                     self._refuse(
                         f"{written} takes {' or '.join(map(str, count))} arguments, not {len(args)}", written
                     )
-                return reader(op, args)
+                return self._bounded(reader(op, args))
         raise self._error(
             f"there is no function {written!r}. There are: {', '.join(FUNCTIONS).upper()}", written
         )
+
+    def _bounded(self, value: Value) -> Value:
+        if len(value.sql) + len(value.end) > MOST_SQL_CHARACTERS:
+            self._refuse(f"it becomes more than {MOST_SQL_CHARACTERS} characters of SQL")
+        return value
 
     def _readers(self) -> list[tuple[Any, tuple[int, ...], Callable[[str, list[Any]], Value]]]:
         return [
@@ -230,7 +237,8 @@ class _Compiler:
             self._refuse(f"IN takes a list of 1 to {MOST_LISTED} values", "IN")
         listed = [self._at(f".args[1][{n}]", one, self._value) for n, one in enumerate(args[1])]
         value, *among = self._alike(op, [*self._arguments(args[:1]), *listed])
-        return Value("boolean", f"({value} IN ({', '.join(among)}))")
+        # IN would compare one by one with what is no constant, and copy the value for each.
+        return Value("boolean", f"({value} = ANY(ARRAY[{', '.join(among)}]))")
 
     def _like(self, op: str, args: list[Any]) -> Value:
         value, pattern = self._arguments(args)

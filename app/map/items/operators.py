@@ -8,13 +8,15 @@ from typing import Any
 
 NUMBERS = {"integer", "number"}
 COMPARED = {"=": "=", "<>": "<>", "<": "<", "<=": "<=", ">": ">", ">=": ">="}
+# Each operand is written once in all of these: what is written twice doubles with every operator inside it.
 ARITHMETIC: Mapping[str, str] = {
     "+": "({a} + {b})",
     "-": "({a} - {b})",
     "*": "({a} * {b})",
     "/": "({a} / nullif({b}, 0))",
     "div": "trunc({a} / nullif({b}, 0))",
-    "%": "({a} - {b} * trunc({a} / nullif({b}, 0)))",
+    # PostgreSQL has no remainder of floating-point numbers.
+    "%": "CAST(mod(CAST({a} AS numeric), nullif(CAST({b} AS numeric), 0)) AS float8)",
     "^": "power({a}, {b})",
 }
 OF_TEXTS: Mapping[str, str] = {
@@ -32,7 +34,8 @@ SPATIAL: Mapping[str, str] = {
     "s_crosses": "ST_Crosses",
     "s_contains": "ST_Contains",
 }
-# Of two intervals from a0 to a1 and from b0 to b1; a moment begins and ends at once.
+# Of two intervals from a0 to a1 and from b0 to b1; a moment begins and ends at once. An end is a column or a value, no
+# operator makes one: so what is written twice here has nothing inside.
 TEMPORAL: Mapping[str, str] = {
     "t_after": "{a0} > {b1}",
     "t_before": "{a1} < {b0}",

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from psycopg.errors import DataError, InternalError_, QueryCanceled
+from psycopg.errors import DataError, InternalError_, ProgramLimitExceeded, QueryCanceled
 from sqlalchemy.orm import Session
 
 from app.changes.store import changed_since_sql, parse_version, state, version_text
-from app.core.db import fetch_binary
+from app.core.db import fetch_binary, send_binary
 from app.core.departures import client_left
 from app.core.errors import BadQueryError
 from app.map.items.collections import Collection
@@ -41,8 +42,12 @@ _PAGE_FIRST = """
 _ONE = "SELECT {feature} FROM {source} WHERE {key} = %(id)s"
 _COUNT = "SELECT count(*) FROM (SELECT FROM {source} WHERE {where} LIMIT %(most)s) AS matching"
 _PATIENCE = "SELECT set_config('statement_timeout', %(ms)s, true)"
+_PATIENT_AGAIN = "SET LOCAL statement_timeout TO DEFAULT"
+_LONGEST_PREPARED = 4000
+"""Characters. Beyond, somebody listed many values."""
 _EXPLAIN = "EXPLAIN (FORMAT JSON) "
 _PLACEHOLDER = re.compile(r"(?<!:):(\w+)")
+_Fetch = Callable[[str, Mapping[str, Any]], list[tuple[Any, ...]]]
 
 
 @dataclass(frozen=True)
@@ -66,22 +71,23 @@ def page(session: Session, request: ItemRequest) -> Page:
     patience, and for a version that is none; ``GoneError`` for a version that is not this database's.
     """
     until_xid, request = _up_to(session, request)
-    if request.patience_s is not None:
-        fetch_binary(session, _PATIENCE, {"ms": str(math.ceil(1000 * request.patience_s))})
+    fetch = _within_patience(session, request)
     rows: list[tuple[Any, ...]] = []
     try:
         for leg in request.order.legs(request.after):
-            rows += _rows(session, request, leg, request.limit + 1 - len(rows))
+            rows += _rows(fetch, request, leg, request.limit + 1 - len(rows))
             if len(rows) > request.limit:
                 break
         shown, more = rows[: request.limit], len(rows) > request.limit
-        matched = None if request.after else _matched(session, request) if more else len(shown)
-    except (DataError, InternalError_) as error:
+        matched = None if request.after else _matched(fetch, request) if more else len(shown)
+    except (DataError, InternalError_, ProgramLimitExceeded) as error:
         raise _not_computed(request, error) from error
     except QueryCanceled as error:
         if request.patience_s is None or client_left():
             raise
         raise _too_long(request) from error
+    if request.patience_s is not None:
+        send_binary(session, _PATIENT_AGAIN, {})
     return Page(
         features=[row[0] for row in shown],
         next_cursor=cursor_text(request.digest, until_xid, shown[-1][1:]) if more else None,
@@ -117,7 +123,22 @@ def _up_to(session: Session, request: ItemRequest) -> tuple[int | None, ItemRequ
     return until_xid, replace(request, conditions=(*request.conditions, condition))
 
 
-def _rows(session: Session, request: ItemRequest, leg: Leg, size: int) -> list[tuple[Any, ...]]:
+def _within_patience(session: Session, request: ItemRequest) -> _Fetch:
+    """What reads the rows of the request's statements, which together have its patience: planning them counts."""
+    if request.patience_s is None:
+        return lambda statement, values: fetch_binary(session, statement, values)
+    deadline_s = time.monotonic() + request.patience_s
+
+    def fetch(statement: str, values: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+        left_ms = max(1, math.ceil(1000 * (deadline_s - time.monotonic())))  # 0 would be for ever
+        fetch_binary(session, _PATIENCE, {"ms": str(left_ms)})
+        composed = request.filtered or len(statement) > _LONGEST_PREPARED
+        return fetch_binary(session, statement, values, prepare=False if composed else None)
+
+    return fetch
+
+
+def _rows(fetch: _Fetch, request: ItemRequest, leg: Leg, size: int) -> list[tuple[Any, ...]]:
     collection, shape = request.collection, request.shape
     where = _where([leg.condition, *request.conditions])
     alias, *others = collection.keys
@@ -132,22 +153,22 @@ def _rows(session: Session, request: ItemRequest, leg: Leg, size: int) -> list[t
         table=collection.table,
         beside=collection.beside[shape.gaps] if collection.beside else "",
     )
-    return fetch_binary(session, statement, {"size": size, **_values([leg.condition, *request.conditions])})
+    return fetch(statement, {"size": size, **_values([leg.condition, *request.conditions])})
 
 
-def _matched(session: Session, request: ItemRequest) -> int | None:
+def _matched(fetch: _Fetch, request: ItemRequest) -> int | None:
     """How many features match, where few do and the planner expects the count to be cheap."""
     statement = _COUNT.format(
         source=_source(request.collection, request.shape), where=_where(request.conditions)
     )
     values = {"most": COUNTED_MOST + 1, **_values(request.conditions)}
-    ((plan,),) = fetch_binary(session, _EXPLAIN + statement, values)
+    ((plan,),) = fetch(_EXPLAIN + statement, values)
     whole = plan[0]["Plan"]
     if whole["Total Cost"] > (_CHEAP_OF_PLACES if "ST_" in statement else _CHEAP) or _most_likely_too_many(
         whole
     ):
         return None
-    ((count,),) = fetch_binary(session, statement, values)
+    ((count,),) = fetch(statement, values)
     return count if count <= COUNTED_MOST else None
 
 

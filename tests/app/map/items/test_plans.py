@@ -17,10 +17,10 @@ def plans(items: Items, params: dict[str, str], monkeypatch: pytest.MonkeyPatch)
     """How the server would find a page if it had to avoid reading whole tables and sorting."""
     found: list[str] = []
 
-    def explained(session: Any, query: str, values: Any) -> Any:
+    def explained(session: Any, query: str, values: Any, **how: Any) -> Any:
         if query.lstrip().startswith("SELECT CASE"):
             found.append("\n".join(line for (line,) in fetch_binary(session, f"EXPLAIN {query}", values)))
-        return fetch_binary(session, query, values)
+        return fetch_binary(session, query, values, **how)
 
     monkeypatch.setattr(store, "fetch_binary", explained)
     with items.sessions() as session:
