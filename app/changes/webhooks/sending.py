@@ -27,9 +27,22 @@ _LONGEST_URL = 2000
 _MANY = 429
 _GONE = 410
 
-# Addresses of version 6 that stand for one of version 4, which decides: by translation, and by tunnels.
-_TRANSLATED = (ip_network("64:ff9b::/96"), ip_network("64:ff9b:1::/48"))
-_TUNNELLED = ip_network("2002::/16")
+_UNICAST = ip_network("2000::/3")
+"""All of version 6 that is given out to be reached from everywhere; what is outside of it is of some place only."""
+_TRANSLATED = ip_network("64:ff9b::/96")
+"""How a network without version 4 reaches it: the last 32 bits decide."""
+_SPECIAL = tuple(
+    ip_network(one)
+    for one in (
+        "192.0.0.0/24",  # protocols
+        "192.88.99.0/24",  # relays of 6to4
+        "2001::/23",  # protocols, Teredo among them, which holds addresses of version 4
+        "2001:db8::/32",  # documentation, as the next
+        "3fff::/20",
+        "2002::/16",  # 6to4, likewise
+    )
+)
+"""What ``is_global`` takes for reachable from everywhere, or takes so in some versions of Python."""
 
 
 class RefusedError(Exception):
@@ -188,15 +201,11 @@ def _literal(host: str) -> IPv4Address | IPv6Address | None:
 
 
 def _is_public(address: IPv4Address | IPv6Address) -> bool:
-    if isinstance(address, IPv6Address):
-        inner = address.ipv4_mapped
-        if any(address in network for network in _TRANSLATED):
-            inner = IPv4Address(int(address) & 0xFFFF_FFFF)
-        elif address in _TUNNELLED:
-            inner = IPv4Address(int(address) >> 80 & 0xFFFF_FFFF)
-        if inner is not None:
-            return _is_public(inner)
-    return address.is_global and not address.is_multicast
+    if isinstance(address, IPv6Address) and address in _TRANSLATED:
+        return _is_public(IPv4Address(int(address) & 0xFFFF_FFFF))
+    if address.version == 6 and address not in _UNICAST:
+        return False
+    return address.is_global and not address.is_multicast and not any(address in one for one in _SPECIAL)
 
 
 def _reason(error: Exception) -> str:
