@@ -9,7 +9,6 @@ complete. A process that dies in between leaves a part there that nobody refers 
 from __future__ import annotations
 
 import contextlib
-import os
 import uuid
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from typing import Any, BinaryIO, Self
 from fsspec.spec import AbstractBufferedFile
 
 from app.core.content import ContentHash
-from app.core.filesystems import file_system, free_bytes, full_is_told, is_folder, make_folder, storage_full
+from app.core.filesystems import complete, file_system, free_bytes, full_is_told, make_folder, storage_full
 
 BLOCK_BYTES = 8 * 2**20
 """What is collected for one request to a bucket; ten thousand such are a blob."""
@@ -112,10 +111,9 @@ class BlobStore:
         part = f"{self._root}/{_INCOMING}/{uuid.uuid4().hex}"
         with full_is_told():
             make_folder(self._fs, f"{self._root}/{_INCOMING}")
-            make_folder(self._fs, f"{self._root}/{self._kept}")
             try:
                 self._fs.put_file(str(path), part)
-                self._fs.mv(part, f"{self._root}/{key}")
+                complete(self._fs, part, f"{self._root}/{key}")
             except BaseException:
                 _remove(self._fs, part)
                 raise
@@ -235,8 +233,7 @@ class BlobWriter:
         key = f"{self._kept}/{self._name}"
         self._close()
         with full_is_told():
-            make_folder(self._fs, f"{self._root}/{self._kept}")
-            self._fs.mv(self._part, f"{self._root}/{key}")
+            complete(self._fs, self._part, f"{self._root}/{key}")
         self._finished = True
         content = content_sha256 or self._hash.content_sha256()
         return StoredBlob(key, self._hash.sha256(), self.size_bytes, content)
@@ -255,9 +252,6 @@ class BlobWriter:
         if self._closed:
             return
         with full_is_told():
-            self._file.flush()
-            if is_folder(self._fs):  # a bucket sees to that itself
-                os.fsync(self._file.fileno())
             self._file.close()
         self._closed = True
 

@@ -15,6 +15,7 @@ from typing import Any
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
+from app.core import durable
 from app.core.errors import StorageFullError
 from app.core.settings import SettingsError
 
@@ -44,9 +45,21 @@ def is_folder(fs: Any) -> bool:
 
 def make_folder(fs: Any, path: str) -> None:
     """See that there is a folder, where there are any: a bucket has none, and its driver would make the bucket."""
+    if is_folder(fs):
+        durable.make_folder(Path(path))
+        return
     names = {fs.protocol} if isinstance(fs.protocol, str) else set(fs.protocol)
     if not names & _BUCKETS:
         fs.makedirs(path, exist_ok=True)
+
+
+def complete(fs: Any, part: str, target: str) -> None:
+    """Give a file that is written its name, at once; in a folder it survives a power cut from here on."""
+    if is_folder(fs):
+        durable.rename_durably(Path(part), Path(target))
+        return
+    make_folder(fs, target.rpartition("/")[0])
+    fs.mv(part, target)
 
 
 def free_bytes(fs: Any, root: str) -> int | None:

@@ -15,7 +15,8 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path, PurePosixPath
 
-from app.core.filesystems import file_system, is_folder, make_folder
+from app.core.durable import rename_durably, sync_named
+from app.core.filesystems import complete, file_system, is_folder, make_folder
 from app.core.settings.places import FilePlace, RemoteFolder
 
 _INCOMING = "incoming"
@@ -31,17 +32,21 @@ def local_folder(place: FilePlace) -> Path:
 
 
 def send(place: FilePlace, names: Sequence[str]) -> None:
-    """Store files that are in the folder where they are kept, in this order; ``MirrorError`` where that fails."""
+    """Store files that are in the folder where they are kept, in this order; ``MirrorError`` where that fails.
+
+    Afterwards they survive a power cut.
+    """
     if isinstance(place, Path):
+        for name in names:
+            sync_named(place / name)
         return
     fs, root = file_system(place.url)
     for name in names:
         part = f"{root}/{_INCOMING}/{uuid.uuid4().hex}"
         try:
             make_folder(fs, f"{root}/{_INCOMING}")
-            make_folder(fs, f"{root}/{PurePosixPath(name).parent}")
             fs.put_file(str(place.copies / name), part)
-            fs.mv(part, f"{root}/{name}")
+            complete(fs, part, f"{root}/{name}")
         except Exception as error:  # any storage fsspec knows, each with errors of its own
             raise MirrorError(f"{name} cannot be stored in {place.url}: {_reason(error)}.") from error
 
@@ -110,10 +115,9 @@ def _fetch(place: RemoteFolder, group: str, wanted: str, sha256: str) -> None:
             fs.get_file(path, str(incoming / PurePosixPath(path).name))
         if _sha256(incoming / wanted) != sha256:
             raise MirrorError("its content is another one")
-        (place.copies / group).mkdir(exist_ok=True)
         for path in found:
             part = incoming / PurePosixPath(path).name
-            part.replace(place.copies / group / part.name)
+            rename_durably(part, place.copies / group / part.name)
     except Exception as error:  # as in send
         raise MirrorError(
             f"{group}/{wanted} cannot be fetched from {place.url}: {_reason(error)}."

@@ -9,6 +9,7 @@ import os
 import shutil
 from pathlib import Path
 
+from app.core.durable import rename_durably
 from app.embedded.account import Account, account_for
 from app.embedded.errors import EmbeddedPostgresError
 from app.embedded.sockets import PORT
@@ -120,7 +121,7 @@ def initialise(cluster: Path, account: Account, initdb: str, *, durable: bool) -
     _write_as(account, fresh / "pg_hba.conf", HBA)
     with (fresh / "postgresql.conf").open("a") as conf:
         conf.write(f"\ninclude '{INCLUDE}'\n")
-    fresh.replace(cluster / "data")
+    rename_durably(fresh, cluster / "data")
 
 
 def write_settings(data: Path, account: Account, socket_dir: Path, *, durable: bool) -> None:

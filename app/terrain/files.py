@@ -23,6 +23,7 @@ from rasterio.warp import transform_bounds
 
 from app.core import mirror
 from app.core.db import Bounds, Sessions
+from app.core.durable import rename_durably
 from app.core.settings.places import FilePlace
 from app.terrain.store import DemSource, local_raster, retired_rasters, set_sources, sources_of_all
 from fusion.errors import TerrainError
@@ -137,10 +138,9 @@ def _store(path: Path, quality: Path | None, dem_dir: FilePlace) -> DemSource:
             Dem.open([copied]).close()  # does the layer fit?
             folder = hashlib.sha256(f"{sha256} {_sha256(parts[0])}".encode()).hexdigest()
         final = here / folder
-        final.mkdir(exist_ok=True)
         for part in parts:
             # Renamed within one file system: the file is there complete or not at all, and after its quality layer.
-            part.replace(final / part.name)
+            rename_durably(part, final / part.name)
         _send(path, dem_dir, [f"{folder}/{part.name}" for part in parts])
         with Dem.open([final / copied.name]) as dem:
             posting_m = float(f"{max(dem.postings_m[0]):.4g}")

@@ -9,13 +9,13 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
+from app.core.durable import make_folder, rename_durably
 from app.upkeep.dumps import BackupError
 from fusion.types import Progress
 
@@ -102,9 +102,7 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
     part = folder / f"{NAME}{_PART}"
     with part.open("w", encoding="utf-8") as file:
         json.dump(asdict(manifest), file, indent=1)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(folder / NAME)
+    rename_durably(part, folder / NAME)
     named = {entry.path for entry in (manifest.dump, *manifest.files)}
     kept = [path for kind in (LOGS, RASTERS) for path in (folder / kind).rglob("*") if path.is_file()]
     for path in [*kept, *folder.glob(f"{DUMPS}*")]:
@@ -115,7 +113,7 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
     """Keep other programs from writing a backup there, while the block runs; the folder is made, closed to others."""
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_folder(folder, 0o700)
     if any(folder.iterdir()) and not (folder / _LOCK).exists():
         raise BackupError(
             f"{folder} holds something that is no backup. Name an empty folder, or one to be made."
@@ -131,16 +129,14 @@ def alone_in(folder: Path) -> Iterator[None]:
 def keep(folder: Path, path: str, opened: Callable[[], BinaryIO]) -> Entry:
     """Copy a file into the backup; it is there whole or not at all. ``FileNotFoundError`` where there is none."""
     target = folder / path
-    target.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(target.parent)
     part = target.with_name(target.name + _PART)
     digest, size = hashlib.sha256(), 0
     with opened() as source, part.open("wb") as copy:
         while chunk := source.read(_CHUNK_BYTES):
             digest.update(chunk)
             size += copy.write(chunk)
-        copy.flush()
-        os.fsync(copy.fileno())
-    part.replace(target)
+    rename_durably(part, target)
     return Entry(path, size, digest.hexdigest())
 
 

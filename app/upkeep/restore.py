@@ -13,6 +13,7 @@ from app.changes.webhooks.store import switch_all_off
 from app.core import databases, migrate, mirror
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
+from app.core.durable import make_folder, rename_durably
 from app.core.filesystems import file_system, free_bytes
 from app.core.settings import Settings
 from app.upkeep import dumps, store
@@ -146,10 +147,10 @@ def _take(source: Path, target: Path) -> None:
     """Copy a file to where nothing is, whole or not at all."""
     if target.exists():
         return
-    target.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(target.parent)
     part = target.with_name(f".{uuid.uuid4().hex}")
     try:
         shutil.copyfile(source, part)
-        part.replace(target)
+        rename_durably(part, target)
     finally:
         part.unlink(missing_ok=True)
