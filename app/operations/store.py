@@ -45,7 +45,7 @@ _SAME = text(
 # What is planned waits for a person, and its file with it.
 _WAITING = text(
     """
-    SELECT count(*) FILTER (WHERE status = 'queued') AS operations,
+    SELECT count(*) FILTER (WHERE status <> 'running') AS operations,
         coalesce(sum(CAST(request ->> 'size_bytes' AS bigint)) FILTER (WHERE blob_key IS NOT NULL), 0) AS bytes
     FROM operations WHERE status IN ('queued', 'planned', 'running')
     """
@@ -161,7 +161,8 @@ def require_place(session: Session, size_bytes: int, kept_bytes: int) -> None:
     waiting = session.execute(_WAITING).one()
     if waiting.operations >= MOST_WAITING:
         raise BusyError(
-            f"{waiting.operations} operations wait already. Try again when some of them are done."
+            f"{waiting.operations} operations wait already. Try again when some of them are done; planned ones wait to "
+            "be approved or cancelled."
         )
     if waiting.bytes + size_bytes > kept_bytes:
         raise BusyError(
