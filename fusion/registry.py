@@ -1,6 +1,7 @@
 """One kind of registry for everything that can be chosen by name: formats, methods, windows, outputs."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Generic, TypeVar
 
@@ -92,3 +93,10 @@ class Registry(Generic[T]):
     def items(self) -> Iterator[tuple[str, T]]:
         """Yield (name, thing) in order of registration."""
         yield from self._things.items()
+
+
+@dataclass(frozen=True)
+class RequestMost:
+    """Marks a number among options, in ``Annotated``: who runs a service lets strangers ask for so much at most."""
+
+    most: float

@@ -129,7 +129,7 @@ def fuse(
     with ExitStack() as stack:
         points = read_control(control) if control else []
         bars = stack.enter_context(console.progress())
-        terrain = stack.enter_context(Dem.open(dem)) if dem else None
+        terrain = stack.enter_context(Dem.open(dem, trusted=True)) if dem else None
         table = read_roads(roads, bars.work(roads.name))
         fusion = Fusion(method, chosen, table, terrain, points)
         drives = drives_of(logs, together)

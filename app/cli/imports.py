@@ -173,13 +173,14 @@ def import_dem(
     from app.cli.database import sessions
     from app.terrain import files as dem_files
     from app.terrain import imports as dem_imports
+    from app.terrain.copying import operator_limits
     from app.terrain.coverage import rasters_over
     from fusion.terrain.quality import pair
 
     console: Console = ctx.obj
     started = time.perf_counter()
     with sessions(data_dir, make=console) as (settings, factory), console.progress() as bars:
-        stored = dem_files.store_files(files, settings.dem_dir, bars.work("files"))
+        stored = dem_files.store_files(files, settings.dem_dir, bars.work("files"), operator_limits(settings))
         active = dem_imports.add_dem(
             factory, stored, settings.dem_dir, bars.work("elevation"), priority=priority
         )

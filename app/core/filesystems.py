@@ -70,6 +70,12 @@ def free_bytes(fs: Any, root: str) -> int | None:
     return shutil.disk_usage(place).free
 
 
+def require_room(folder: Path, coming_bytes: int, keep_free_bytes: int) -> None:
+    """``StorageFullError`` where less than ``keep_free_bytes`` would stay free in a folder that is there."""
+    if shutil.disk_usage(folder).free - coming_bytes < keep_free_bytes:
+        raise storage_full()
+
+
 @contextmanager
 def full_is_told() -> Iterator[None]:
     """Make the system's error of a full disk, or of a quota that is used up, a ``StorageFullError``."""

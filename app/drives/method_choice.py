@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from fastapi import Query
+from pydantic import BaseModel
 
 from app.core.errors import BadRequestError
 from app.core.settings import Settings
-from fusion.registry import DEFAULT_METHOD, METHOD_NAMES, check_columns, unknown_name
+from fusion.errors import BadOptionsError
+from fusion.registry import DEFAULT_METHOD, METHOD_NAMES, RequestMost, check_columns, unknown_name
 
 MethodQuery = Annotated[
     str | None,
@@ -130,9 +132,26 @@ def check_options(method: str, options: Mapping[str, Any]) -> None:
         check_columns(columns)
         options = {name: value for name, value in options.items() if name != "columns"}
     if options:
+        from fusion.gnss import POSITIONINGS, options_of  # noqa: PLC0415
         from fusion.pipeline import parse_options  # noqa: PLC0415
 
-        parse_options(method, options)
+        chosen = parse_options(method, options)
+        _require_modest(chosen, f"method {method!r}")
+        _require_modest(
+            options_of(POSITIONINGS[chosen.gnss], chosen.gnss_options), f"positioning {chosen.gnss!r}"
+        )
+
+
+def _require_modest(options: BaseModel, owner: str) -> None:
+    """``BadOptionsError`` for a number that takes gigabytes or hours of a worker that serves others too."""
+    for name, field in type(options).model_fields.items():
+        for mark in field.metadata:
+            if isinstance(mark, RequestMost) and getattr(options, name) > mark.most:
+                raise BadOptionsError(
+                    f"Option {name!r} of {owner} is {getattr(options, name)}, and a request may ask for {mark.most:g} "
+                    "at most. `versant fuse` computes with more on a machine of your own.",
+                    where=name,
+                )
 
 
 def _pairs(texts: Sequence[str], field: str) -> dict[str, Any]:

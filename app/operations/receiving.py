@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePosixPath
 from typing import NamedTuple
 
 import anyio
@@ -15,6 +16,8 @@ from app.core.settings import Settings
 
 CHUNK_BYTES = 1024 * 1024
 """How much is handed to the blob store at a time."""
+NAME_BYTES = 200
+"""File systems take 255; suffixes come to it."""
 
 
 class Received(NamedTuple):
@@ -80,7 +83,17 @@ async def _copy(request: Request, source: UploadSource, writer: BlobWriter, most
             "The file has no name, and its name tells its format. Give it as `filename` (karlsruhe.osm.pbf).",
             field="filename",
         )
+    _require_usable(PurePosixPath(name).name)
     return name
+
+
+def _require_usable(name: str) -> None:
+    """The worker gives the file this name in a folder of its own."""
+    if name in {"", ".", ".."} or not name.isprintable() or len(name.encode()) > NAME_BYTES:
+        raise BadRequestError(
+            f"{name[:40]!r} is no name for a file here: it must be printable, of {NAME_BYTES} bytes at most.",
+            field="filename",
+        )
 
 
 def _too_large(most: int) -> BodyTooLargeError:

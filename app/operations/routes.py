@@ -119,6 +119,7 @@ async def ask_for_operation(
     await run_in_threadpool(_check, service, kind, asked)
     received = None
     if kind in WITH_FILE:
+        await run_in_threadpool(_require_place, service, request.headers.get("content-length", ""))
         received = await receive_file(request, imports_store(service.settings), service.settings)
     operation = await run_in_threadpool(_asked, service, origin, kind, asked, received)
     response.headers["Location"] = operation_address(base, operation)
@@ -217,6 +218,16 @@ def _require_fitting(kind: Kind, given: Mapping[str, Any]) -> None:
         raise BadRequestError(f"{kind.value} of which one? Give its name.", field="name")
 
 
+def _require_place(service: Service, content_length: str) -> None:
+    """Before a large body comes in vain; the end is said when its file is there."""
+    with service.reading() as session:
+        store.require_place(
+            session,
+            int(content_length) if content_length.isdigit() else 0,
+            service.settings.imports_kept_bytes,
+        )
+
+
 def _check(service: Service, kind: Kind, asked: Mapping[str, Any]) -> None:
     """``BadRequestError`` for a region or raster that there is not, before any file is taken."""
     try:
@@ -247,7 +258,12 @@ def _asked(
         with service.sessions.begin() as session:
             blobs.register_database(database_identity(session))
             operation, created = store.ask(
-                session, kind=kind.value, subject=subject, request=asked, blob_key=key
+                session,
+                kind=kind.value,
+                subject=subject,
+                request=asked,
+                kept_bytes=service.settings.imports_kept_bytes,
+                blob_key=key,
             )
             if created:
                 audit.note(session, origin, f"{kind.value} asked for", subject, id=str(operation.id), **asked)

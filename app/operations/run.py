@@ -18,7 +18,7 @@ from app.core.blobs import BlobStore
 from app.core.databases import database_identity
 from app.core.db import Sessions
 from app.core.errors import ServiceError, StorageFullError
-from app.core.filesystems import full_is_told
+from app.core.filesystems import full_is_told, require_room
 from app.core.settings import Settings
 from app.core.telemetry.logs import about, tell
 from app.jobs.task import Interrupted, Task, Work
@@ -145,6 +145,7 @@ def _brought(desk: Desk, operation: Operation, look: Look, folder: Path) -> Path
     try:
         with full_is_told(), desk.blobs.open(str(operation.blob_key), CHUNK_BYTES) as source:
             folder.mkdir(parents=True, exist_ok=True)
+            require_room(folder, size, desk.settings.min_free_bytes)
             with path.open("wb") as target:
                 while chunk := source.read(CHUNK_BYTES):
                     target.write(chunk)

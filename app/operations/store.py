@@ -42,7 +42,14 @@ _SAME = text(
     ORDER BY created_at LIMIT 1
     """  # noqa: S608 - constants
 )
-_WAITING = text("SELECT count(*) FROM operations WHERE status = 'queued'")
+# What is planned waits for a person, and its file with it.
+_WAITING = text(
+    """
+    SELECT count(*) FILTER (WHERE status <> 'running') AS operations,
+        coalesce(sum(CAST(request ->> 'size_bytes' AS bigint)) FILTER (WHERE blob_key IS NOT NULL), 0) AS bytes
+    FROM operations WHERE status IN ('queued', 'planned', 'running')
+    """
+)
 _ADD = text(
     f"""
     INSERT INTO operations (id, kind, subject, request, status, blob_key)
@@ -147,19 +154,41 @@ _OTHERS_WAIT = text(
 )
 
 
+def require_place(session: Session, size_bytes: int, kept_bytes: int) -> None:
+    """``BusyError`` where so many operations wait that no other may, or where with a file of this size the files of all
+    would take more than ``kept_bytes``.
+    """
+    waiting = session.execute(_WAITING).one()
+    if waiting.operations >= MOST_WAITING:
+        raise BusyError(
+            f"{waiting.operations} operations wait already. Try again when some of them are done; planned ones wait to "
+            "be approved or cancelled."
+        )
+    if waiting.bytes + size_bytes > kept_bytes:
+        raise BusyError(
+            f"Files of operations that are not done take {waiting.bytes} bytes, and with this one they would take more "
+            f"than {kept_bytes} (VERSANT_IMPORTS_KEPT_BYTES). Approve or cancel what is planned, or wait for what runs."
+        )
+
+
 def ask(
-    session: Session, *, kind: str, subject: str, request: Mapping[str, Any], blob_key: str | None = None
+    session: Session,
+    *,
+    kind: str,
+    subject: str,
+    request: Mapping[str, Any],
+    kept_bytes: int,
+    blob_key: str | None = None,
 ) -> tuple[Operation, bool]:
     """An operation with its job, or the same one that waits or is planned; the flag says whether it is new.
 
-    ``BusyError`` where too many wait.
+    ``BusyError`` where too many wait (``require_place``).
     """
     session.execute(_ONE_BY_ONE)
     wanted = {"kind": kind, "request": json.dumps(plain_json(request))}
     if (row := session.execute(_SAME, wanted).one_or_none()) is not None:
         return Operation.of(row._asdict()), False
-    if (waiting := session.execute(_WAITING).scalar_one()) >= MOST_WAITING:
-        raise BusyError(f"{waiting} operations wait already. Try again when some of them are done.")
+    require_place(session, int(request.get("size_bytes", 0)), kept_bytes)
     number = uuid.uuid4()
     values = {**wanted, "id": number, "subject": plain_text(subject), "blob_key": blob_key}
     row = session.execute(_ADD, values).one()

@@ -19,9 +19,10 @@ from app.roads.documents import ImportCounts, Wishes
 from app.roads.imports import import_roads, remove_region
 from app.roads.regions import find_region
 from app.roads.sentences import remarks, summary
+from app.terrain.copying import request_limits
 from app.terrain.coverage import effect_of_removal, rasters_over
 from app.terrain.files import store_files
-from app.terrain.heights import renewing
+from app.terrain.heights import renew_all
 from app.terrain.imports import add_dem, remove_dem
 from app.terrain.store import chosen, current_dem
 
@@ -141,7 +142,7 @@ def _dem(bench: Bench) -> Outcome:
     place, progress = bench.settings.dem_dir, bench.look.progress
     with bench.computing():
         progress("copying", 0.0)
-        stored = store_files([bench.file], place, progress)
+        stored = store_files([bench.file], place, progress, request_limits(bench.settings))
         bench.look.note(begun=True)
         priority = bench.operation.request.get("priority")
         active = add_dem(bench.sessions, stored, place, progress, priority=priority)
@@ -177,8 +178,7 @@ def _remove_raster(bench: Bench) -> Outcome:
     with bench.computing():
         if gone:
             remove_dem(sessions, [name], place, bench.look.progress)
-        for share in renewing(sessions, place, wait=True):  # what a run that was cut off left to be done
-            bench.look.progress("heights", share)
+        renew_all(sessions, place, bench.look.progress)  # what a run that was cut off left to be done
     return Outcome(_done(bench.operation.plan or {}, f"Raster {name} is out of use."))
 
 

@@ -5,54 +5,59 @@ Which of them count is in ``app.terrain.store``. How heights are read is the lib
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 import logging
 import shutil
 import uuid
-import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
-import rasterio
-import rasterio.shutil
-from rasterio.errors import RasterioError
-from rasterio.warp import transform_bounds
+import numpy as np
+from pyproj import Transformer
+from pyproj.exceptions import ProjError
 
 from app.core import mirror
 from app.core.db import Bounds, Sessions
 from app.core.durable import rename_durably
 from app.core.settings.places import FilePlace
+from app.terrain.copying import Limits, copy_raster, sha256_of
 from app.terrain.store import DemSource, local_raster, retired_rasters, set_sources, sources_of_all
 from fusion.errors import TerrainError
 from fusion.terrain.dem import Dem
 from fusion.terrain.quality import pair, quality_name
-from fusion.terrain.raster import open_raster, refuse_void
+from fusion.terrain.raster import apply, read_header, refuse_void
 from fusion.types import Progress, no_progress
 
 logger = logging.getLogger(__name__)
 
-CHUNK_BYTES = 1 << 20
 _WORLD: Bounds = (-180.0, -90.0, 180.0, 90.0)
 _BOUNDS_DIGITS = 7
 
 
 def store_files(
-    paths: Sequence[Path], dem_dir: FilePlace, progress: Progress = no_progress
+    paths: Sequence[Path],
+    dem_dir: FilePlace,
+    progress: Progress = no_progress,
+    limits: Limits = Limits(),  # noqa: B008 - it is frozen
 ) -> list[DemSource]:
-    """Copy rasters to where they are kept; ``TerrainError`` for one that cannot be read. No database is involved.
+    """Copy rasters to where they are kept; ``TerrainError`` for one that cannot be read or is beyond the limits,
+    ``StorageFullError`` where there is no room. No database is involved.
 
-    A gzipped raster is unpacked. One that consists of one file is copied as it is, streaming; one that refers
-    to others (a VRT, a file with a header beside it) is written anew as one GeoTIFF, since the references would
-    break. The quality layer of a raster (``fusion.terrain.quality``) goes with it.
+    What is kept is one GeoTIFF, HGT or DTED file that says all by itself: a gzipped raster is unpacked, and where the
+    limits trust it, one of another format or one that refers to other files (a VRT, a file with a header beside it) is
+    written anew as GeoTIFF. The quality layer of a raster (``fusion.terrain.quality``) goes with it.
     """
     stored = []
     pairs = pair(paths)
     for k, (path, quality) in enumerate(pairs):
-        progress("copying", k / len(pairs))
-        stored.append(_store(path, quality, dem_dir))
+
+        def part(stage: str, share: float, done: int = k) -> None:
+            progress(stage, (done + share) / len(pairs))
+
+        part("copying", 0.0)
+        stored.append(_store(path, quality, dem_dir, part, limits))
     return stored
 
 
@@ -67,7 +72,7 @@ def with_bounds(sources: Iterable[DemSource], dem_dir: FilePlace) -> list[DemSou
         if bounds is None:
             try:
                 bounds = bounds_deg(local_raster(dem_dir, source))
-            except (TerrainError, RasterioError) as error:
+            except (TerrainError, ProjError) as error:
                 logger.warning("where %s lies is not known: %s", source.name, error)
         known.append(replace(source, bounds_deg=bounds))
     return known
@@ -90,11 +95,11 @@ def add_bounds(sessions: Sessions, dem_dir: FilePlace) -> int:
 
 def bounds_deg(path: Path, margin_posts: int = 0) -> Bounds:
     """(west, south, east, north) of a raster's pixels, widened by so many of its posts, degrees."""
-    with rasterio.open(path) as raster:
-        across, down = (margin_posts * abs(step) for step in (raster.transform.a, raster.transform.e))
-        left, bottom, right, top = raster.bounds
-        box = (left - across, bottom - down, right + across, top + down)
-        west, south, east, north = transform_bounds(raster.crs or "EPSG:4326", "EPSG:4326", *box)
+    raster = read_header(path)
+    least, ends = -0.5 - margin_posts, (raster.columns - 0.5 + margin_posts, raster.rows - 0.5 + margin_posts)
+    x, y = apply(raster.posts, np.array([least, ends[0]] * 2), np.array([least] * 2 + [ends[1]] * 2))
+    to_degrees = Transformer.from_crs(raster.crs, 4326, always_xy=True)
+    west, south, east, north = to_degrees.transform_bounds(x.min(), y.min(), x.max(), y.max())
     if west > east:  # across the antimeridian: two boxes in one
         west, east = -180.0, 180.0
     return tuple(round(float(w), _BOUNDS_DIGITS) for w in (west, south, east, north))  # type: ignore[return-value]
@@ -104,7 +109,7 @@ def reach_deg(source: DemSource, dem_dir: FilePlace) -> Bounds:
     """Where a raster may give heights: its bounds and two posts more; everywhere, where nothing tells."""
     try:
         return bounds_deg(local_raster(dem_dir, source), margin_posts=2)
-    except (TerrainError, RasterioError):
+    except (TerrainError, ProjError):
         if source.bounds_deg is None:
             return _WORLD
         west, south, east, north = source.bounds_deg
@@ -123,20 +128,22 @@ def sweep_rasters(sessions: Sessions, dem_dir: FilePlace, older_than: timedelta)
     return [uri for uri in retired if mirror.remove_older(dem_dir, uri.partition("/")[0], older_than)]
 
 
-def _store(path: Path, quality: Path | None, dem_dir: FilePlace) -> DemSource:
+def _store(
+    path: Path, quality: Path | None, dem_dir: FilePlace, progress: Progress, limits: Limits
+) -> DemSource:
     here = mirror.local_folder(dem_dir)
     incoming = here / "incoming" / uuid.uuid4().hex
     incoming.mkdir(parents=True)
     try:
-        copied = _copy(path, incoming)
-        folder = sha256 = _sha256(copied)
-        refuse_void(copied)  # and what cannot serve as elevation at all, before it is referred to
+        copied = copy_raster(path, incoming, limits, progress)
+        folder = sha256 = sha256_of(copied, progress)
+        refuse_void(copied, progress)  # and what cannot serve as elevation at all, before it is referred to
         parts = [copied]
         if quality is not None:
-            layer = _copy(quality, incoming)
+            layer = copy_raster(quality, incoming, limits, progress)
             parts.insert(0, layer.rename(incoming / quality_name(copied)))
             Dem.open([copied]).close()  # does the layer fit?
-            folder = hashlib.sha256(f"{sha256} {_sha256(parts[0])}".encode()).hexdigest()
+            folder = hashlib.sha256(f"{sha256} {sha256_of(parts[0], progress)}".encode()).hexdigest()
         final = here / folder
         for part in parts:
             # Renamed within one file system: the file is there complete or not at all, and after its quality layer.
@@ -156,42 +163,3 @@ def _send(path: Path, dem_dir: FilePlace, names: Sequence[str]) -> None:
         raise TerrainError(
             f"{path.name} cannot be kept: {error} See to the storage of VERSANT_DEM_URL and import it again."
         ) from error
-
-
-def _copy(path: Path, folder: Path) -> Path:
-    if path.suffix.lower() == ".gz":
-        return _unpack(path, folder / path.stem)
-    dataset = open_raster(path)[1]
-    with dataset:
-        several = len(dataset.files) > 1
-    try:
-        target = folder / (f"{path.stem}.tif" if several else path.name)
-        if several:
-            rasterio.shutil.copy(
-                path, target, driver="GTiff", tiled=True, compress="deflate", bigtiff="if_safer"
-            )
-        else:
-            shutil.copyfile(path, target)
-    except (RasterioError, OSError) as error:
-        raise TerrainError(
-            f"{path.name} cannot be copied to {folder.parent.parent}: {str(error).rstrip('.')}. Check the file and "
-            "that there is room, and import it again."
-        ) from error
-    return target
-
-
-def _unpack(path: Path, target: Path) -> Path:
-    try:
-        with gzip.open(path) as packed, target.open("wb") as plain:
-            shutil.copyfileobj(packed, plain, CHUNK_BYTES)
-    except (OSError, EOFError, zlib.error) as error:
-        raise TerrainError(
-            f"{path.name} cannot be unpacked: {str(error).rstrip('.')}. Download it again, or give the raster "
-            "itself."
-        ) from error
-    return target
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

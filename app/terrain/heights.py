@@ -6,7 +6,7 @@ come and go in between. What is left to be renewed is noted in the database, so 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -36,25 +36,33 @@ from fusion.network.window import LONGEST_GAP_M, boxes_around
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
-from fusion.types import Floats, Ints
+from fusion.types import Floats, Ints, Progress
 
 SEGMENTS_PER_FILL = 10_000
 """So long do drives that come and go wait: a second or so."""
 
 
-def open_dem(active: DemSet) -> Dem:
+Look = Callable[[], object]
+"""Is called again and again meanwhile, and raises where the work is to end."""
+
+
+def _nothing() -> None:
+    pass
+
+
+def open_dem(active: DemSet, look: Look = _nothing) -> Dem:
     """The active rasters as one elevation model; ``TerrainError`` where one cannot be read."""
-    return Dem.open(active.paths, active.priorities)
+    return Dem.open(active.paths, active.priorities, before_read=look)
 
 
-def terrain_under(active: DemSet | None, table: RoadTable) -> tuple[Floats, Floats]:
+def terrain_under(active: DemSet | None, table: RoadTable, look: Look = _nothing) -> tuple[Floats, Floats]:
     """Each segment's slope by these rasters, percent, shape (n,), and the heights at the knots of all, m.
 
     NaN unknown; ``fusion.network.unknowns.knot_positions`` has the order of the knots.
     """
     if active is None or not len(table):
         return np.full(len(table), np.nan), np.full(len(knot_positions(table)[0]), np.nan)
-    with open_dem(active) as dem:
+    with open_dem(active, look) as dem:
         return _terrain(dem, table)
 
 
@@ -95,7 +103,15 @@ def fill_heights_along(sessions: Sessions, dem_dir: FilePlace, driven: RoadTable
     return len(ids)
 
 
-def renewing(sessions: Sessions, dem_dir: FilePlace, *, wait: bool) -> Iterator[float]:
+def renew_all(sessions: Sessions, dem_dir: FilePlace, progress: Progress) -> None:
+    """Renew the heights of all segments for which that is left to be done; ``progress`` may end it at any moment."""
+    shares = [0.0]
+    for share in renewing(sessions, dem_dir, wait=True, look=lambda: progress("reading posts", shares[-1])):
+        shares.append(share)
+        progress("heights", share)
+
+
+def renewing(sessions: Sessions, dem_dir: FilePlace, *, wait: bool, look: Look = _nothing) -> Iterator[float]:
     """Renew the heights of all segments for which that is left to be done, a piece at each step; yields the share done.
 
     One program does it at a time: another one waits for it, or without ``wait`` leaves it to that one.
@@ -110,7 +126,7 @@ def renewing(sessions: Sessions, dem_dir: FilePlace, *, wait: bool) -> Iterator[
             for start in range(0, max(len(ids), 1), SEGMENTS_PER_FILL):
                 part = ids[start : start + SEGMENTS_PER_FILL]
                 last = start + len(part) >= len(ids)
-                left = _renew(sessions, dem_dir, pending, part, last=last)
+                left = _renew(sessions, dem_dir, pending, part, look, last=last)
                 yield min((start + len(part)) / max(len(ids), 1), 1.0)
                 if left is None:  # the rasters or the roads are others by now, or all is done
                     break
@@ -118,7 +134,7 @@ def renewing(sessions: Sessions, dem_dir: FilePlace, *, wait: bool) -> Iterator[
 
 
 def _renew(
-    sessions: Sessions, dem_dir: FilePlace, pending: PendingHeights, ids: Ints, *, last: bool
+    sessions: Sessions, dem_dir: FilePlace, pending: PendingHeights, ids: Ints, look: Look, *, last: bool
 ) -> PendingHeights | None:
     """Write what the active rasters say of these segments; what is left then, None where it is to be asked anew."""
     with sessions() as session:
@@ -128,7 +144,7 @@ def _renew(
         if pending_heights(session) != pending:
             return None
         table, ids_there = roads_of(session, ids)
-    slope, heights = terrain_under(active, table)
+    slope, heights = terrain_under(active, table, look)
     with sessions.begin() as session:
         own_network(session)
         if pending_heights(session) != pending or road_states(session, squares) != states:

@@ -14,8 +14,9 @@ from app.core.db import Sessions
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
 from app.network.locks import own_network
+from app.terrain.copying import Limits
 from app.terrain.files import reach_deg, store_files, with_bounds
-from app.terrain.heights import renewing
+from app.terrain.heights import renew_all
 from app.terrain.store import DemSet, DemSource, chosen, current_dem, local_raster, replace_dem
 from fusion.errors import TerrainError
 from fusion.terrain.dem import Dem
@@ -35,11 +36,13 @@ def import_dem(
     progress: Progress = no_progress,
     *,
     priority: int | None = None,
+    limits: Limits = Limits(),  # noqa: B008 - it is frozen
 ) -> DemSet:
     """Add elevation rasters to the active set; ``TerrainError`` for one that cannot be used."""
     if not paths:
         raise TerrainError("No elevation raster was named. Give one or more GeoTIFF, VRT or .hgt files.")
-    return add_dem(sessions, store_files(paths, dem_dir, progress), dem_dir, progress, priority=priority)
+    stored = store_files(paths, dem_dir, progress, limits)
+    return add_dem(sessions, stored, dem_dir, progress, priority=priority)
 
 
 def add_dem(
@@ -113,8 +116,7 @@ def _change(sessions: Sessions, change: _Change, dem_dir: FilePlace, progress: P
             found = (active,)
             break
         found = _switch(sessions, active, with_bounds(whole, dem_dir), dem_dir)
-    for share in renewing(sessions, dem_dir, wait=True):
-        progress("heights", share)
+    renew_all(sessions, dem_dir, progress)
     progress("heights", 1.0)
     return found[0]
 

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.archive import Member, is_zip, members, shown_name
-from fusion.formats.base import LogFormat, NamedColumnsFormat, NamedFileFormat, Notes, PartFormat
+from fusion.formats.base import LogFormat, NamedColumnsFormat, NamedFileFormat, Notes, PartFormat, refuse_many
 from fusion.formats.container import load, refuse
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.gpx import GpxFormat
@@ -76,9 +76,9 @@ def read_log(
     data = load(source, max_bytes, job.notes, progress)
     if is_zip(data) and (found := members(data, max_bytes, job.notes)):
         del data
-        return in_vehicle_axes(_together(found, job))
+        return _usable(_together(found, job))
     name = source.name if isinstance(source, Path) else ""
-    return in_vehicle_axes(_alone(name, data, job))
+    return _usable(_alone(name, data, job))
 
 
 def read_logs(
@@ -109,7 +109,7 @@ def read_logs(
         inside = inside or [Member(name, data)]
         left -= sum(len(member.data) for member in inside)
         found += inside
-    return in_vehicle_axes(_together(found, job))
+    return _usable(_together(found, job))
 
 
 @dataclass(frozen=True)
@@ -161,6 +161,13 @@ def _guarded(chosen: LogFormat, data: bytes, progress: Progress, navigation: Nav
         return chosen.read(data, progress)
     except MemoryError as error:
         raise MalformedLogError("The log needs more memory than there is. Split the recording.") from error
+
+
+def _usable(log: DriveLog) -> DriveLog:
+    """The log as all take it; ``MalformedLogError`` where it is too long for that."""
+    refuse_many(len(log.fix))
+    refuse_many(0 if log.raw is None else len(log.raw.signals))
+    return in_vehicle_axes(log)
 
 
 def _noted(log: DriveLog, notes: Notes) -> DriveLog:

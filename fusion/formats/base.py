@@ -12,7 +12,7 @@ from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from fusion.errors import EmptyLogError
+from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.plain_times import plain_seconds
 from fusion.signals import Navigation, RawGnss
 from fusion.types import Bools, DeviceMotion, DriveLog, Floats, GnssFix, Progress, SensorTable
@@ -29,6 +29,9 @@ MAX_TIME_S = 4102444800.0
 """2100-01-01."""
 WEEK_S = 604800.0
 DAY_S = 86400.0
+
+MAX_POSITIONS = 500_000
+"""Positions of one log: fourteen hours at 10 Hz, six days at 1 Hz. Each costs in all that is done with a log."""
 
 NO_DATE = "no date: placed in January 1980"
 UNDATED = (
@@ -158,6 +161,14 @@ class Notes:
         """Add a sentence once."""
         if sentence not in self.warnings:
             self.warnings.append(sentence)
+
+
+def refuse_many(positions: int) -> None:
+    """Raise ``MalformedLogError`` for more positions than a log may have."""
+    if positions > MAX_POSITIONS:
+        raise MalformedLogError(
+            f"The log holds more than {MAX_POSITIONS} positions, which is more than one drive has. Split the recording."
+        )
 
 
 def usable_positions(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fusion.formats.base import Data, Notes, build_log, ground_velocity, usable_positions
+from fusion.formats.base import Data, Notes, build_log, ground_velocity, refuse_many, usable_positions
 from fusion.formats.csv_cells import Block, read_blocks
 from fusion.formats.csv_header import COLUMNS, Schema, from_utf16, layout_of, sections
 from fusion.formats.csv_names import GPS_TIME, PRESSURE_OF_VEHICLE, UNSTATED_SPEED
@@ -102,6 +102,7 @@ def read_rows(
             for name, table in _assemble(block, rows).items():
                 if len(table):
                     parts.setdefault(name, []).append(table)
+            refuse_many(sum(map(len, parts.get("fix", ()))))
             progress("read rows", share)
     tables = {name: _joined(parts.pop(name), notes) for name in list(parts)}
     progress("read rows", 1.0)

@@ -15,7 +15,7 @@ from xml.parsers import expat
 import numpy as np
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import Data, Notes, unix_seconds
+from fusion.formats.base import Data, Notes, refuse_many, unix_seconds
 from fusion.types import Floats, Ints, Progress
 
 NAN = float("nan")
@@ -90,6 +90,7 @@ def read_points(data: Data, layout: Layout, notes: Notes, progress: Progress) ->
         for at in range(0, len(view), CHUNK_BYTES):
             progress("read points", at / len(view))
             reader.feed(bytes(view[at : at + CHUNK_BYTES]))
+            refuse_many(reader.count)
         reader.close()
     except (expat.ExpatError, ValueError, LookupError) as error:
         line = getattr(error, "lineno", 0)

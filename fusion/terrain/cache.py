@@ -22,8 +22,9 @@ T = TypeVar("T")
 class DemCache:
     """Three bounded caches behind one lock: rasterio's datasets must not be used by two threads at once."""
 
-    def __init__(self) -> None:
-        self._lock = Lock()
+    def __init__(self, before_read: Callable[[], object] = lambda: None) -> None:
+        """``before_read`` is called before each block that is read; what it raises ends the reading."""
+        self._lock, self._before_read = Lock(), before_read
         self._files: _LruCache[Any] = _LruCache(MAX_OPEN_FILES, lambda dataset: dataset.close())
         self._blocks: _LruCache[Any] = _LruCache(MAX_BLOCKS)
         self._local_grids: _LruCache[Any] = _LruCache(_MAX_LOCAL_GRIDS)
@@ -31,14 +32,19 @@ class DemCache:
 
     def dataset(self, raster: Raster) -> Any:
         """The open dataset of a raster. Only for what ``block`` calls, under the lock."""
-        return self._files.get(raster, lambda: open_raster(raster.path)[1])
+        return self._files.get(raster, lambda: open_raster(raster.path, trusted=raster.trusted)[1])
 
     def block(self, key: Hashable, make: Callable[[], T]) -> T:
         """What ``make`` read from the files before, or reads now; ``ValueError`` once the model is closed."""
+
+        def read() -> T:
+            self._before_read()
+            return make()
+
         with self._lock:
             if self._closed:
                 raise ValueError("the elevation model is closed")
-            found: T = self._blocks.get(key, make)
+            found: T = self._blocks.get(key, read)
             return found
 
     def local_grid(self, key: Hashable, make: Callable[[], T]) -> T:

@@ -6,7 +6,7 @@ Stacks the mosaics of one grid each, by priority and then finest first, and answ
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -56,8 +56,19 @@ class Dem:
             self.description += f", quality layers of {known}"
 
     @classmethod
-    def open(cls, paths: Sequence[Path], priorities: Sequence[int] | None = None) -> Dem:
+    def open(
+        cls,
+        paths: Sequence[Path],
+        priorities: Sequence[int] | None = None,
+        *,
+        trusted: bool = False,
+        before_read: Callable[[], object] = lambda: None,
+    ) -> Dem:
         """Read the headers of the rasters; heights are read as they are asked for.
+
+        ``trusted``: these are files of whoever runs this, of any format that GDAL reads; else GeoTIFF, HGT and DTED
+        alone, and no other file is looked at but quality layers. ``before_read`` is called before each block of posts
+        that is read, and may raise what ends the reading.
 
         ``priorities`` has one number for each path, the higher the sooner it counts; None: all alike.
         The quality layer of ``..._dem.tif`` is ``..._num.tif`` beside it, or among ``paths``. Raises
@@ -66,11 +77,11 @@ class Dem:
         """
         if not paths:
             raise TerrainError("No elevation raster was given. Give at least one.")
-        cache = DemCache()
+        cache = DemCache(before_read)
         priority_of = dict(zip(map(Path, paths), priorities or [0] * len(paths), strict=True))
         grids: list[_Grid] = []
         for path, quality in pair(paths):
-            raster = with_quality(read_header(path), quality)
+            raster = with_quality(read_header(path, trusted=trusted), quality)
             home = next((grid for grid in grids if grid[0].takes(raster)), None)
             if home is None:
                 home = Mosaic(raster, cache), []

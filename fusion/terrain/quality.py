@@ -54,7 +54,7 @@ def with_quality(raster: Raster, path: Path | None) -> Raster:
     """The raster with its quality layer; ``TerrainError`` when that is unreadable or on another grid."""
     if path is None:
         return raster
-    layer = read_header(path)
+    layer = read_header(path, trusted=raster.trusted)
     same_size = (layer.rows, layer.columns) == (raster.rows, raster.columns)
     if not (same_size and layer.crs == raster.crs and _same_posts(layer, raster)):
         raise TerrainError(

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import re
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rasterio
 from affine import Affine
 from pyproj import CRS, Transformer
 from pyproj.exceptions import ProjError
 from rasterio.enums import ColorInterp
-from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from rasterio.errors import RasterioError
 from rasterio.windows import Window
 
 from fusion.errors import TerrainError
-from fusion.types import Floats
+from fusion.terrain.drivers import is_gzipped, open_dataset, refuse_files_of_proj
+from fusion.types import Floats, Progress, no_progress
 
 LOWEST_M, HIGHEST_M = -1000.0, 9000.0
 """No road's ground lies beyond; fill values that a raster does not declare (-32768, -9999, 1e38) do."""
@@ -34,7 +34,8 @@ _METRES_PER_UNIT = {
     "us survey foot": 1200 / 3937,
     "us-ft": 1200 / 3937,
 }
-_ROWS_AT_ONCE, _COLUMNS_AT_ONCE = 512, 4096  # 16 MB of heights, whole tiles of usual rasters
+_AT_ONCE = _ROWS_AT_ONCE, _COLUMNS_AT_ONCE = 512, 4096  # 16 MB of heights, whole tiles of usual rasters
+_MOST_LOOKED_AT = 200_000_000  # posts, a few seconds; more than any tile has
 _HINT = "Give a single-band elevation raster such as GeoTIFF, COG, VRT or HGT, the last also gzipped."
 
 
@@ -45,7 +46,8 @@ class Raster:
     ``posts`` takes (column, row) of a post, the centre of a pixel, to the CRS's x and y (longitude and
     latitude where it is geographic); ``crs`` is the horizontal CRS, ``datum`` what heights refer to.
     Stored values times ``scale_m`` plus ``offset_m`` are metres. ``quality`` is the raster on the same grid that
-    counts the scenes behind each post (``fusion.terrain.quality``), where there is one.
+    counts the scenes behind each post (``fusion.terrain.quality``), where there is one. ``trusted``: it may name other
+    files (``fusion.terrain.drivers``).
     """
 
     path: Path
@@ -57,48 +59,78 @@ class Raster:
     scale_m: float
     offset_m: float
     quality: Raster | None = None
+    trusted: bool = False
+
+    @property
+    def posts_count(self) -> int:
+        """How many posts there are."""
+        return self.rows * self.columns
 
 
-def open_raster(path: Path) -> tuple[Raster, Any]:
-    """Open a raster: its header and the rasterio dataset. Raises ``TerrainError`` when it is no elevation."""
+def open_raster(path: Path, *, trusted: bool = False) -> tuple[Raster, Any]:
+    """Open a raster: its header and the rasterio dataset. Raises ``TerrainError`` when it is no elevation.
+
+    ``trusted`` is for what the operator names: it may be of any format, and name other files. All else is opened by one
+    driver of a short list, which looks at no other file (``fusion.terrain.drivers``).
+    """
     path = Path(path)
     _check_file(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # answered by a sentence of ours below
-            dataset = rasterio.open(f"/vsigzip/{path.absolute()}" if _gzipped(path) else path)
+        dataset = open_dataset(path, trusted=trusted)
     except (RasterioError, OSError, ValueError) as error:
         raise TerrainError(
             f"{path.name} cannot be read as a raster ({_reason(error, path)}). {_HINT}"
         ) from error
     try:
-        return _header_of(path, dataset), dataset
+        return _header_of(path, dataset, trusted=trusted), dataset
     except BaseException:
         dataset.close()
         raise
 
 
-def read_header(path: Path) -> Raster:
+def read_header(path: Path, *, trusted: bool = False) -> Raster:
     """The header alone; as ``open_raster``."""
-    raster, dataset = open_raster(path)
+    raster, dataset = open_raster(path, trusted=trusted)
     dataset.close()
     return raster
 
 
-def refuse_void(path: Path) -> None:
-    """Raise ``TerrainError`` when a raster holds no height at all; reads only up to the first one."""
+def refuse_void(path: Path, progress: Progress = no_progress) -> None:
+    """Raise ``TerrainError`` when a raster holds no height at all; reads only up to the first one.
+
+    Windows all over the raster come first. Of a large one at most ``_MOST_LOOKED_AT`` posts are read: it passes then.
+    """
     raster, dataset = open_raster(path)
+    down, across = -(-raster.rows // _ROWS_AT_ONCE), -(-raster.columns // _COLUMNS_AT_ONCE)
+    windows, looked_at = down * across, 0
+    stride = _coprime(windows)
     with dataset:
-        for row in range(0, raster.rows, _ROWS_AT_ONCE):
-            rows = min(_ROWS_AT_ONCE, raster.rows - row)
-            for column in range(0, raster.columns, _COLUMNS_AT_ONCE):
-                columns = min(_COLUMNS_AT_ONCE, raster.columns - column)
-                if np.isfinite(read_posts(raster, dataset, row, column, rows, columns)).any():
-                    return
+        for k in range(windows):
+            if looked_at > _MOST_LOOKED_AT:
+                return
+            progress("looking for heights", looked_at / min(raster.posts_count, _MOST_LOOKED_AT))
+            row, column = (
+                i * size for i, size in zip(divmod(k * stride % windows, across), _AT_ONCE, strict=True)
+            )
+            rows, columns = (
+                min(_ROWS_AT_ONCE, raster.rows - row),
+                min(_COLUMNS_AT_ONCE, raster.columns - column),
+            )
+            if np.isfinite(read_posts(raster, dataset, row, column, rows, columns)).any():
+                return
+            looked_at += rows * columns
     raise TerrainError(
         f"{path.name} holds no height: all of its {raster.rows} x {raster.columns} posts are void or outside "
         f"{LOWEST_M:.0f}..{HIGHEST_M:.0f} m. {_HINT}"
     )
+
+
+def _coprime(count: int) -> int:
+    """A step, about the golden section of ``count``, with which a walk around comes to each number once."""
+    step = max(round(count * 0.618), 1)
+    while math.gcd(step, count) > 1:
+        step += 1
+    return step
 
 
 def read_posts(raster: Raster, dataset: Any, row: int, column: int, rows: int, columns: int) -> Floats:
@@ -122,11 +154,6 @@ def read_stored(raster: Raster, dataset: Any, row: int, column: int, rows: int, 
         raise TerrainError(
             f"{raster.path.name} is damaged ({reason}). Download or export it again."
         ) from error
-
-
-def _gzipped(path: Path) -> bool:
-    """Archives offer HGT tiles as ``N50E007.hgt.gz``; GDAL reads what is in there when told so."""
-    return path.suffix.lower() == ".gz"
 
 
 def _reason(error: Exception, path: Path) -> str:
@@ -157,7 +184,7 @@ def _check_file(path: Path) -> None:
         raise TerrainError(f"The elevation raster {path} cannot be read: {reason}. {_HINT}") from error
     if empty:
         raise TerrainError(f"The elevation raster {path.name} is empty. {_HINT}")
-    plain = path.with_suffix("") if _gzipped(path) else path
+    plain = path.with_suffix("") if is_gzipped(path) else path
     if plain.suffix.lower() == ".hgt" and not _HGT_NAME.match(path.name):
         raise TerrainError(
             f"{path.name}: an HGT tile says where it lies only by its name. Name it after its south-west "
@@ -165,7 +192,7 @@ def _check_file(path: Path) -> None:
         )
 
 
-def _header_of(path: Path, dataset: Any) -> Raster:
+def _header_of(path: Path, dataset: Any, *, trusted: bool) -> Raster:
     if dataset.crs is None or dataset.transform.is_identity or dataset.transform.is_degenerate:
         raise TerrainError(
             f"{path.name} does not say where on Earth it lies. Give a raster with a coordinate reference "
@@ -176,7 +203,10 @@ def _header_of(path: Path, dataset: Any) -> Raster:
     if kind not in "iuf" or colour in (ColorInterp.palette, ColorInterp.red):
         raise TerrainError(f"{path.name} is a picture, not an elevation raster. {_HINT}")
     try:
-        crs = CRS.from_wkt(dataset.crs.to_wkt())
+        wkt = dataset.crs.to_wkt()
+        if not trusted:
+            refuse_files_of_proj(path.name, wkt)
+        crs = CRS.from_wkt(wkt)
         if not (crs.is_geographic or crs.is_projected):
             raise ProjError(f"{crs.name} is neither geographic nor projected")
         Transformer.from_crs(4326, _horizontal(crs), always_xy=True)
@@ -197,6 +227,7 @@ def _header_of(path: Path, dataset: Any) -> Raster:
         datum="EGM96" if dataset.driver == "SRTMHGT" else _datum(crs),
         scale_m=float(dataset.scales[0]) * metres,
         offset_m=float(dataset.offsets[0]) * metres,
+        trusted=trusted,
     )
 
 

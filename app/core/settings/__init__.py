@@ -72,8 +72,20 @@ class Settings(Places):
     max_import_bytes: int = Field(
         8 * GIB,
         ge=1,
-        description="Largest file of roads or elevation that the API takes, bytes as sent; a larger one is answered by "
-        "413.",
+        description="Largest file of roads or elevation that the API takes, bytes as sent, where a larger one is "
+        "answered by 413, and unpacked.",
+    )
+    imports_kept_bytes: int = Field(
+        32 * GIB,
+        ge=1,
+        description="What files of operations that wait, run or are planned may take of the store, bytes; one more is "
+        "answered by 503.",
+    )
+    max_raster_posts: int = Field(
+        4_000_000_000,
+        ge=1,
+        description="Most posts (rows times columns) of an elevation raster that the API takes; the command line takes "
+        "more.",
     )
     items_limit_default: int = Field(100, ge=1, description="Items per page when a request names no limit.")
     items_limit_max: int = Field(

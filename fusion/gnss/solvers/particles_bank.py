@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
 import numba
 import numpy as np
@@ -33,6 +33,7 @@ from fusion.gnss.solvers.ekf import (
 )
 from fusion.gnss.solvers.particles_each import draw_each, follow
 from fusion.gnss.solvers.state import CLOCK, Frame, Rows, cn0_variance, process_noise, start, states
+from fusion.registry import RequestMost
 from fusion.types import LONGEST_BRIDGED_GAP_S, Floats, Ints, Progress
 
 SETTLE_S = 5.0
@@ -43,7 +44,9 @@ m/s is no cloud of two hundred points."""
 class ParticleOptions(SolverOptions):
     """What all particle solvers take."""
 
-    particles: int = Field(200, ge=2, le=100_000, description="Number of particles N.")
+    particles: Annotated[int, RequestMost(2000)] = Field(
+        200, ge=2, le=100_000, description="Number of particles N."
+    )
     resampling: Literal["multinomial", "residual", "stratified", "systematic"] = Field(
         "systematic", description="Scheme of resampling."
     )

@@ -10,6 +10,7 @@ each drawn variance, and lets at least six satellites hold the position (notes 6
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -27,6 +28,7 @@ from fusion.gnss.measurements import Aids, Measurements, Solution
 from fusion.gnss.reception import LOS, states_by_epoch
 from fusion.gnss.solvers.particles_bank import Bank, StateOptions, Step, rows_of, run
 from fusion.gnss.solvers.particles_each import correct_each, predict_each, residuals_each
+from fusion.registry import RequestMost
 from fusion.types import Bools, Floats, Ints, Progress
 
 FEWEST_LOS = 6
@@ -54,7 +56,7 @@ class RbpfDpmOptions(StateOptions):
     nlos_scale_m2: float = Field(
         NLOS_BASE.scale_m2, gt=0, description="Scale of the variance, m2, reflected."
     )
-    memory: int = Field(
+    memory: Annotated[int, RequestMost(600)] = Field(
         600, ge=1, le=10_000, description="Epochs that an urn remembers (the thesis: all of its 594)."
     )
 

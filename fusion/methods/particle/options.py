@@ -11,6 +11,7 @@ from fusion.filters.triggers import TRIGGERS
 from fusion.methods.base import Registered
 from fusion.methods.epochs.terrain import TerrainOptions
 from fusion.methods.nine_state.options import InertialOptions, NineStateOptions
+from fusion.registry import RequestMost
 from fusion.terrain.windows import WINDOWS
 
 
@@ -26,7 +27,7 @@ class ParticleOptions(TerrainOptions, InertialOptions, NineStateOptions):
         description="Particles (thesis), its extended Kalman filter, which gives the same slopes in a fraction of the "
         "time, or its Kalman filter, which can use neither pitch nor the direction of roads.",
     )
-    particles: int = Field(
+    particles: Annotated[int, RequestMost(500_000)] = Field(
         100_000, ge=100, le=10_000_000, description="Number of particles (thesis: 100,000)."
     )
     seed: int = Field(

@@ -19,6 +19,7 @@ from app.roads import imports as roads
 from app.terrain import files, heights
 from app.terrain import imports as dem
 from app.terrain import store as dem_store
+from app.terrain.copying import Limits
 from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
@@ -37,8 +38,8 @@ def write_raster(path: Path, west: float, north: float, rise_m: float, size: int
     return path
 
 
-def add(sessions: Sessions, paths: list[Path], folder: Path) -> DemSet:
-    return dem.import_dem(sessions, paths, folder)
+def add(sessions: Sessions, paths: list[Path], folder: Path, *, trusted: bool = False) -> DemSet:
+    return dem.import_dem(sessions, paths, folder, limits=Limits(trusted=trusted))
 
 
 def stored_slopes(sessions: Sessions) -> list[float | None]:
@@ -110,7 +111,9 @@ def test_a_raster_made_of_several_files_becomes_one(
     tile = write_raster(tmp_path / "tile.tif", 8.4995, 49.01, 1.0)
     mosaic = tmp_path / "mosaic.vrt"
     rasterio.shutil.copy(tile, mosaic, driver="VRT")
-    found = add(sessions, [mosaic], tmp_path / "dem")
+    with pytest.raises(TerrainError, match=r"mosaic\.vrt is a VRT, which names other files"):
+        add(sessions, [mosaic], tmp_path / "dem")
+    found = add(sessions, [mosaic], tmp_path / "dem", trusted=True)
     tile.unlink()
     mosaic.unlink()
     with sessions() as session:

@@ -18,9 +18,9 @@ Write = Callable[..., Path]
 POSTS = Affine(0.001, 0, 8.0, 0, -0.001, 49.0)
 
 
-def refused(path: Path) -> str:
+def refused(path: Path, *, trusted: bool = False) -> str:
     with pytest.raises(TerrainError) as caught:
-        Dem.open([path])
+        Dem.open([path], trusted=trusted)
     assert path.name in str(caught.value)
     return str(caught.value)
 
@@ -56,7 +56,8 @@ def test_a_picture(tmp_path: Path) -> None:
         rasterio.open(tmp_path / "a.png", "w", **profile) as dataset,
     ):
         dataset.write(np.zeros((3, 4, 4), np.uint8))
-    assert "does not say where on Earth" in refused(tmp_path / "a.png")
+    assert "does not say where on Earth" in refused(tmp_path / "a.png", trusted=True)
+    assert "neither a GeoTIFF" in refused(tmp_path / "a.png")
 
 
 def test_a_georeferenced_picture(tmp_path: Path) -> None:

@@ -1,0 +1,123 @@
+"""Which one GDAL driver opens a raster, by what the file holds, and in what way.
+
+GDAL has 140 drivers. Some read files and addresses that the raster names (a VRT its sources, any driver the headers and
+overviews beside the file), and each is asked whether a file is its own. So a raster that is not the operator's own is
+opened by one of the few below, which are complete in one file, and nothing beside it is looked at.
+"""
+
+from __future__ import annotations
+
+import gzip
+import re
+import warnings
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rasterio
+from rasterio.errors import NotGeoreferencedWarning
+
+from fusion.errors import TerrainError
+
+HGT_SIDES = {(1201, 1201), (1801, 3601), (3601, 3601), (7201, 7201)}
+"""Columns and rows of the tiles that there are, two bytes a post."""
+HGT_MOST_BYTES = 2 * max(columns * rows for columns, rows in HGT_SIDES)
+BLOCK_BYTES = 64 << 20
+"""What may have to be unpacked for one post: the largest block (tile or strip) of a raster, all bands."""
+
+_HGT_BYTES = {2 * columns * rows for columns, rows in HGT_SIDES}
+_TIFF = (b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
+_HEAD_BYTES = 4096
+# A path in what PROJ takes for a grid or a file of parameters; names without a folder are PROJ's own.
+_PROJ_FILE = re.compile(
+    r"(?:grids|\b(?:init|file|model))\b[\"\s,=\[]+[^\"\]\s]*[/\\:~]|PARAMETERFILE", re.IGNORECASE
+)
+_ALONE = {"GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR"}
+_ADVICE = (
+    "Convert it to GeoTIFF (gdal_translate), or import it by `versant import-dem` where the service runs."
+)
+
+
+def open_dataset(path: Path, *, trusted: bool) -> Any:
+    """The rasterio dataset; ``trusted``: by whatever driver, with the files that it names and those beside it.
+
+    Raises ``TerrainError`` for what no driver of the short list is for, and what GDAL raises.
+    """
+    source = f"/vsigzip/{path.absolute()}" if is_gzipped(path) else path.absolute()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)  # answered by a sentence of ours
+        if trusted:
+            return rasterio.open(source)
+        driver = driver_of(path)
+        with rasterio.Env(**_ALONE):
+            dataset = rasterio.open(source, driver=driver)
+    try:
+        _require_bounded(path, dataset)
+    except BaseException:
+        dataset.close()
+        raise
+    return dataset
+
+
+def driver_of(path: Path) -> str:
+    """The driver for a file by its first bytes; HGT tiles, which have no header, by name and size."""
+    head = _head(path)
+    if head.startswith(_TIFF):
+        return "GTiff"
+    if head.startswith(b"UHL1"):
+        return "DTED"
+    if _is_hgt(path):
+        return "SRTMHGT"
+    if b"<VRTDataset" in head:
+        raise TerrainError(
+            f"{path.name} is a VRT, which names other files: it is read where an operator names it on the command "
+            f"line alone. {_ADVICE}"
+        )
+    raise TerrainError(
+        f"{path.name} cannot be read as a raster: it is neither a GeoTIFF (COG), nor an HGT tile, nor DTED. {_ADVICE}"
+    )
+
+
+def refuse_files_of_proj(name: str, wkt: str) -> None:
+    """Raise ``TerrainError`` for a coordinate reference system that names a file which PROJ would open."""
+    if found := _PROJ_FILE.search(wkt):
+        raise TerrainError(
+            f"The coordinate reference system of {name} names a file ({found.group()[:60]}), which is not opened. Give "
+            "the raster in a common one, such as EPSG:4326."
+        )
+
+
+def is_gzipped(path: Path) -> bool:
+    """Archives offer HGT tiles as ``N50E007.hgt.gz``; GDAL reads what is in there when told so."""
+    return path.suffix.lower() == ".gz"
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with gzip.open(path) if is_gzipped(path) else path.open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except (OSError, EOFError, zlib.error) as error:
+        raise TerrainError(
+            f"{path.name} cannot be read as a raster ({str(error).rstrip('.')}). Download or export it again."
+        ) from error
+
+
+def _is_hgt(path: Path) -> bool:
+    plain = path.with_suffix("") if is_gzipped(path) else path
+    return plain.suffix.lower() == ".hgt" and (is_gzipped(path) or path.stat().st_size in _HGT_BYTES)
+
+
+def _require_bounded(path: Path, dataset: Any) -> None:
+    """A header can claim blocks that unpack to gigabytes for one post."""
+    rows, columns = dataset.block_shapes[0]
+    post_bytes = np.dtype(
+        getattr(np, dataset.dtypes[0], np.complex128)
+    ).itemsize  # numpy lacks integer complex
+    size = rows * columns * dataset.count * post_bytes
+    if size > BLOCK_BYTES:
+        raise TerrainError(
+            f"{path.name} is stored in blocks of {columns} x {rows} posts in {dataset.count} band(s), {size >> 20} MiB "
+            f"to be unpacked for a single post; {BLOCK_BYTES >> 20} MiB are read at most. Write it in tiles: "
+            "gdal_translate -b 1 -co TILED=YES IN OUT.tif"
+        )
