@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import gzip
+import os
+import signal
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import closing
@@ -13,11 +17,12 @@ from pathlib import Path
 import pytest
 import rasterio
 
-import hostile
-from attacks import inputs
-from attacks.attempts import ATTACKS, Attack
-from attacks.well_behaved import Answer, Client, Served, longest_away, request, served
 from fusion.formats import read_log
+from hostile import __main__ as hostile
+from hostile import inputs
+from hostile.attempts import ATTACKS, Attack
+from hostile.service import descendants, pss_mb
+from hostile.well_behaved import Answer, Client, Served, longest_away, request, served
 
 
 class _Quick(BaseHTTPRequestHandler):
@@ -115,6 +120,23 @@ def test_small_inputs_stand_for_large_ones(tmp_path: Path) -> None:
     assert len(gzip.decompress(packed)) == 4 * inputs.BOMB_PIECE_BYTES
     (tmp_path / "rows.csv.gz").write_bytes(inputs.many_rows(500))
     assert len(read_log(tmp_path / "rows.csv.gz").fix.time_s) == 500
+
+
+def test_a_forked_process_is_looked_at_as_well() -> None:
+    """It has its parent's command line."""
+    code = "import os, time; os.fork() or os.fork(); print(flush=True); time.sleep(60)"
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        for _ in range(3):
+            parent.stdout.readline()
+        found = descendants(parent.pid)
+        try:
+            assert len(found) == 2
+            assert all(pss_mb(pid) > 0.5 for pid in (parent.pid, *found))
+        finally:
+            for pid in (parent.pid, *found):
+                os.kill(pid, signal.SIGKILL)
+    assert pss_mb(parent.pid) == 0.0
 
 
 def test_every_attack_says_what_it_is() -> None:

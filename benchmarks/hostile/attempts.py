@@ -1,7 +1,7 @@
 """The attacks, each a function that goes on until its time is over. Run as a process of its own, which prints what
 became of its requests:
 
-    PYTHONPATH=.:benchmarks python -m attacks.attempts NAME PORT SOURCE SECONDS FOLDER
+    PYTHONPATH=.:benchmarks python -m hostile.attempts NAME PORT SOURCE SECONDS FOLDER
 
 ``SOURCE`` is the loopback address that it comes from. Only 127.0.0.1 is attacked. A refusal is no error: it is what
 the service is to answer.
@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from urllib.parse import quote
 
-from attacks import inputs
+from hostile import inputs
 
 TARGET = "127.0.0.1"
 PATIENCE_S = 15.0
@@ -53,6 +53,13 @@ class Attack:
     def left_s(self) -> float:
         """How long it still goes on."""
         return max(self.ends_s - time.monotonic(), 0.0)
+
+    def prepared(self, make: Callable[[], bytes]) -> bytes:
+        """What an attack sends; the time that it takes to make it is not the attack's."""
+        began = time.monotonic()
+        made = make()
+        self.ends_s += time.monotonic() - began
+        return made
 
     def ask(self, method: str, path: str, body: bytes | None = None, content_type: str | None = None) -> None:
         """One request; its status is counted."""
@@ -198,7 +205,7 @@ def endless_heads(attack: Attack) -> None:
 
 def sparse_raster(attack: Attack) -> None:
     """Number 7: ten kilobytes that say to be 400,000 x 400,000 posts."""
-    body = inputs.sparse_raster(attack.folder)
+    body = attack.prepared(lambda: inputs.sparse_raster(attack.folder))
 
     def act(k: int) -> None:
         name = f"sparse-{time.monotonic_ns()}.tif"
@@ -209,14 +216,14 @@ def sparse_raster(attack: Attack) -> None:
 
 def unpacking_bomb(attack: Attack) -> None:
     """Number 7: 3 MB that unpack to 3 GB of heights."""
-    body = inputs.bomb()
+    body = attack.prepared(inputs.bomb)
     path = "/v1/operations?kind=import-dem&priority=5&filename=N49E008.hgt.gz"
     attack.in_threads(1, lambda _: attack.ask("POST", path, body), EVERY_S)
 
 
 def many_rows(attack: Attack) -> None:
     """Number 7: a log of three million rows in some 20 MB."""
-    attack.ask("POST", "/v1/drives", inputs.many_rows())
+    attack.ask("POST", "/v1/drives", attack.prepared(inputs.many_rows))
     time.sleep(attack.left_s)
 
 
@@ -257,7 +264,7 @@ ATTACKS: Mapping[str, Callable[[Attack], None]] = {
 
 
 def main() -> None:
-    """What ``hostile.py`` starts."""
+    """What ``python -m hostile`` starts."""
     name, port, source, seconds, folder = sys.argv[1:]
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))

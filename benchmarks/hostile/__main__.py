@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """Whether a service goes on working for a well-behaved client while others attack it.
 
-    python benchmarks/hostile.py [--seconds 20] [--attacks NAME ...] [--same-address] [--keep DIR] [--json FILE]
+    PYTHONPATH=.:benchmarks python -m hostile [--seconds 20] [--attacks NAME ...] [--same-address] [--json FILE]
 
 A service is started as ``versant up`` starts it, with the roads and the elevation model of a simulated town and some
 drives. Then come the attacks, each for so many seconds, one after the other and at last all at once, each from a
@@ -49,14 +48,14 @@ from pathlib import Path
 from typing import Any
 
 from accuracy.scoring import show_progress, text_table, write_json
-from attacks.attempts import ATTACKS
-from attacks.service import CHECKOUT, Attacked, attacked, environment
-from attacks.well_behaved import UPLOAD_EVERY_S, Client, Served, working
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town, make_town
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
+from hostile.attempts import ATTACKS
+from hostile.service import CHECKOUT, Attacked, attacked, environment
+from hostile.well_behaved import UPLOAD_EVERY_S, Client, Served, working
 
 MOST_P99_S, MOST_AWAY_S = 2.0, 5.0
 FIRST_DRIVES = 4
@@ -170,7 +169,7 @@ def make(
     """Make these attacks at once, each as a process; what each was answered."""
     attackers = {
         name: subprocess.Popen(
-            [sys.executable, "-m", "attacks.attempts", name, str(service.port),
+            [sys.executable, "-m", "hostile.attempts", name, str(service.port),
              "127.0.0.1" if same_address else f"127.0.0.{2 + k}", str(seconds), str(service.folder)],
             cwd=CHECKOUT, env=environment(), stdout=subprocess.PIPE, text=True,
         )

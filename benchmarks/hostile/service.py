@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from attacks.well_behaved import request
-from service.memory import family
+from hostile.well_behaved import request
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 START_S, STOP_S = 180.0, 60.0
 LOOK_EVERY_S = 0.25
-ROLES = ("api", "worker")
+LIMITED = ("/bin/sh", "-c", 'ulimit -S -n 1024; exec "$0" "$@"')
+"""As a login shell has it: so many files and connections, unless a program asks for more."""
 
 
 @dataclass
@@ -63,17 +63,14 @@ class Attacked:
 
     def look(self) -> None:
         """Note what each of its processes takes now."""
-        for pid in family(self.process.pid):
-            with suppress(OSError):
-                words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
-                role = next((role for role in ROLES if role in words), None)
-                if role is not None:
-                    self.memory.note(role, pss_mb(pid))
+        for child in children(self.process.pid):
+            role = "api" if "api" in _command(child) else "worker"
+            for pid in (child, *descendants(child)):
+                self.memory.note(role, pss_mb(pid))
         with suppress(OSError, ValueError):
             postmaster = int((self.folder / "data/postgres/data/postmaster.pid").read_text().split()[0])
-            for pid in _children(postmaster):
-                with suppress(OSError):
-                    self.memory.note("backend", pss_mb(pid))
+            for pid in children(postmaster):
+                self.memory.note("backend", pss_mb(pid))
 
 
 @contextmanager
@@ -82,7 +79,7 @@ def attacked(folder: Path) -> Iterator[Attacked]:
     log = folder / "service.log"
     with log.open("w") as said:
         process = subprocess.Popen(
-            [sys.executable, "-m", "app.cli", "up", "--data-dir", str(folder / "data"), "--port", "0"],
+            [*LIMITED, sys.executable, "-m", "app.cli", "up", "--data-dir", str(folder / "data"), "--port", "0"],
             cwd=CHECKOUT, env=environment(), stdout=subprocess.PIPE, stderr=said, text=True, start_new_session=True,
         )  # fmt: skip
     over = threading.Event()
@@ -118,15 +115,35 @@ def environment() -> dict[str, str]:
 
 
 def pss_mb(pid: int) -> float:
-    """A process's memory, MB; of what it shares with others its part."""
-    for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-        if line.startswith("Pss:"):
-            return int(line.split()[1]) / 1024
+    """A process's memory, MB; of what it shares with others its part. 0 where it has just ended."""
+    with suppress(OSError):
+        for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
+            if line.startswith("Pss:"):
+                return int(line.split()[1]) / 1024
     return 0.0
 
 
-def _children(pid: int) -> list[int]:
-    return [int(k) for path in Path(f"/proc/{pid}/task").glob("*/children") for k in path.read_text().split()]
+def children(pid: int) -> list[int]:
+    """The processes that a process has started and that are there."""
+    found: list[int] = []
+    for path in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):
+            found += map(int, path.read_text().split())
+    return found
+
+
+def descendants(pid: int) -> list[int]:
+    """Its children, theirs and so on; forked ones have the same command line as their parent."""
+    found = children(pid)
+    for one in found:
+        found += children(one)
+    return found
+
+
+def _command(pid: int) -> list[str]:
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+    return []
 
 
 def _port_of(process: subprocess.Popen[str], log: Path) -> int:

@@ -1,1 +1,0 @@
-"""A service under attack, and the client that goes on working meanwhile (``benchmarks/hostile.py``)."""
