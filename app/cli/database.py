@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +64,7 @@ def as_it_is(
         see_to_cluster(settings, embedded)
     with ExitStack() as stack:
         if embedded or (embedded is None and settings.database_url is None):
+            close_files(settings)
             cluster = stack.enter_context(EmbeddedPostgres(settings.data_dir))
             settings = settings.model_copy(update={"database_url": cluster.url})
         assert settings.database_url is not None  # noqa: S101 - what the lines above are for
@@ -109,6 +110,20 @@ def database(settings: Settings, *, embedded: bool | None = None) -> Iterator[Se
 @contextmanager
 def open_cluster(settings: Settings) -> Iterator[EmbeddedPostgres]:
     """Yield the cluster in ``settings.data_dir``, started and migrated, for as long as the block lasts."""
+    close_files(settings)
     with EmbeddedPostgres(settings.data_dir) as cluster:
         migrate.upgrade(cluster.url, finish=True)  # the cluster has no programs but this installation's
         yield cluster
+
+
+def close_files(settings: Settings) -> None:
+    """See that nobody else on this machine reads logs and rasters that lie beside the embedded cluster.
+
+    A log is where somebody lives. Folders that are named apart (``blob_url``, ``dem_url``), and those beside a database
+    server, have the rights that whoever made them chose.
+    """
+    own = ["blobs"] * (settings.blob_url is None) + ["dem"] * (settings.dem_url is None)
+    for folder in (settings.data_dir / name for name in own):
+        with suppress(OSError):  # what cannot be made or is not ours says so when it is written to
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            folder.chmod(0o700)

@@ -8,10 +8,11 @@ too (``fusion.network.witnesses``). What the drives say is in ``passes``; caller
 from __future__ import annotations
 
 import uuid
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
-from sqlalchemy import text
+from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
@@ -45,6 +46,7 @@ _EPOCHS = "SELECT drive_id, measurements, epoch_s FROM drive_constants WHERE dri
 
 _NAMED_BY = text("SELECT id FROM drives WHERE same_as = :drive_id")
 _SAME_AS = text("SELECT id, same_as FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256")
+_HEARD = text("SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND same_as IS NULL")
 _SET_SAME_AS = text("UPDATE drives SET same_as = :same_as WHERE id = :drive_id")
 _SEGMENTS = text(
     """
@@ -62,12 +64,12 @@ def drives_that_name(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
 def choose_witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> set[int]:
     """Decide anew who is heard among these drives and those that are the same; the segments of those that now are or no
     longer are."""
-    witnesses = _together(session, drive_ids)
-    # Of two that are alike to the last digit, their bytes decide.
-    drives = session.execute(_SAME_AS, {"ids": list(witnesses)}).all()
-    again = repeated({k: witnesses[row.id] for k, row in enumerate(drives)})
+    drives, again = _decided(session, _among_heard(session, drive_ids))
+    if {drives[k].id for k in again} != set(drive_ids):
+        drives, again = _decided(session, _together(session, drive_ids))
     changed = []
-    for k, (drive_id, former) in enumerate(drives):
+    for k, drive in enumerate(drives):
+        drive_id, former = drive.id, drive.same_as
         witness = drives[again[k]].id if k in again else None
         if witness != former:
             session.execute(_SET_SAME_AS, {"drive_id": drive_id, "same_as": witness})
@@ -81,6 +83,28 @@ def choose_witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> set[
     return set(session.execute(_SEGMENTS, values).scalars())
 
 
+def _decided(
+    session: Session, witnesses: dict[uuid.UUID, Witness]
+) -> tuple[Sequence[Row[Any]], dict[int, int]]:
+    """The drives with what they named so far, and which of them says which again, both by their place in the list."""
+    # Of two that are alike to the last digit, their bytes decide.
+    drives = session.execute(_SAME_AS, {"ids": list(witnesses)}).all()
+    return drives, repeated({k: witnesses[row.id] for k, row in enumerate(drives)})
+
+
+def _among_heard(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
+    """One drive that no other names, with those beside it that are heard; of several drives nothing.
+
+    If it is one of these again, no other drive's fate depends on it: who is heard was decided without it. So the
+    thousandth copy of a drive costs as much as the second.
+    """
+    if len(drive_ids) != 1:
+        return {}
+    drive_id = next(iter(drive_ids))
+    heard = session.execute(_HEARD, {"ids": list(_beside(session, drive_id))}).scalars()
+    return _witnesses(session, {drive_id, *heard})
+
+
 def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
     """These drives and all that are the same as any of them, however many steps away."""
     found = _witnesses(session, drive_ids)
@@ -89,9 +113,10 @@ def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.U
     while waiting:
         drive_id = waiting.pop()
         together[drive_id] = one = found[drive_id]
-        beside = _beside(session, drive_id)
+        # Of copies each is beside each: none is looked at twice.
+        beside = _beside(session, drive_id) - together.keys() - waiting
         found |= _witnesses(session, beside - found.keys())
-        waiting |= {other for other in beside - together.keys() if same_drive(one, found[other])}
+        waiting |= {other for other in beside if same_drive(one, found[other])}
     return together
 
 
@@ -102,7 +127,8 @@ def _beside(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
 
 def _witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
     """What tells each of these drives from others; nothing does of one without passes."""
-    ids = list(drive_ids)
+    if not (ids := list(drive_ids)):
+        return {}
     entries: dict[uuid.UUID, list[tuple[int, float]]] = {drive_id: [] for drive_id in ids}
     for drive_id, segment, entered_s in fetch_binary(
         session, _ENTRIES, {"ids": ids, "regions": drive_regions(session, ids)}

@@ -101,7 +101,12 @@ class TextLines(_Lines):
 
     def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
         """The line, and the lines of a traceback."""
-        said = " ".join([record.getMessage(), *(f"{name}={_word(value)}" for name, value in fields.items())])
+        said = " ".join(
+            [
+                _one_line(record.getMessage().rstrip()),
+                *(f"{name}={_word(value)}" for name, value in fields.items()),
+            ]
+        )
         head = f"{_moment(record)} {record.levelname} {self._process} {record.name}: {said}"
         trace = self.trace(record)
         return head if trace is None else f"{head}\n{trace}"
@@ -166,4 +171,9 @@ def _moment(record: logging.LogRecord) -> str:
 
 def _word(value: object) -> str:
     text = str(value)
-    return text if _BARE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
+    return text if _BARE.fullmatch(text) else f'"{_one_line(json.dumps(text, ensure_ascii=False)[1:-1])}"'
+
+
+def _one_line(text: str) -> str:
+    """What a request brought could else begin a line of its own, or tell a terminal what to do."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)

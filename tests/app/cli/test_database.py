@@ -38,6 +38,25 @@ def test_a_data_folder_wins_over_the_variable_and_comes_migrated(tmp_path: Path)
     assert not EmbeddedPostgres(tmp_path).is_running()
 
 
+@pytest.mark.db
+def test_nobody_else_reads_the_logs_and_rasters_of_a_data_folder(tmp_path: Path) -> None:
+    """Folders of an older version, made as the umask said, are closed as well."""
+    (tmp_path / "blobs").mkdir(mode=0o755)
+    with database(Settings(data_dir=tmp_path), embedded=True):
+        for folder in ("blobs", "dem", "postgres"):
+            assert (tmp_path / folder).stat().st_mode & 0o077 == 0, folder
+
+
+@pytest.mark.db
+def test_folders_that_are_named_apart_keep_their_rights(tmp_path: Path) -> None:
+    shared = tmp_path / "shared"
+    shared.mkdir(mode=0o755)
+    named = Settings(data_dir=tmp_path / "data", blob_url=shared.as_uri(), dem_url=str(shared))
+    with database(named, embedded=True):
+        assert shared.stat().st_mode & 0o777 == 0o755
+        assert not (named.data_dir / "blobs").exists()
+
+
 def test_migrations_go_up_twice_and_down_again(blank_database_url: str) -> None:
     for _ in range(2):
         migrate.upgrade(blank_database_url)

@@ -7,12 +7,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from sqlalchemy import text
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.drives import claims, publishing
 from app.drives import store as drives
+from app.network import twins
 from app.network.settle import settle_network
+from fusion.network import witnesses
+from fusion.network.witnesses import Witness, same_drive
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import (
@@ -183,3 +187,43 @@ def test_another_run_decides_anew(sessions: Sessions, chain: Chain, segment_ids:
     assert {row[2] for row in rows_of(sessions).values()} == {2}
     publish(sessions, weak, segment_ids, [])
     assert {row[2] for row in rows_of(sessions).values()} == {1}
+
+
+COPIES = 12
+
+
+@pytest.mark.parametrize("better", [False, True])
+def test_the_cost_of_a_copy_does_not_grow_with_the_square_of_their_number(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch, better: bool
+) -> None:
+    for k in range(COPIES):
+        drive(sessions, chain(), segment_ids, 5, k / 1000)
+    compared = []
+
+    def counted(one: Witness, other: Witness) -> bool:
+        compared.append(1)
+        return same_drive(one, other)
+
+    monkeypatch.setattr(twins, "same_drive", counted)
+    monkeypatch.setattr(witnesses, "same_drive", counted)
+    last = drive(sessions, chain(), segment_ids, 9 if better else 5, COPIES / 1000)
+    assert (same_as(sessions, last) is None) == better
+    assert len(compared) <= (3 * COPIES if better else 2)
+
+
+def test_what_is_decided_one_by_one_is_what_is_decided_at_once(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
+    """Copies, better and worse ones in any order, and parts of them that are the same as some only."""
+    rng = np.random.default_rng(7)
+    said = [(n, first, apart) for n in (4, 6, 9, 9) for first in (0, 2) for apart in (0.0, 0.06, 0.12)]
+    for k in rng.permutation(len(said)):
+        rows, first, apart_s = said[k]
+        drive(sessions, chain(), segment_ids, rows, apart_s, first)
+    with sessions() as session:
+        every = set(session.execute(text("SELECT id FROM drives")).scalars())
+        rows_, again = twins._decided(session, twins._together(session, every))
+        assert {row.id for row in rows_} == every
+        named = {row.id: rows_[again[k]].id if k in again else None for k, row in enumerate(rows_)}
+        assert {row.id: row.same_as for row in rows_} == named
+    assert len(set(named.values())) > 2

@@ -109,6 +109,17 @@ def test_messages_of_libraries_are_lines_of_the_same_kind(begin: Begin) -> None:
     assert lines[0]["event"] == "Exception in ASGI"
 
 
+def test_nothing_begins_a_line_of_its_own_or_speaks_to_a_terminal(begin: Begin) -> None:
+    """A path may be `/x%0a2026-11-23T04:00:00Z INFO ...`, a name may hold the control characters of a terminal."""
+    written = begin()
+    odd = "a\nb\x1b[31m\x9b2J\u2028c\u202ed"
+    logging.getLogger("app.x").error("GET %s: no answer", odd)
+    tell(logger, "drive done", reason=odd)
+    first, second = written.getvalue().split("\n")[:-1]
+    assert first.endswith(r"GET /: no answer".replace("/", r"a\nb\x1b[31m\x9b2J\u2028c\u202ed"))
+    assert second.isprintable()
+
+
 def test_what_libraries_say_of_each_step_is_told_at_debug_alone(begin: Begin) -> None:
     written = begin(log_level="DEBUG")
     logging.getLogger("uvicorn.error").debug("a step")
