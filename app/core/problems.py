@@ -38,6 +38,8 @@ from fusion.errors import FusionError
 PROBLEM_JSON = "application/problem+json"
 RETRY_AFTER_S = 5
 """What a 503 says: by then a statement has ended, and a queue is shorter."""
+MOST_QUOTED, MOST_ERRORS = 4000, 100
+"""Characters, and things at fault, that an answer repeats: a request of 60 kB is not answered by 120."""
 OGC_PATHS = ("/collections", "/conformance")
 """Routes whose standard wants a 400 where others answer 422."""
 
@@ -83,13 +85,19 @@ def problem_response(
         type=PROBLEM_PATH + kind.slug,
         title=kind.title,
         status=kind.status,
-        detail=detail,
-        instance=request.url.path,
-        errors=list(errors),
+        detail=_quoted(detail),
+        instance=_quoted(request.url.path),
+        errors=[FieldError(field=_quoted(e.field), message=_quoted(e.message)) for e in errors[:MOST_ERRORS]],
     )
     again = kind.status == 503 or kind is KINDS[NotDoneError]
     waiting = {"Retry-After": str(RETRY_AFTER_S)} if again else {}
     return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
+
+
+def _quoted(text: str) -> str:
+    """Without the middle of what is too long: its end says what to do."""
+    half = MOST_QUOTED // 2
+    return text if len(text) <= MOST_QUOTED else f"{text[:half]} ... {text[-half:]}"
 
 
 async def service_error(request: Request, error: Exception) -> JSONResponse:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 import time
@@ -10,7 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fastapi import Request
 
+from app.core.errors import KINDS, BadRequestError, FieldError
+from app.core.problems import problem_response
 from app.core.settings import Settings
 from app.main import create_app
 from problem_support import OPERATIONS, check
@@ -146,3 +150,20 @@ def test_a_fault_takes_no_other_request_with_it(
             check(answer, 500)
             assert answer.headers["connection"] == "close"
             assert web.client.get("/healthz").status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/{}", "/collections/segments/items?crs={}", "/v1/drives?{}=1"])
+def test_a_long_request_is_not_answered_by_a_longer_one(reading: Any, path: str) -> None:
+    answer = reading.client.get(path.format("a" * 50_000))
+    assert answer.is_client_error
+    assert len(answer.content) < 15_000
+    document = answer.json()
+    assert document["detail"].endswith(".") and " ... " in document["detail"]
+
+
+def test_of_very_many_faults_some_are_told() -> None:
+    errors = [FieldError(field=str(k), message="wrong") for k in range(5000)]
+    answer = problem_response(
+        Request({"type": "http", "path": "/", "headers": []}), KINDS[BadRequestError], "No.", errors
+    )
+    assert len(json.loads(bytes(answer.body))["errors"]) == 100
