@@ -23,3 +23,12 @@ def rounds(share: float = 1.0) -> Iterator[int]:
     while number == 0 or time.monotonic() < deadline:
         yield number
         number += 1
+
+
+def first_seed() -> int:
+    """The seed of the first round; others count on from it. The same in every run of the suite, random under ``make
+    fuzz``; printed, so that a failure can be repeated.
+    """
+    seed = int.from_bytes(os.urandom(4)) if FUZZ_SECONDS in os.environ else 0
+    print(f"first seed: {seed}")  # noqa: T201
+    return seed

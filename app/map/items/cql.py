@@ -54,7 +54,7 @@ def _of_text(text: str) -> Any:
     _check_size(text)
     try:
         tree = cql2.parse_text(text).to_json()
-    except cql2.ParseError as error:
+    except Exception as error:  # of a geometry that ends early the library raises no class of its own
         refuse(_told(str(error), text))
     _check_depth(tree)
     return tree
@@ -73,7 +73,7 @@ def _of_json(text: str) -> Any:
     _check_depth(tree)
     try:
         cql2.parse_json(text)
-    except cql2.ParseError as error:
+    except Exception as error:  # as above
         refuse(
             f"it is JSON but no CQL2 ({error}). An expression is a value, or "
             '{"op": ..., "args": [...]}, or {"property": ...}'

@@ -27,6 +27,7 @@ HOSTILE = [
     "S_INTERSECTS(geometry, POLYGON((0 0, 1 1, 0 0)))",
     "S_INTERSECTS(geometry, POINT(200 10))",
     "S_INTERSECTS(geometry, BBOX(1, 2, 3))",
+    "S_INTERSECTS(geometry, LINESTRING(8 49, 9 4 50, 9 49))",
     "T_AFTER(updated_at, TIMESTAMP('9999-12-31T23:59:59-14:00'))",
     "T_AFTER(updated_at, DATE('2026-02-30'))",
     "T_DURING(updated_at, INTERVAL('2026-03-01', '2026-02-01'))",
