@@ -16,7 +16,6 @@ from pydantic import BaseModel, Field
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
-from starlette.middleware.body_limit import MAX_BODY_SIZE_SCOPE_KEY
 from starlette.requests import ClientDisconnect
 
 from app.core.departures import client_left
@@ -79,17 +78,26 @@ def problem_response(
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
     """The problem document as a response."""
-    problem = Problem(
+    problem = _document(kind, detail, request.url.path, errors)
+    again = kind.status == 503 or kind is KINDS[NotDoneError]
+    waiting = {"Retry-After": str(RETRY_AFTER_S)} if again else {}
+    return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
+
+
+def problem_text(kind: Kind, detail: str, instance: str) -> str:
+    """The document as JSON, for what is refused before it is a request."""
+    return _document(kind, detail, instance).model_dump_json()
+
+
+def _document(kind: Kind, detail: str, instance: str, errors: Sequence[FieldError] = ()) -> Problem:
+    return Problem(
         type=PROBLEM_PATH + kind.slug,
         title=kind.title,
         status=kind.status,
         detail=detail,
-        instance=request.url.path,
+        instance=instance,
         errors=list(errors),
     )
-    again = kind.status == 503 or kind is KINDS[NotDoneError]
-    waiting = {"Retry-After": str(RETRY_AFTER_S)} if again else {}
-    return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
 
 
 async def service_error(request: Request, error: Exception) -> JSONResponse:
@@ -122,7 +130,6 @@ async def _http_error(request: Request, error: Exception) -> JSONResponse:
         400: "The body cannot be read. Send JSON in UTF-8.",
         404: f"There is nothing at {request.url.path}. The landing page / lists what there is.",
         405: f"{request.method} is not possible here. The Allow header lists what is.",
-        413: f"The body is larger than {request.scope.get(MAX_BODY_SIZE_SCOPE_KEY)} bytes. Send less.",
     }.get(error.status_code, str(error.detail))
     headers = dict(error.headers or {})
     if error.status_code == 405:  # the framework names the methods of the first route that fits, not of all
