@@ -161,7 +161,7 @@ def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane])
         Middleware(RequestLog),
         Middleware(MetricsMiddleware, metrics=metrics),
         Middleware(KnownHosts, settings=settings),
-        Middleware(PublishedCors, origins=settings.origins),
+        *([Middleware(PublishedCors, origins=settings.origins)] if settings.origins else []),
         Middleware(TileFront, max_zoom=settings.tile_max_zoom),
         Middleware(EndWithClient),
         Middleware(EarlyAnswers),

@@ -243,30 +243,28 @@ def _unknown_host(host: str, scope: Scope) -> Response:
 
 
 class PublishedCors:
-    """CORS for reading what is published, by pages of the origins that the settings name; none: not a header of it.
+    """CORS for reading what is published, by pages of the origins that the settings name; without any, left out.
 
     Around everything that answers, also tiles, errors and what is turned away.
     """
 
     def __init__(self, app: ASGIApp, origins: Sequence[str]) -> None:
         self.app = app
-        self.cors: ASGIApp | None = None
-        if origins:
-            self.cors = CORSMiddleware(
-                app,
-                allow_origins=origins,
-                allow_methods=["GET", "HEAD"],
-                expose_headers=["ETag", "Link", "Content-Crs"],
-                max_age=3600,
-            )
+        self.cors = CORSMiddleware(
+            app,
+            allow_origins=origins,
+            allow_methods=["GET", "HEAD"],
+            expose_headers=["ETag", "Link", "Content-Crs"],
+            max_age=3600,
+        )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Through the CORS middleware where the path is published, past it elsewhere."""
         path = scope.get("path", "")
         published = path == "/" or path.startswith(PUBLISHED)
         # A segment's observations name drives.
-        app = self.cors if published and not path.endswith("/observations") else None
-        await (app or self.app)(scope, receive, send)
+        app = self.cors if published and not path.endswith("/observations") else self.app
+        await app(scope, receive, send)
 
 
 class SameOriginWrites:

@@ -37,6 +37,8 @@ from fusion.errors import FusionError
 PROBLEM_JSON = "application/problem+json"
 RETRY_AFTER_S = 5
 """What a 503 says: by then a statement has ended, and a queue is shorter."""
+MOST_REPEATED, MOST_ERRORS = 2000, 100
+"""Characters of a request that an answer repeats in one place, and faults that it lists."""
 OGC_PATHS = ("/collections", "/conformance")
 """Routes whose standard wants a 400 where others answer 422."""
 
@@ -94,10 +96,14 @@ def _document(kind: Kind, detail: str, instance: str, errors: Sequence[FieldErro
         type=PROBLEM_PATH + kind.slug,
         title=kind.title,
         status=kind.status,
-        detail=detail,
-        instance=instance,
-        errors=list(errors),
+        detail=_cut(detail),
+        instance=instance[:MOST_REPEATED],
+        errors=[FieldError(field=_cut(one.field), message=_cut(one.message)) for one in errors[:MOST_ERRORS]],
     )
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= MOST_REPEATED else f"{text[:MOST_REPEATED]} [...]."
 
 
 async def service_error(request: Request, error: Exception) -> JSONResponse:

@@ -146,3 +146,11 @@ def test_a_fault_takes_no_other_request_with_it(
             check(answer, 500)
             assert answer.headers["connection"] == "close"
             assert web.client.get("/healthz").status_code == 200
+
+
+@pytest.mark.parametrize("path", [f"/{'a' * 20_000}", f"/collections/segments/items?crs={'a' * 20_000}"])
+def test_what_is_sent_does_not_come_back_in_full(reading: Any, path: str) -> None:
+    answer = reading.client.get(path)
+    assert answer.status_code in {400, 404}
+    assert answer.json()["detail"].endswith(".")
+    assert len(answer.content) < 10_000
