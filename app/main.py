@@ -21,7 +21,7 @@ from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.departures import EndWithClient
 from app.core.http import Service
-from app.core.lanes import Lane, Lanes, Turnstile, make_lanes
+from app.core.lanes import MORE_CONNECTIONS, Lane, Lanes, Turnstile, make_lanes
 from app.core.middleware import (
     CollectAfterRequests,
     Compressed,
@@ -30,10 +30,11 @@ from app.core.middleware import (
     KnownHosts,
     PublishedCors,
     SameOriginWrites,
-    SmallBodies,
 )
 from app.core.openapi import TAGS, describe
 from app.core.problems import install_error_handlers
+from app.core.receiving.clients import Forwarded, Shares
+from app.core.receiving.pace import Bodies
 from app.core.settings import Settings, SettingsError, get_settings
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
@@ -153,18 +154,19 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane]) -> list[Middleware]:
     """The outermost first."""
     return [
+        Middleware(Forwarded, proxies=settings.proxies),
         Middleware(CollectAfterRequests),
         Middleware(Turnstile),
         Middleware(HeadMiddleware),
         Middleware(RequestLog),
         Middleware(MetricsMiddleware, metrics=metrics),
         Middleware(KnownHosts, settings=settings),
+        *([Middleware(PublishedCors, origins=settings.origins)] if settings.origins else []),
         Middleware(TileFront, max_zoom=settings.tile_max_zoom),
         Middleware(EndWithClient),
         Middleware(EarlyAnswers),
-        Middleware(PublishedCors),
+        Middleware(Bodies, body_timeout_s=settings.body_timeout_s, upload_stall_s=settings.upload_stall_s),
         Middleware(Lanes, lanes=lanes),
-        Middleware(SmallBodies),
         Middleware(SameOriginWrites, public_url=settings.public_url),
         # It leaves event streams and pictures alone, and compresses large answers in a thread.
         Middleware(Compressed, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
@@ -181,7 +183,9 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         )
     url = settings.database_url
     patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
-    engine = make_engine(url, pool_size=settings.db_pool_size, patience=patience)
+    engine = make_engine(
+        url, pool_size=settings.db_pool_size, max_overflow=MORE_CONNECTIONS, patience=patience
+    )
     probing = make_engine(url, pool_size=1, max_overflow=1, patience=patience)
     app.state.service = Service(
         settings,
@@ -193,11 +197,12 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         CapacityLimiter(2),
     )
     app.state.drawing = Drawing(settings.pictures_waiting)
+    streams = Shares(settings.events_max, settings.events_per_client)
     app.state.feed = Feed(
-        url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, settings.events_max
+        url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
     )
     app.state.tiles = Tiles(url, settings, app.state.lanes)
-    app.state.live = Live(WatchedMap(app.state.tiles.watch), settings.events_max)
+    app.state.live = Live(WatchedMap(app.state.tiles.watch), streams)
     running = (app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
     beside = [asyncio.create_task(one) for one in running]
     try:

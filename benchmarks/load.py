@@ -167,6 +167,14 @@ def run(
         databases.ensure_database(cluster.url, name, template=FILLED)
         shutil.copytree(folder / FILLED, Path(scratch) / "data")
         service = Service(HERE, libpq_url(cluster.url_of(name)), Path(scratch) / "data")
+        # All of it comes from one address, which would else be one client among others.
+        service.environment = {
+            **service.environment,
+            "VERSANT_EVENTS_MAX": str(2 * streams),
+            "VERSANT_EVENTS_PER_CLIENT": str(streams),
+            "VERSANT_CONNECTIONS_MAX": str(4 * streams + 1000),
+            "VERSANT_CONNECTIONS_PER_CLIENT": str(2 * streams + 500),
+        }
         load_before = os.getloadavg()[0]
         with (
             service.started("api", "--port", str(service.port)) as api,

@@ -14,6 +14,7 @@ import psycopg
 
 from app.core.db import Bounds
 from app.core.errors import BusyError
+from app.core.receiving.clients import Shares, present_client
 
 LOOK_EVERY_S = 0.5
 AGAIN_S = 2.0
@@ -42,7 +43,8 @@ class Change(NamedTuple):
 class Follower:
     """One who has the map open."""
 
-    def __init__(self) -> None:
+    def __init__(self, client: str) -> None:
+        self.client = client
         self._change: Change | None = None
         self._news = asyncio.Event()
 
@@ -65,9 +67,9 @@ class Follower:
 class Live:
     """The followers of a process. Lives in its event loop."""
 
-    def __init__(self, watched: WatchedMap, most: int) -> None:
+    def __init__(self, watched: WatchedMap, streams: Shares) -> None:
         self._watched = watched
-        self._most = most
+        self._streams = streams
         self._followers: set[Follower] = set()
         self._somebody = asyncio.Event()
         self._version = ""
@@ -82,19 +84,23 @@ class Live:
 
     def follow(self) -> Follower:
         """A new follower; ``BusyError`` where there are too many."""
-        if len(self) >= self._most:
+        client = present_client()
+        if not self._streams.allows(client):
             raise BusyError(
-                f"{self._most} event streams are open already. Ask GET /v1/changes every few seconds, or try again in "
-                "a moment."
+                f"{self._streams.total} event streams are open already, {self._streams.held[client]} of them yours. "
+                "Ask GET /v1/changes every few seconds, or try again in a moment."
             )
-        follower = Follower()
+        self._streams.take(client)
+        follower = Follower(client)
         self._followers.add(follower)
         self._somebody.set()
         return follower
 
     def leave(self, follower: Follower) -> None:
         """Follow no longer."""
-        self._followers.discard(follower)
+        if follower in self._followers:
+            self._followers.remove(follower)
+            self._streams.give_back(follower.client)
         if not self._followers:
             self._somebody.clear()
 

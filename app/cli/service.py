@@ -82,6 +82,7 @@ def api(
     from app.cli.database import database, settings_for
     from app.cli.supervisor import free_port, reach
     from app.core.middleware import stay_loaded
+    from app.core.receiving.connections import server_options
     from app.core.telemetry.tracing import begin_tracing, end_tracing
     from app.main import create_app
 
@@ -101,7 +102,7 @@ def api(
             host=ready.host,
             port=number,
             log_config=None,
-            access_log=False,
+            **server_options(ready),
             timeout_graceful_shutdown=GRACEFUL_S,
         )
         end_tracing()

@@ -6,6 +6,8 @@ ServiceError            a request cannot be answered as asked
 ├── BadRequestError          a parameter or body cannot be used
 │   └── BadQueryError             the same on OGC routes, where the standard wants 400
 ├── BodyTooLargeError        an upload above the limit
+├── HeadTooLargeError        an address or headers beyond what any program sends
+├── SlowClientError          a head or body that does not arrive
 ├── UnsupportedBodyError     a body of a kind that is not taken
 ├── NotAcceptableError       a representation that does not exist
 ├── CrossOriginWriteError    a page of another site asks for a change
@@ -84,6 +86,14 @@ class BodyTooLargeError(ServiceError):
     """An upload above ``max_upload_bytes``."""
 
 
+class HeadTooLargeError(ServiceError):
+    """An address or headers beyond what any program sends."""
+
+
+class SlowClientError(ServiceError):
+    """A request's head or body that does not arrive."""
+
+
 class UnsupportedBodyError(ServiceError):
     """A body of a kind that is not taken."""
 
@@ -139,6 +149,18 @@ KINDS: Mapping[type[Exception], Kind] = {
     BadRequestError: Kind(422, "invalid-request", "Unusable request", "A parameter or the body is unusable."),
     BodyTooLargeError: Kind(
         413, "too-large", "Upload too large", "The upload exceeds the size that this service takes."
+    ),
+    HeadTooLargeError: Kind(
+        431,
+        "head-too-large",
+        "Request Header Fields Too Large",
+        "The address and the headers of a request may have 32 KiB in 200 fields. Send less.",
+    ),
+    SlowClientError: Kind(
+        408,
+        "slow-client",
+        "Request Timeout",
+        "The request did not arrive in time. Send it again, over a better connection.",
     ),
     UnsupportedBodyError: Kind(
         415,
@@ -214,6 +236,7 @@ STATUS_KINDS: Mapping[int, Kind] = {
     404: KINDS[NotFoundError],
     405: Kind(405, "method-not-allowed", "Method not allowed", "The Allow header lists what is."),
     406: KINDS[NotAcceptableError],
+    408: KINDS[SlowClientError],
     413: KINDS[BodyTooLargeError],
     416: Kind(416, "no-such-range", "No such range", "The file ends before the range that is asked for."),
     415: KINDS[UnsupportedBodyError],

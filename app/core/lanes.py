@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import asyncio
 import re
+from collections import Counter, deque
 from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
+from urllib.parse import unquote_plus
 
 from fastapi import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -19,18 +21,24 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.core.errors import BusyError, kind_of
 from app.core.middleware import FOR_PROBES, UPLOAD_PATHS
 from app.core.problems import problem_response
+from app.core.receiving.clients import Shares, present_client
 
 LONGEST_WAIT_S = 10.0
 """Then a client is better told to come again."""
-MOST_WAITING = 200
-"""In each lane: a map asks for some sixty tiles at once."""
+MOST_WAITING = 400
+"""In each lane, of one client half as many: a map asks for some sixty tiles at once."""
+FOR_OTHERS = 2
+"""Places of each lane that only clients get who have none in it."""
+MORE_CONNECTIONS = 24
+"""To the database, beside those that a process keeps open: as many as the lanes may need, and three."""
 WIDE_ZOOM = 12
 """Tiles of lower zooms have a lane of their own."""
 CHANGES = "changes"
+SEARCHES = "searches"
 PARTS = "parts"
 
 _KINDS = (
-    ("wide tiles", re.compile(r"/tiles/(\d|1[01])/.*|/collections/[^/]+/items")),
+    ("wide tiles", re.compile(r"/tiles/(\d|1[01])/.*")),
     ("tiles", re.compile(r"/tiles/\d+/.*")),
     (
         PARTS,
@@ -41,40 +49,94 @@ _KINDS = (
     ("figures", re.compile(r"/v1/admin/.*|/metrics")),
 )
 """The first pattern that the whole path of a request that reads fits says of which kind it is."""
+_ITEMS = re.compile(r"/collections/[^/]+/items")
+_WITHOUT_SEARCH = frozenset(
+    {"bbox", "bbox-crs", "limit", "after", "f", "crs", "properties", "skipGeometry", "gaps"}
+)
+"""Of pages of items: an index finds them. With anything else (filters, orders, conditions) all may have to be read."""
 _STREAM = re.compile(r"/v1/drives/[^/]+/events")
 
 
 class Lane:
-    """Requests of one kind: ``places`` at once, others wait their turn."""
+    """Requests of one kind: ``places`` at once, others wait their turn, ``for_others`` more for who has none.
+
+    Fair among clients (``app.core.receiving.clients``): one that holds all places, however long, leaves those for
+    others to them. Of who waits, the client that holds fewest comes first, of equals the one that was served longest
+    ago; and one client fills at most half of the waiting room.
+    """
 
     def __init__(
-        self, places: int, most_waiting: int = MOST_WAITING, longest_wait_s: float = LONGEST_WAIT_S
+        self,
+        places: int,
+        most_waiting: int = MOST_WAITING,
+        longest_wait_s: float = LONGEST_WAIT_S,
+        *,
+        for_others: int = 0,
     ) -> None:
         self.places = places
-        self._free = asyncio.Semaphore(places)
-        self._waiting = 0
-        self._most_waiting = most_waiting
+        self.for_others = for_others
+        self._held: Counter[str] = Counter()
+        self._waiting = Shares(most_waiting, most_waiting)
+        self._turns: dict[str, deque[asyncio.Future[None]]] = {}
         self._longest_wait_s = longest_wait_s
 
     @asynccontextmanager
     async def place(self) -> AsyncIterator[None]:
         """Hold a place; ``BusyError`` where too many wait or the wait is too long."""
-        if self._free.locked() and self._waiting >= self._most_waiting:
-            raise BusyError(f"{self._waiting} requests of this kind wait already. Try again in a moment.")
-        self._waiting += 1
-        try:
-            async with asyncio.timeout(self._longest_wait_s):
-                await self._free.acquire()
-        except TimeoutError:
-            raise BusyError(
-                f"Other requests of this kind took more than {self._longest_wait_s:g} s. Try again in a moment."
-            ) from None
-        finally:
-            self._waiting -= 1
+        client = present_client()
+        if client in self._turns or not self._allows(client):
+            await self._turn(client)
+        else:
+            self._held[client] += 1
         try:
             yield
         finally:
-            self._free.release()
+            self._leave(client)
+
+    def _allows(self, client: str) -> bool:
+        free = self.places + self.for_others - self._held.total()
+        return free > (self.for_others if self._held[client] else 0)
+
+    async def _turn(self, client: str) -> None:
+        if not self._waiting.allows(client):
+            raise BusyError(
+                f"{self._waiting.total} requests of this kind wait already. Try again in a moment."
+            )
+        turn = asyncio.get_running_loop().create_future()
+        self._turns.setdefault(client, deque()).append(turn)
+        self._waiting.take(client)
+        try:
+            async with asyncio.timeout(self._longest_wait_s):
+                await turn
+        except BaseException as error:
+            if turn.done() and not turn.cancelled():  # both happened at once
+                self._leave(client)
+            if isinstance(error, TimeoutError):
+                raise BusyError(
+                    f"Other requests of this kind took more than {self._longest_wait_s:g} s. Try again in a moment."
+                ) from None
+            raise
+        finally:
+            self._waiting.give_back(client)
+
+    def _leave(self, client: str) -> None:
+        self._held[client] -= 1
+        if not self._held[client]:
+            del self._held[client]
+        while waiting := [one for one in self._turns if self._allows(one)]:
+            self._serve(min(waiting, key=self._held.__getitem__))
+
+    def _serve(self, client: str) -> None:
+        """The client's next one that still waits has a place; the client goes behind the others."""
+        turns = self._turns.pop(client)
+        while turns:
+            turn = turns.popleft()
+            if not turn.done():
+                self._held[client] += 1
+                turn.set_result(None)
+                break
+        if turns:
+            self._turns[client] = turns
 
 
 def tile_lane(z: int) -> str:
@@ -83,12 +145,12 @@ def tile_lane(z: int) -> str:
 
 
 def make_lanes(connections: int) -> dict[str, Lane]:
-    """The lanes of a process that keeps ``connections`` to its database open and may open ten more.
+    """The lanes of a process that keeps ``connections`` to its database open and may open ``MORE_CONNECTIONS``.
 
     Together they leave three for what is quick.
     """
-    places = {"tiles": connections, "wide tiles": 2, PARTS: 2, CHANGES: 2, "figures": 1}
-    return {name: Lane(size) for name, size in places.items()}
+    places = {"tiles": connections, "wide tiles": 2, SEARCHES: 2, PARTS: 2, CHANGES: 2, "figures": 1}
+    return {name: Lane(size, for_others=FOR_OTHERS) for name, size in places.items()}
 
 
 class Turnstile:
@@ -127,7 +189,12 @@ class Lanes:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Wait for a place, or answer 503."""
-        name = None if scope["type"] != "http" else kind_of_request(scope["method"], scope["path"])
+        # The body of a change has been read already (``app.core.receiving.pace``): nobody holds a place meanwhile.
+        name = (
+            None
+            if scope["type"] != "http"
+            else kind_of_request(scope["method"], scope["path"], scope["query_string"])
+        )
         if name is None:
             await self.app(scope, receive, send)
             return
@@ -147,8 +214,11 @@ class Lanes:
             await self.app(scope, receive, leaving)
 
 
-def kind_of_request(method: str, path: str) -> str | None:
+def kind_of_request(method: str, path: str, query: bytes = b"") -> str | None:
     """The name of the lane of a request; None for what is quick, and for uploads, which go at the client's pace."""
     if method not in {"GET", "HEAD", "OPTIONS"}:
         return None if path in UPLOAD_PATHS else CHANGES
+    if _ITEMS.fullmatch(path):
+        names = {unquote_plus(pair.partition("=")[0]) for pair in query.decode("latin-1").split("&") if pair}
+        return "wide tiles" if names <= _WITHOUT_SEARCH else SEARCHES
     return next((name for name, pattern in _KINDS if pattern.fullmatch(path)), None)

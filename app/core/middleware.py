@@ -1,6 +1,6 @@
 """What happens to every request before and after its route, in the order in which ``app.main`` wraps them.
 
-Starlette's own where it has one: CORS, the counting of bodies, and compression (put together in ``app.main``).
+Starlette's own where it has one: CORS and compression (put together in ``app.main``).
 It has none for HEAD, for changes from other sites or for early answers. Its ``TrustedHostMiddleware`` is not used: it
 answers in plain text, knows neither the address that a request came to nor paths that are for everybody. Knows no
 subject beyond a few paths.
@@ -13,12 +13,12 @@ import gc
 import re
 import sys
 import time
+from collections.abc import Sequence
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 from fastapi import Request, Response
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.middleware.body_limit import RequestBodyLimitResponder
 from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -31,9 +31,6 @@ from app.core.settings import Settings
 LINGER_BYTES = 4 * 1024 * 1024
 LINGER_S = 2.0
 """How much, and how long, of a body is still read after an answer that did not wait for it."""
-
-SMALL_BODY_BYTES = 64 * 1024
-"""Far above any JSON that a route takes."""
 
 COLLECTING_THRESHOLDS = (700, 10, 1_000_000)
 """Objects more after which Python looks for cycles among the youngest, times after which among older ones, and among
@@ -65,7 +62,8 @@ PUBLISHED = (
     "/v1/elevation",
     "/v1/segments",
 )
-"""What pages of any site may read: the map. Drives are somebody's movements and stay out of their reach."""
+"""What pages of the origins in VERSANT_CORS_ORIGINS may read: the map. Drives are somebody's movements and stay out of
+their reach."""
 
 
 TURN_S = 0.0005
@@ -245,13 +243,16 @@ def _unknown_host(host: str, scope: Scope) -> Response:
 
 
 class PublishedCors:
-    """CORS for reading what is published, and for nothing else."""
+    """CORS for reading what is published, by pages of the origins that the settings name; without any, left out.
 
-    def __init__(self, app: ASGIApp) -> None:
+    Around everything that answers, also tiles, errors and what is turned away.
+    """
+
+    def __init__(self, app: ASGIApp, origins: Sequence[str]) -> None:
         self.app = app
         self.cors = CORSMiddleware(
             app,
-            allow_origins=["*"],
+            allow_origins=origins,
             allow_methods=["GET", "HEAD"],
             expose_headers=["ETag", "Link", "Content-Crs"],
             max_age=3600,
@@ -264,33 +265,6 @@ class PublishedCors:
         # A segment's observations name drives.
         app = self.cors if published and not path.endswith("/observations") else self.app
         await app(scope, receive, send)
-
-
-class SmallBodies:
-    """Limits every body but those of uploads, which have limits of their own: the others are held in memory."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Count what is read; more than ``SMALL_BODY_BYTES`` is a 413."""
-        if scope["type"] != "http" or scope["path"] in UPLOAD_PATHS:
-            await self.app(scope, receive, send)
-            return
-        await _LimitedBody(self.app, SMALL_BODY_BYTES)(scope, receive, send)
-
-
-class _LimitedBody(RequestBodyLimitResponder):
-    """Starlette's limit, whose error becomes a problem document like every other (``app.core.problems``).
-
-    Starlette's middleware itself answers in plain text over whatever the route answered, and by the announced
-    length alone also refuses a body that the route never reads.
-    """
-
-    async def send_with_limit(self, message: Message) -> None:
-        """The route's answer stands, also that to a body that is too large."""
-        self.response_started = self.response_started or message["type"] == "http.response.start"
-        await self.send(message)
 
 
 class SameOriginWrites:

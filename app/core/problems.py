@@ -16,7 +16,6 @@ from pydantic import BaseModel, Field
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
-from starlette.middleware.body_limit import MAX_BODY_SIZE_SCOPE_KEY
 from starlette.requests import ClientDisconnect
 
 from app.core.departures import client_left
@@ -38,8 +37,8 @@ from fusion.errors import FusionError
 PROBLEM_JSON = "application/problem+json"
 RETRY_AFTER_S = 5
 """What a 503 says: by then a statement has ended, and a queue is shorter."""
-MOST_QUOTED, MOST_ERRORS = 4000, 100
-"""Characters, and things at fault, that an answer repeats: a request of 60 kB is not answered by 120."""
+MOST_REPEATED, MOST_ERRORS = 2000, 100
+"""Characters of a request that an answer repeats in one place, and faults that it lists."""
 OGC_PATHS = ("/collections", "/conformance")
 """Routes whose standard wants a 400 where others answer 422."""
 
@@ -81,23 +80,32 @@ def problem_response(
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
     """The problem document as a response."""
-    problem = Problem(
-        type=PROBLEM_PATH + kind.slug,
-        title=kind.title,
-        status=kind.status,
-        detail=_quoted(detail),
-        instance=_quoted(request.url.path),
-        errors=[FieldError(field=_quoted(e.field), message=_quoted(e.message)) for e in errors[:MOST_ERRORS]],
-    )
+    problem = _document(kind, detail, request.url.path, errors)
     again = kind.status == 503 or kind is KINDS[NotDoneError]
     waiting = {"Retry-After": str(RETRY_AFTER_S)} if again else {}
     return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
 
 
-def _quoted(text: str) -> str:
+def problem_text(kind: Kind, detail: str, instance: str) -> str:
+    """The document as JSON, for what is refused before it is a request."""
+    return _document(kind, detail, instance).model_dump_json()
+
+
+def _document(kind: Kind, detail: str, instance: str, errors: Sequence[FieldError] = ()) -> Problem:
+    return Problem(
+        type=PROBLEM_PATH + kind.slug,
+        title=kind.title,
+        status=kind.status,
+        detail=_cut(detail),
+        instance=instance[:MOST_REPEATED],
+        errors=[FieldError(field=_cut(one.field), message=_cut(one.message)) for one in errors[:MOST_ERRORS]],
+    )
+
+
+def _cut(text: str) -> str:
     """Without the middle of what is too long: its end says what to do."""
-    half = MOST_QUOTED // 2
-    return text if len(text) <= MOST_QUOTED else f"{text[:half]} ... {text[-half:]}"
+    half = MOST_REPEATED // 2
+    return text if len(text) <= MOST_REPEATED else f"{text[:half]} ... {text[-half:]}"
 
 
 async def service_error(request: Request, error: Exception) -> JSONResponse:
@@ -130,7 +138,6 @@ async def _http_error(request: Request, error: Exception) -> JSONResponse:
         400: "The body cannot be read. Send JSON in UTF-8.",
         404: f"There is nothing at {request.url.path}. The landing page / lists what there is.",
         405: f"{request.method} is not possible here. The Allow header lists what is.",
-        413: f"The body is larger than {request.scope.get(MAX_BODY_SIZE_SCOPE_KEY)} bytes. Send less.",
     }.get(error.status_code, str(error.detail))
     headers = dict(error.headers or {})
     if error.status_code == 405:  # the framework names the methods of the first route that fits, not of all

@@ -19,6 +19,7 @@ from anyio import CapacityLimiter, to_thread
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.core.errors import BusyError
+from app.core.receiving.clients import Shares, present_client
 from app.core.settings.places import libpq_url
 from app.drives.documents import Drive, linked
 
@@ -58,8 +59,8 @@ class News:
 class Follower:
     """One who follows a drive: the latest news of it, None when there is no such drive (any more)."""
 
-    def __init__(self, drive_id: uuid.UUID) -> None:
-        self.drive_id = drive_id
+    def __init__(self, drive_id: uuid.UUID, client: str) -> None:
+        self.drive_id, self.client = drive_id, client
         self.state: News | None = None
         self.looked = False
         self._error: Exception | None = None
@@ -104,12 +105,12 @@ def _drive(state: News | None) -> Drive | None:
 class Feed:
     """The followers of a process. Everything but ``read`` happens in the event loop."""
 
-    def __init__(self, url: str, read: Read, look_every_s: float, most: int) -> None:
+    def __init__(self, url: str, read: Read, look_every_s: float, streams: Shares) -> None:
         """``read`` is called in a thread and returns those of the drives that there are."""
         self._url = libpq_url(url)
         self._read = read
         self._look_every_s = look_every_s
-        self._most = most
+        self._streams = streams
         self._followers: dict[uuid.UUID, set[Follower]] = {}
         self._due: set[uuid.UUID] = set()
         self._wake = asyncio.Event()
@@ -121,18 +122,21 @@ class Feed:
 
     def follow(self, drive_id: uuid.UUID) -> Follower:
         """A new follower, to whom the state is told at once; ``BusyError`` where there are too many."""
-        if len(self) >= self._most:
+        client = present_client()
+        if not self._streams.allows(client):
             raise BusyError(
-                f"{self._most} event streams are open already. Ask for the drive itself every few seconds, or try "
-                "again in a moment."
+                f"{self._streams.total} event streams are open already, {self._streams.held[client]} of them yours. "
+                "Ask for the drive itself every few seconds, or try again in a moment."
             )
-        follower = Follower(drive_id)
+        self._streams.take(client)
+        follower = Follower(drive_id, client)
         self._followers.setdefault(drive_id, set()).add(follower)
         self._look_at({drive_id})
         return follower
 
     def leave(self, follower: Follower) -> None:
         """Follow no longer."""
+        self._streams.give_back(follower.client)
         others = self._followers[follower.drive_id]
         others.remove(follower)
         if not others:

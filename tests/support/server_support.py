@@ -7,7 +7,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -101,3 +101,37 @@ class Gate:
         with self._lock:
             self.inside += 1
             self.most = max(self.most, self.inside)
+
+
+@contextmanager
+def holding(
+    web: Any, sent: bytes, number: int = 1, client: str = "127.0.0.1"
+) -> Iterator[list[socket.socket]]:
+    """So many connections from an address of this machine that have sent this and no more; closed after the block."""
+    place = urlsplit(web.base)
+    with ExitStack() as held:
+        sockets = []
+        for _ in range(number):
+            address = (str(place.hostname), int(place.port or 80))
+            one = held.enter_context(socket.create_connection(address, WAIT_S, (client, 0)))
+            with suppress(OSError):  # it may have been turned away
+                one.sendall(sent)
+            sockets.append(one)
+        yield sockets
+
+
+def answered(client: socket.socket) -> bytes:
+    """All that comes until the service closes the connection."""
+    pieces = []
+    with suppress(ConnectionError):
+        while piece := client.recv(65536):
+            pieces.append(piece)
+    return b"".join(pieces)
+
+
+@contextmanager
+def asking_from(web: Any, client: str) -> Iterator[httpx.Client]:
+    """A client with this address of the machine."""
+    transport = httpx.HTTPTransport(local_address=client)
+    with httpx.Client(base_url=web.base, transport=transport, timeout=WAIT_S, trust_env=False) as asking:
+        yield asking

@@ -20,6 +20,7 @@ import uvicorn
 from app.core import databases
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
+from app.core.receiving.connections import server_options
 from app.core.settings import Settings
 from app.drives import claims, tracks
 from app.drives import store as drives
@@ -68,6 +69,7 @@ def served(settings: Settings) -> Iterator[Web]:
             host="127.0.0.1",
             port=0,
             log_level="critical",
+            **server_options(settings),
             timeout_graceful_shutdown=5,
         )
     )

@@ -14,7 +14,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_settings import SettingsConfigDict
 
-from app.core.settings.places import GIB, Places
+from app.core.settings.front import Front, listed
+from app.core.settings.places import GIB
 from fusion.errors import FusionError
 
 ENV_PREFIX = "VERSANT_"
@@ -45,7 +46,7 @@ LoginUrlText = Annotated[str, AfterValidator(_login_url)]
 Zoom = Annotated[int, Field(ge=0, le=24)]
 
 
-class Settings(Places):
+class Settings(Front):
     """All settings of the service; frozen. An empty variable counts as unset."""
 
     model_config = SettingsConfigDict(
@@ -105,7 +106,10 @@ class Settings(Places):
         "no change.",
     )
     events_max: int = Field(
-        800, ge=1, description="Event streams that one process serves at once; one more is answered by 503."
+        800,
+        ge=1,
+        description="Event streams that one process serves at once, of drives and of the map; one more is answered by "
+        "503.",
     )
     tile_min_zoom: Zoom = Field(6, description="Lowest zoom level with tiles; further out a tile is empty.")
     tile_full_zoom: Zoom = Field(
@@ -165,7 +169,8 @@ class Settings(Places):
     pictures_waiting: int = Field(
         100,
         ge=0,
-        description="Requests for pictures that may wait for one that is drawn; one more is answered by 503.",
+        description="Requests for pictures that may wait for one that is drawn, half of them one client's; one more is "
+        "answered by 503.",
     )
 
     # The worker
@@ -256,9 +261,7 @@ class Settings(Places):
     @property
     def host_names(self) -> frozenset[str]:
         """The names in ``allowed_hosts``."""
-        return frozenset(
-            name.strip().lower() for name in (self.allowed_hosts or "").split(",") if name.strip()
-        )
+        return frozenset(name.lower() for name in listed(self.allowed_hosts))
 
 
 def _require(holds: bool, sentence: str) -> None:

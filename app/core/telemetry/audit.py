@@ -1,7 +1,7 @@
 """The log of what was destroyed, or asked for in bulk, over HTTP: a row that commits with what it tells of.
 
-There is no login yet, so who it was is what the service can see: the client's address and its program. Behind a proxy
-the address is the proxy's.
+There is no login yet, so who it was is what the service can see: the client's address (``app.core.receiving.clients``
+says who that is behind a proxy) and its program.
 """
 
 from __future__ import annotations

@@ -140,8 +140,6 @@ def _policy(settings: Settings) -> Headers:
     return [
         (b"cache-control", cache_control(settings).encode()),
         (b"vary", b"Accept-Encoding"),
-        (b"access-control-allow-origin", b"*"),  # to everybody, so that caches need not tell who asked
-        (b"access-control-expose-headers", b"ETag, Link"),
     ]
 
 

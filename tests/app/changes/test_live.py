@@ -17,6 +17,7 @@ from app.changes import live
 from app.changes.live import Change, Live
 from app.core.db import Bounds
 from app.core.errors import BusyError
+from app.core.receiving.clients import Shares
 from web_fixtures import Web
 
 
@@ -72,7 +73,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_database_that_does_not_answer_is_asked_again() -> None:
     async def told() -> Change | None:
-        follows = Live(Map(psycopg.OperationalError("gone"), ValueError("odd"), "a"), 1)
+        follows = Live(Map(psycopg.OperationalError("gone"), ValueError("odd"), "a"), Shares(1, 1))
         follower = follows.follow()
         running = asyncio.create_task(follows.run())
         try:
@@ -85,7 +86,7 @@ def test_a_database_that_does_not_answer_is_asked_again() -> None:
 
 def test_who_is_slow_gets_several_changes_as_one() -> None:
     async def told() -> list[Change | None]:
-        follower = Live(Map("a"), 1).follow()
+        follower = Live(Map("a"), Shares(1, 1)).follow()
         follower.tell(Change("a", (1, 2, 3, 4)))
         follower.tell(Change("b", (0, 3, 2, 5)))
         found = [await follower.next(within_s=1), await follower.next(within_s=0.01)]
@@ -98,7 +99,7 @@ def test_who_is_slow_gets_several_changes_as_one() -> None:
 
 def test_too_many_are_refused_until_one_leaves() -> None:
     async def follow() -> None:
-        follows = Live(Map("a"), 1)
+        follows = Live(Map("a"), Shares(1, 1))
         first = follows.follow()
         with pytest.raises(BusyError, match="1 event streams are open already"):
             follows.follow()

@@ -86,8 +86,3 @@ def test_a_version_of_before_a_restore_is_refused_with_how_to_begin_anew(filled:
     assert "GET /v1/changes" in answer.json()["detail"]
     now = filled.client.get("/v1/changes").json()["version"]
     assert filled.client.get(f"/v1/changes?since={now}").status_code == 200
-
-
-def test_pages_of_other_sites_may_follow_the_map(reading: Web) -> None:
-    answer = reading.client.get("/v1/changes", headers={"Origin": "https://example.org"})
-    assert answer.headers["access-control-allow-origin"] == "*"

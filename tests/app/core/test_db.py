@@ -9,6 +9,7 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Patience, make_engine
+from app.core.lanes import MORE_CONNECTIONS
 from app.core.settings import Settings
 from problem_support import check
 from server_support import Gate, asked_at_once, sleep, wait_until
@@ -67,10 +68,10 @@ def test_when_all_connections_are_in_use_others_are_told_soon_and_the_service_st
     changed = {"db_pool_size": 2, "pool_timeout_s": 0.2}
     with (
         server_maker(settings.model_copy(update=changed)) as web,
-        asked_at_once(web, ["/v1/drives"] * 12) as answers,
+        asked_at_once(web, ["/v1/drives"] * (2 + MORE_CONNECTIONS)) as answers,
     ):
         try:
-            wait_until(lambda: gate.inside == 12)
+            wait_until(lambda: gate.inside == 2 + MORE_CONNECTIONS)
             answer = web.client.get("/v1/segments/1")
             assert web.client.get("/readyz").status_code == 200
         finally:

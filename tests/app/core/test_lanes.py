@@ -10,9 +10,9 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from app.core.errors import BusyError
-from app.core.lanes import Lane, Lanes, Turnstile, kind_of_request, make_lanes
+from app.core.lanes import MORE_CONNECTIONS, Lane, Lanes, Turnstile, kind_of_request, make_lanes
 from problem_support import check
-from server_support import Gate, asked_at_once, wait_until
+from server_support import Gate, asked_at_once, holding, wait_until
 
 QUICK = ("/healthz", "/readyz", "/v1/drives", "/v1/segments/999")
 
@@ -43,7 +43,8 @@ def test_each_kind_has_its_lane(method: str, path: str, kind: str | None) -> Non
 
 def test_the_lanes_leave_connections_for_what_is_quick() -> None:
     for connections in (1, 5, 100):
-        assert sum(lane.places for lane in make_lanes(connections).values()) <= connections + 10 - 3
+        needed = sum(lane.places + lane.for_others for lane in make_lanes(connections).values())
+        assert needed <= connections + MORE_CONNECTIONS - 3
 
 
 def test_sixty_slow_tiles_keep_nobody_else_waiting(reading: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,7 +177,7 @@ def test_a_client_that_reads_slowly_holds_no_place() -> None:
                 async with lane.place():
                     sent.set()
 
-        scope = {"type": "http", "method": "GET", "path": "/tiles/14/1/1.mvt"}
+        scope = {"type": "http", "method": "GET", "path": "/tiles/14/1/1.mvt", "query_string": b""}
         await Lanes(route, {"tiles": lane})(scope, None, slow)  # type: ignore[arg-type]
 
     asyncio.run(scenario())
@@ -198,3 +199,28 @@ def test_streams_that_come_by_the_hundred_let_others_pass() -> None:
     asyncio.run(scenario())
     assert len(begun) == 101
     assert begun.index("/v1/drives") <= 2
+
+
+@pytest.mark.parametrize(
+    ("query", "kind"),
+    [
+        ("", "wide tiles"),
+        ("bbox=8,49,9,50&limit=10&f=html&after=x", "wide tiles"),
+        ("filter=drives%3E1", "searches"),
+        ("f%69lter=drives%3E1", "searches"),
+        ("bbox=8,49,9,50&sortby=-drives", "searches"),
+        ("drives=3", "searches"),
+    ],
+)
+def test_searches_keep_no_plain_page_waiting(query: str, kind: str) -> None:
+    assert kind_of_request("GET", "/collections/segments/items", query.encode()) == kind
+
+
+@pytest.mark.parametrize("path", ["/v1/exports", "/v1/drives/00000000-0000-0000-0000-000000000000/reprocess"])
+def test_a_body_that_does_not_come_holds_nothing(reading: Any, path: str) -> None:
+    """Bodies are read before a request has a place: silent ones would else answer all changes with 503."""
+    silent = f"POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n\r\n{{".encode()
+    nothing = "/v1/drives/00000000-0000-0000-0000-000000000000"
+    with holding(reading, silent, 20):
+        for _ in range(5):
+            assert reading.client.post(f"{nothing}/reprocess", timeout=5).status_code == 404

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from app.core.middleware import SMALL_BODY_BYTES, KnownHosts
+from app.core.middleware import KnownHosts
+from app.core.receiving.pace import SMALL_BODY_BYTES
 from app.core.settings import Settings
 from problem_support import check
 

@@ -20,7 +20,7 @@ from app.drives import claims, feed, store
 from app.drives.documents import Drive
 from problem_support import check
 from processing_support import HEADER, carry_out_removals
-from server_support import wait_until
+from server_support import asking_from, wait_until
 
 MakeDrive = Callable[..., uuid.UUID]
 MakeServer = Callable[[Settings], Any]
@@ -142,7 +142,8 @@ def test_sixty_readers_cost_no_thread_and_one_look_each_time(
 def test_more_readers_than_are_served_are_told_to_ask_now_and_then(
     settings: Settings, server_maker: MakeServer
 ) -> None:
-    with server_maker(settings.model_copy(update={"events_max": 2})) as web:
+    # Of three, one client may have two: the last is for others.
+    with server_maker(settings.model_copy(update={"events_max": 3})) as web:
         drive = upload(web)
         path = f"/v1/drives/{drive}/events"
         with following(web, drive) as first, following(web, drive) as second:
@@ -159,6 +160,32 @@ def test_more_readers_than_are_served_are_told_to_ask_now_and_then(
         wait_until(served_again)
         assert web.client.get(f"/v1/drives/{uuid.uuid4()}/events").status_code == 404
         wait_until(served_again)  # who follows nothing takes no place
+
+
+@pytest.mark.parametrize("client", ["127.0.0.1", "127.0.0.2"])
+def test_one_client_leaves_streams_of_both_kinds_to_others(
+    settings: Settings, server_maker: MakeServer, client: str
+) -> None:
+    few = {"events_max": 800, "events_per_client": 3, "trusted_proxies": "127.0.0.2"}
+    with server_maker(settings.model_copy(update=few)) as web, asking_from(web, client) as asking:
+        drive = upload(web)
+        told = {
+            "X-Forwarded-For": "203.0.113.1"
+        }  # believed from the proxy alone: here it is the one client or not
+        paths = [f"/v1/drives/{drive}/events", "/v1/changes/events"]
+        with ExitStack() as open_ones:
+            for path in [*paths, paths[0]]:
+                assert open_ones.enter_context(asking.stream("GET", path, headers=told)).status_code == 200
+            for path in paths:
+                answer = asking.get(path, headers=told)
+                assert check(answer, 503)["type"] == "/problems/busy"
+                assert "3 of them yours" in answer.json()["detail"]
+                with asking_from(web, "127.0.0.3") as other, other.stream("GET", path) as stream:
+                    assert stream.status_code == 200
+                if client == "127.0.0.2":
+                    another = {"X-Forwarded-For": "203.0.113.2"}
+                    with asking.stream("GET", path, headers=another) as stream:
+                        assert stream.status_code == 200
 
 
 def test_what_changes_while_nothing_is_heard_is_told_afterwards(

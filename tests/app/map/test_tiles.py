@@ -207,14 +207,6 @@ def test_tilejson(reading: Any) -> None:
     assert named == {*layer["fields"]} - {"tunnel"}, "the grid has no tunnel"
 
 
-def test_any_page_may_read_the_map_and_none_the_drives(reading: Any) -> None:
-    asking = {"Origin": "https://map.example"}
-    for path in ("/tiles.json", "/collections/segments/items", "/tiles/14/0/0.mvt", "/"):
-        assert reading.client.get(path, headers=asking).headers["access-control-allow-origin"] == "*", path
-    for path in ("/v1/drives", "/v1/segments/1/observations", "/v1/admin/stats"):
-        assert "access-control-allow-origin" not in reading.client.get(path, headers=asking).headers, path
-
-
 def test_large_answers_are_compressed_and_say_so(reading: Any) -> None:
     x, y = tile_of(8.407, 49.007, 13)
     answer = reading.client.get(f"/tiles/13/{x}/{y}.geojson", headers={"Accept-Encoding": "gzip"})

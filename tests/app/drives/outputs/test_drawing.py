@@ -149,7 +149,9 @@ def test_who_asks_for_the_same_picture_meanwhile_gets_it_and_one_more_is_sent_aw
 ) -> None:
     gate = Gate(lambda *_: b"picture")
     monkeypatch.setattr(Drawing, "profile", lambda self, *wanted: gate(*wanted))
-    with server_maker(settings.model_copy(update={"pictures_waiting": 3})) as web:
+    with server_maker(
+        settings.model_copy(update={"pictures_waiting": 6})
+    ) as web:  # half of them by one client
         fill_roads(web.sessions)
         drive = add_drive(web.sessions, [0])
         with asked_at_once(web, [address(drive)] * 20) as answers:

@@ -75,17 +75,6 @@ def test_head_is_get_without_a_body(reading: Any, path: str, query: str) -> None
 
 
 @QUICK_AND_NOT
-def test_pages_of_any_site_may_read_tiles_and_their_names(reading: Any, query: str) -> None:
-    etag = reading.client.get(TILE).headers["etag"]
-    for known in ("x", etag):
-        answer = raw(reading, TILE + query, Origin="https://map.example", If_None_Match=known)
-        assert answer.headers["access-control-allow-origin"] == "*"
-        assert "etag" in answer.headers["access-control-expose-headers"].lower()
-    asking = {"Origin": "https://map.example", "Access-Control-Request-Method": "GET"}
-    assert reading.client.options(TILE, headers=asking).status_code == 200
-
-
-@QUICK_AND_NOT
 def test_who_has_it_is_told_so(reading: Any, query: str) -> None:
     etag = reading.client.get(TILE).headers["etag"]
     for known in (etag, etag.removeprefix("W/"), f'"x", {etag}', "*"):

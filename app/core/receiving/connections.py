@@ -1,0 +1,273 @@
+"""Connections: how many there may be, how long each may take over the head of a request, and how slowly it may read.
+
+uvicorn bounds none of it: a socket that sends nothing, or a head without an end, would stay for ever, and a thousand of
+them take all descriptors of the process, ``/healthz`` with them. Here is what holds before there is a request; what
+requests have to share is for ``app.core.lanes``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import resource
+import time
+from typing import Any
+
+from fastapi import Request
+from starlette.types import Receive, Scope, Send
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+
+from app.core.errors import KINDS, BusyError, HeadTooLargeError, Kind, SlowClientError
+from app.core.middleware import FOR_PROBES
+from app.core.problems import PROBLEM_JSON, problem_response, problem_text
+from app.core.receiving.clients import Shares, client_of, is_within
+from app.core.settings import Settings
+
+HEAD_BYTES = 32 * 1024
+"""Of a request's address and headers; browsers and proxies stay below 16 KiB."""
+MOST_HEADERS = 200
+MOST_PIPELINED = 16
+"""Requests that a connection may send before its first is answered: thousands fit into one packet, each of them an
+object that is kept."""
+UNREAD_S = 60.0
+"""An answer of which a client takes nothing for so long is given up, with the memory that it waits in."""
+OWN_FILES = 200
+"""Descriptors that are for no client: connections to the database, files, pipes."""
+SPARE = 50
+"""Connections above the limit, for probes."""
+PROXY = "proxy"
+"""As whom the connections of trusted proxies are counted."""
+TELL_EVERY_S = 60.0
+
+log = logging.getLogger(__name__)
+
+
+def server_options(settings: Settings) -> dict[str, Any]:
+    """How uvicorn serves: options of ``uvicorn.run`` and ``uvicorn.Config``.
+
+    Raises the process's limit of open files as far as its connections need it.
+    """
+    connections = Connections(settings)
+
+    class Bounded(BoundedProtocol):
+        held_by = connections
+
+    # Proxy headers are for ``app.core.receiving.clients`` alone: uvicorn would believe whoever comes from loopback.
+    return {"http": Bounded, "ws": "none", "proxy_headers": False, "access_log": False}
+
+
+class Connections:
+    """Who holds how many of a process's connections. Lives in its event loop.
+
+    Where a client has as many as it may have, or all are taken, one that waits for a request gives way: the client's
+    oldest, or the oldest of who has most. So whoever holds silent sockets holds them against themselves alone, and a
+    probe gets in, whoever it comes from. Connections with a request stay; beyond its limit a client's further requests
+    are turned away, but for probes.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        most, per_client = _as_files_allow(settings.connections_max), settings.connections_per_client
+        self.head_timeout_s = settings.head_timeout_s
+        self.open = 0
+        self._most, self._per_client = most, per_client
+        self._proxies = settings.proxies
+        self._busy = Shares(most, per_client)
+        self._idle: dict[str, dict[BoundedProtocol, None]] = {}
+        self._told_s = -TELL_EVERY_S
+
+    def client_at(self, address: str) -> str:
+        """Whom limits count."""
+        return PROXY if is_within(address, self._proxies) else client_of(address)
+
+    def opened(self, connection: BoundedProtocol, client: str) -> bool:
+        """Count a new connection; False: there is no room for it."""
+        self.open += 1
+        idle = self._idle.setdefault(client, {})
+        if client != PROXY and len(idle) + self._busy.held[client] >= self._per_client:
+            self._evict(client)
+        elif self.open > self._most:
+            self._evict(max(self._idle, key=lambda one: len(self._idle[one])))
+        self._idle.setdefault(client, {})[connection] = None
+        return self.open <= self._most + SPARE
+
+    def closed(self, connection: BoundedProtocol, client: str, *, counted: bool) -> None:
+        """It is gone."""
+        self.open -= 1
+        self._awake(connection, client)
+        if counted:
+            self._busy.give_back(client)
+
+    def begins(self, connection: BoundedProtocol, client: str) -> bool:
+        """A request begins on it; False: the client has too many."""
+        self._awake(connection, client)
+        busy = self._busy
+        if busy.total < self._most if client == PROXY else busy.allows(client):
+            busy.take(client)
+            return True
+        self._tell()
+        return False
+
+    def rests(self, connection: BoundedProtocol, client: str, *, counted: bool) -> None:
+        """It waits for the next request."""
+        self._idle.setdefault(client, {})[connection] = None
+        if counted:
+            self._busy.give_back(client)
+
+    def _awake(self, connection: BoundedProtocol, client: str) -> None:
+        idle = self._idle.get(client, {})
+        idle.pop(connection, None)
+        if not idle:
+            self._idle.pop(client, None)
+
+    def _evict(self, client: str) -> None:
+        oldest = next(iter(self._idle[client]), None)
+        if oldest is not None:
+            self._awake(oldest, client)
+            oldest.transport.abort()
+
+    def _tell(self) -> None:
+        if time.monotonic() - self._told_s >= TELL_EVERY_S:
+            self._told_s = time.monotonic()
+            log.warning(
+                "requests are turned away: a client has as many connections as it may have "
+                "(VERSANT_CONNECTIONS_PER_CLIENT, VERSANT_CONNECTIONS_MAX)"
+            )
+
+
+class BoundedProtocol(HttpToolsProtocol):
+    """uvicorn's protocol with bounds on what comes before a request, and on answers that nobody takes."""
+
+    held_by: Connections
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Count it, and begin to wait for the head of a request."""
+        super().connection_made(transport)
+        self._holder = self.held_by.client_at(self.client[0] if self.client else "")
+        self._busy = self._counted = False
+        self._overhead_bytes = 0  # since the last head that was whole, or the last byte of a body
+        self._head_timer: asyncio.TimerHandle | None = None
+        self._unread_timer: asyncio.TimerHandle | None = None
+        if self.held_by.opened(self, self._holder):
+            self._await_head()
+        else:
+            transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Count it no more."""
+        self._stop_timers()
+        self.held_by.closed(self, self._holder, counted=self._counted)
+        self._counted = False
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Parse it, unless what has to be kept of it grows too large: a head, a field of it, trailers."""
+        self._overhead_bytes += len(data)
+        super().data_received(data)
+        if self._overhead_bytes > HEAD_BYTES and not self.transport.is_closing():
+            self._refuse(KINDS[HeadTooLargeError], KINDS[HeadTooLargeError].meaning)
+
+    def on_headers_complete(self) -> None:
+        """Begin the request, or refuse it."""
+        self._overhead_bytes = 0
+        if len(self.pipeline) >= MOST_PIPELINED:
+            self.transport.abort()
+            raise _RefusedError
+        size = len(self.url) + sum(len(name) + len(value) for name, value in self.headers)
+        if size > HEAD_BYTES or len(self.headers) > MOST_HEADERS:
+            self._refuse(KINDS[HeadTooLargeError], KINDS[HeadTooLargeError].meaning)
+            raise _RefusedError
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+        if not self._busy:
+            self._busy = True
+            self._counted = self.held_by.begins(self, self._holder)
+            self.app = self.config.loaded_app if self._counted else self._turned_away
+        super().on_headers_complete()
+
+    def on_body(self, body: bytes) -> None:
+        """Of bodies others count the bytes."""
+        self._overhead_bytes = 0
+        super().on_body(body)
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        super().on_response_complete()
+        if self._busy and self.cycle.response_complete and not self.transport.is_closing():
+            self._busy = False
+            self.held_by.rests(self, self._holder, counted=self._counted)
+            self._counted = False
+            self._await_head()
+
+    def send_400_response(self, msg: str) -> None:
+        """What cannot be parsed is answered in the service's own words, unless something has been said of it."""
+        if not self.transport.is_closing():
+            super().send_400_response(msg)
+
+    def pause_writing(self) -> None:
+        """The client takes its answer more slowly than it comes: so it may, but not stop."""
+        super().pause_writing()
+        self._watch_answer(self.transport.get_write_buffer_size())
+
+    def resume_writing(self) -> None:
+        """It has taken most of it."""
+        super().resume_writing()
+        if self._unread_timer is not None:
+            self._unread_timer.cancel()
+
+    def _watch_answer(self, size: int) -> None:
+        def look() -> None:
+            left = self.transport.get_write_buffer_size()
+            if left >= size:
+                self.transport.abort()
+            else:
+                self._watch_answer(left)
+
+        self._unread_timer = self.loop.call_later(UNREAD_S, look)
+
+    def _await_head(self) -> None:
+        self._head_timer = self.loop.call_later(self.held_by.head_timeout_s, self._give_up)
+
+    def _give_up(self) -> None:
+        if self.transport.is_closing():
+            return
+        if self._overhead_bytes:
+            within_s = self.held_by.head_timeout_s
+            self._refuse(
+                KINDS[SlowClientError], f"The head of the request was not whole within {within_s:g} s."
+            )
+        else:
+            self.transport.close()
+
+    def _stop_timers(self) -> None:
+        for timer in (self._head_timer, self._unread_timer):
+            if timer is not None:
+                timer.cancel()
+
+    def _refuse(self, kind: Kind, detail: str) -> None:
+        body = problem_text(kind, detail, instance="").encode()
+        head = f"HTTP/1.1 {kind.status} {kind.title}\r\ncontent-type: {PROBLEM_JSON}\r\nconnection: close\r\n"
+        self.transport.write(f"{head}content-length: {len(body)}\r\n\r\n".encode() + body)
+        self.transport.close()
+
+    async def _turned_away(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["path"] in FOR_PROBES:
+            await self.config.loaded_app(scope, receive, send)
+            return
+        message = "As many connections as one client may have are at work already. Try again in a moment."
+        answer = problem_response(Request(scope), KINDS[BusyError], message, headers={"Connection": "close"})
+        await answer(scope, receive, send)
+
+
+class _RefusedError(Exception):
+    """Ends the parsing of what was refused."""
+
+
+def _as_files_allow(wanted: int) -> int:
+    """So many connections as wanted, or as the process may have files; its own limit is raised to the system's."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    beside = OWN_FILES + SPARE
+    if soft != resource.RLIM_INFINITY and soft < wanted + beside:
+        within = wanted + beside if hard == resource.RLIM_INFINITY else min(hard, wanted + beside)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (within, hard))
+        soft = within
+    return wanted if soft == resource.RLIM_INFINITY else max(1, min(wanted, soft - beside))

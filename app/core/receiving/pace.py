@@ -1,0 +1,111 @@
+"""Bodies at the pace of their clients, before anything is held for them: small ones whole, large ones not too slow."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+from fastapi import Request
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.core.departures import CLIENT_GONE, has_body
+from app.core.errors import KINDS, BodyTooLargeError, Kind, SlowClientError
+from app.core.middleware import CHANGING, UPLOAD_PATHS
+from app.core.problems import problem_response
+
+SMALL_BODY_BYTES = 64 * 1024
+"""Far above any JSON that a route takes."""
+LEAST_PACE_BYTES_PER_S = 1000
+"""Of uploads and imports, over the time that is waited for them: a tenth of what the slowest mobile networks carry."""
+
+
+class Bodies:
+    """Reads the body of a change before anything of it begins; uploads read their own, and may not stall.
+
+    All else that holds a body in memory or waits for one stands behind this: lanes, threads, connections.
+    """
+
+    def __init__(self, app: ASGIApp, body_timeout_s: float, upload_stall_s: float) -> None:
+        self.app = app
+        self._body_timeout_s = body_timeout_s
+        self._upload_stall_s = upload_stall_s
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on with its body, or answer 408 or 413."""
+        if scope["type"] != "http" or scope["method"] not in CHANGING or not has_body(Headers(scope=scope)):
+            await self.app(scope, receive, send)
+        elif scope["path"] in UPLOAD_PATHS:
+            await self.app(scope, _paced(receive, self._upload_stall_s), send)
+        else:
+            await self._read_first(scope, receive, send)
+
+    async def _read_first(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            async with asyncio.timeout(self._body_timeout_s):
+                body = await _whole(receive)
+        except TimeoutError:
+            message = f"The body was not whole within {self._body_timeout_s:g} s. Send it again."
+            await _refuse(scope, receive, send, KINDS[SlowClientError], message)
+            return
+        if body is None:
+            await send({"type": "http.response.start", "status": CLIENT_GONE, "headers": []})
+            await send({"type": "http.response.body", "body": b""})
+        elif len(body) > SMALL_BODY_BYTES:
+            message = f"The body is larger than {SMALL_BODY_BYTES} bytes. Send less."
+            await _refuse(scope, receive, send, KINDS[BodyTooLargeError], message)
+        else:
+            await self.app(scope, _replayed(body, receive), send)
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, kind: Kind, message: str) -> None:
+    await problem_response(Request(scope), kind, message)(scope, receive, send)
+
+
+async def _whole(receive: Receive) -> bytes | None:
+    """The body, or its begin where it is too large; None: the client went away."""
+    body = bytearray()
+    while len(body) <= SMALL_BODY_BYTES:
+        message = await receive()
+        if message["type"] != "http.request":
+            return None
+        body += message.get("body", b"")
+        if not message.get("more_body"):
+            break
+    return bytes(body)
+
+
+def _replayed(body: bytes, receive: Receive) -> Receive:
+    given = False
+
+    async def again() -> Message:
+        nonlocal given
+        if given:
+            return await receive()
+        given = True
+        return {"type": "http.request", "body": body, "more_body": False}
+
+    return again
+
+
+def _paced(receive: Receive, stall_s: float) -> Receive:
+    """The same, which raises ``SlowClientError`` where too little comes; what the service takes does not count."""
+    needed, came, waited_s = LEAST_PACE_BYTES_PER_S * stall_s, 0, 0.0
+
+    async def watched() -> Message:
+        nonlocal came, waited_s
+        began = time.monotonic()
+        try:
+            async with asyncio.timeout(max(0.0, stall_s - waited_s)):
+                message = await receive()
+        except TimeoutError:
+            raise SlowClientError(
+                f"The upload stalled: in {stall_s:g} s less than {needed:g} bytes came. Send it again."
+            ) from None
+        waited_s += time.monotonic() - began
+        came += len(message.get("body", b""))
+        if came >= needed:
+            came, waited_s = 0, 0.0
+        return message
+
+    return watched
