@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from fusion.errors import RoadsError
-from fusion.formats.container import BOMB_FREE_BYTES, GZIP_MAGIC
 from fusion.types import Progress, no_progress
 
 PBF_TIMES, GZIP_TIMES = 20, 50
 """PBF packs to a half or a third, XML by gzip to a tenth: more is an attack, and each node of it takes memory."""
+_FREE_BYTES = 64 << 20  # which any file may unpack to
 _CHUNK_BYTES = 1 << 20
 _HEADER_BYTES = 64 << 10  # as the format bounds it
 _RAW_SIZE, _DATA_SIZE = 2, 3
@@ -22,7 +22,7 @@ def refuse_bomb(path: Path, kind: str, progress: Progress = no_progress) -> None
     """Raise ``RoadsError`` for a file of this kind (``file_format``) that unpacks to many times its size, or is cut."""
     packed = path.stat().st_size
     times = PBF_TIMES if kind == "pbf" else GZIP_TIMES
-    most, unpacked = max(BOMB_FREE_BYTES, times * packed), 0
+    most, unpacked = max(_FREE_BYTES, times * packed), 0
     if not kind.endswith(("pbf", "gz")):
         return
     with path.open("rb") as file:
@@ -46,7 +46,7 @@ def _gzip_sizes(file: BinaryIO) -> Iterator[int]:
         yield len(member.decompress(feed, _CHUNK_BYTES))
         feed = member.unconsumed_tail or member.unused_data or file.read(_CHUNK_BYTES)
         if member.eof:
-            if not feed.startswith(GZIP_MAGIC[:1]):  # what follows is no gzip, and nobody reads it
+            if not feed.startswith(b"\x1f"):  # what follows is no gzip, and nobody reads it
                 return
             member = zlib.decompressobj(31)
 
