@@ -39,8 +39,14 @@ DRIVABLE = frozenset(
 )
 """The values of ``highway`` that make a way drivable."""
 
-BROKEN: tuple[type[Exception], ...] = (RuntimeError, ValueError, KeyError, osmium.InvalidLocationError)
-"""What osmium raises for a file that is damaged."""
+BROKEN: tuple[type[Exception], ...] = (
+    RuntimeError,
+    ValueError,
+    KeyError,
+    MemoryError,
+    osmium.InvalidLocationError,
+)
+"""What osmium raises for a file that is damaged; memory is short where numbers are beyond reason."""
 
 _FORWARD = frozenset({"yes", "true", "1"})
 _BACKWARD = frozenset({"-1", "reverse"})

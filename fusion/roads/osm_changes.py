@@ -18,6 +18,9 @@ from fusion.roads.osm import BROKEN, bounded_format
 Box = tuple[float, float, float, float]
 """West, south, east, north, degrees."""
 
+MOST_NUMBER = 2**44
+"""A thousand times the numbers that there are."""
+
 _KIND_ORDER = {"n": 0, "w": 1, "r": 2}
 
 
@@ -98,9 +101,11 @@ def _write_sorted(file: Any, target: Path, bounds_deg: Box | None, known: set[in
 
 
 def _require_number(thing: Any) -> None:
-    if thing.id < 0:
+    """Sets of numbers take memory by the greatest, and take none below 0."""
+    if not 0 <= thing.id < MOST_NUMBER:
         raise ValueError(
-            f"{thing.type_str()}{thing.id} has a number below 0, as editors give what is not uploaded yet"
+            f"{thing.type_str()}{thing.id} has a number that OpenStreetMap gives nothing (an editor's, of what is not "
+            "uploaded yet?)"
         )
 
 

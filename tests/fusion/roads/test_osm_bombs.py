@@ -104,7 +104,7 @@ def test_several_gzips_in_a_row_are_one_file_and_what_follows_is_passed_over(tmp
         assert len(read_roads(tmp_path / "a.osm.gz")) == 1
 
 
-@pytest.mark.parametrize("numbers", [(-1, 2, 3), (1, 2, -3), (1, -2, 3)])
+@pytest.mark.parametrize("numbers", [(-1, 2, 3), (1, 2, -3), (1, -2, 3), (2**52, 2, 3), (1, 2, 2**60)])
 def test_numbers_of_an_editor_s_unsaved_edits_are_refused_with_a_sentence(
     tmp_path: Path, numbers: tuple[int, int, int]
 ) -> None:
