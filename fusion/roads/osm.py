@@ -13,6 +13,7 @@ import osmium
 from numpy.typing import NDArray
 
 from fusion.errors import RoadsError
+from fusion.roads.osm_size import refuse_bomb
 from fusion.roads.table import RoadTable
 from fusion.types import Progress, no_progress
 
@@ -37,6 +38,15 @@ DRIVABLE = frozenset(
     }
 )
 """The values of ``highway`` that make a way drivable."""
+
+BROKEN: tuple[type[Exception], ...] = (
+    RuntimeError,
+    ValueError,
+    KeyError,
+    MemoryError,
+    osmium.InvalidLocationError,
+)
+"""What osmium raises for a file that is damaged; memory is short where numbers are beyond reason."""
 
 _FORWARD = frozenset({"yes", "true", "1"})
 _BACKWARD = frozenset({"-1", "reverse"})
@@ -89,7 +99,7 @@ def read_roads(path: Path, progress: Progress = no_progress) -> RoadTable:
     no OSM file, is damaged, or holds no drivable way with the positions of its nodes.
     """
     path = Path(path)
-    source = osmium.io.File(str(path), file_format(path))
+    source = osmium.io.File(str(path.absolute()), bounded_format(path, progress))
     progress("reading nodes", 0.0)
     try:
         locations = osmium.NodeLocationsForWays(osmium.index.create_map("flex_mem"))
@@ -98,7 +108,7 @@ def read_roads(path: Path, progress: Progress = no_progress) -> RoadTable:
             osmium.apply(reader, locations)
         progress("reading ways", 0.3)
         ways = _collect(source, locations, progress)
-    except (RuntimeError, ValueError, UnicodeDecodeError) as error:
+    except BROKEN as error:
         raise RoadsError(f"{path.name} is damaged: {error}. Download or export it again.") from error
     progress("building segments", 0.9)
     table = _segments(ways)
@@ -145,6 +155,13 @@ def file_format(path: Path) -> str:
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
         return "osm"
     raise RoadsError(f"{path.name} is no OpenStreetMap file. {_SUFFIX_HINT}")
+
+
+def bounded_format(path: Path, progress: Progress = no_progress) -> str:
+    """``file_format`` of a file that does not unpack to far more than any map."""
+    kind = file_format(path)
+    refuse_bomb(path, kind, progress)
+    return kind
 
 
 def _collect(source: Any, locations: Any, progress: Progress) -> _Ways:

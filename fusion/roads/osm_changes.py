@@ -13,10 +13,13 @@ from typing import Any
 import osmium
 
 from fusion.errors import RoadsError
-from fusion.roads.osm import file_format
+from fusion.roads.osm import BROKEN, bounded_format
 
 Box = tuple[float, float, float, float]
 """West, south, east, north, degrees."""
+
+MOST_NUMBER = 2**44
+"""A thousand times the numbers that there are."""
 
 _KIND_ORDER = {"n": 0, "w": 1, "r": 2}
 
@@ -37,10 +40,10 @@ def keep_roads(source: Path, target: Path) -> None:
 
     Raises ``RoadsError`` for a file that is none, or damaged.
     """
-    file = osmium.io.File(str(source), file_format(source))
+    file = osmium.io.File(str(source.absolute()), bounded_format(source))
     try:
         _write_sorted(file, target, None, set())
-    except (RuntimeError, ValueError, UnicodeDecodeError) as error:
+    except BROKEN as error:
         raise _damaged(source, error) from error
 
 
@@ -51,6 +54,7 @@ def apply_changes(kept: Path, changes: Path, target: Path, bounds_deg: Box) -> N
     ``RoadsError`` for changes that cannot be read.
     """
     whole = target.with_name(f"whole-{target.name}")
+    bounded_format(changes)
     content = changes.read_bytes()
     try:
         merge = osmium.MergeInputReader()
@@ -63,7 +67,7 @@ def apply_changes(kept: Path, changes: Path, target: Path, bounds_deg: Box) -> N
                 writer.close()
         known = {way.id for way in osmium.FileProcessor(str(kept), osmium.osm.WAY)}
         _write_sorted(osmium.io.File(str(whole)), target, bounds_deg, known)
-    except (RuntimeError, ValueError, UnicodeDecodeError) as error:
+    except BROKEN as error:
         raise _damaged(changes, error) from error
     finally:
         whole.unlink(missing_ok=True)
@@ -75,6 +79,7 @@ def _write_sorted(file: Any, target: Path, bounds_deg: Box | None, known: set[in
     near = None if bounds_deg is None else _nodes_within(file, bounds_deg)
     highways = osmium.FileProcessor(file, osmium.osm.WAY).with_filter(osmium.filter.KeyFilter("highway"))
     for way in highways:
+        _require_number(way)
         if near is None or way.id in known or near.contains_any_references(way):
             wanted.add_way(way.id)
             wanted.add_references(way)
@@ -95,10 +100,20 @@ def _write_sorted(file: Any, target: Path, bounds_deg: Box | None, known: set[in
     part.unlink()
 
 
+def _require_number(thing: Any) -> None:
+    """Sets of numbers take memory by the greatest, and take none below 0."""
+    if not 0 <= thing.id < MOST_NUMBER:
+        raise ValueError(
+            f"{thing.type_str()}{thing.id} has a number that OpenStreetMap gives nothing (an editor's, of what is not "
+            "uploaded yet?)"
+        )
+
+
 def _nodes_within(file: Any, box: Box) -> Any:
     west, south, east, north = box
     found = osmium.IdTracker()
     for node in osmium.FileProcessor(file, osmium.osm.NODE):
+        _require_number(node)
         place = getattr(node, "location")  # noqa: B009 - only nodes come, which the type does not say
         if place.valid() and west <= place.lon <= east and south <= place.lat <= north:
             found.add_node(node.id)

@@ -240,3 +240,9 @@ def test_real_pbf(shared_data: Path) -> None:
     assert table.tunnel.any()
     assert table.length_m.min() > 0
     assert set(table.oneway[table.highway == "motorway"]) == {1}
+
+
+def test_a_coordinate_that_is_none_is_damage(tmp_path: Path) -> None:
+    (tmp_path / "a.osm").write_text('<osm version="0.6"><node id="1" lat="49.0x" lon="8.0"/></osm>')
+    with pytest.raises(RoadsError, match="is damaged"):
+        read_roads(tmp_path / "a.osm")
