@@ -14,6 +14,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_text
+from app.core.telemetry.logs import reason_text
 from app.core.version import code_version
 from app.drives.documents import Drive
 from app.drives.store import changed, get_drive, json_text
@@ -121,7 +122,7 @@ def mark_failed(
 ) -> bool:
     """End a running drive as failed; what an earlier run published stays. False: no longer this worker's."""
     texts = {
-        name: plain_text(value) for name, value in (("stage", stage), ("reason", reason), ("where", where))
+        name: reason_text(value) for name, value in (("stage", stage), ("reason", reason), ("where", where))
     }
     run = {"id": drive_id, "generation": generation, "version": code_version()}
     return changed(session, _FAIL, {**run, "kind": kind, **texts})

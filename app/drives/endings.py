@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.db import Bounds
 from app.network.marks import GIVEN_UP
 
 # What no mark waits for any more, but in squares that solvers began with too often in vain; another worker may be about
@@ -41,7 +42,7 @@ _LOCK_CANCELLED = text(
     FOR NO KEY UPDATE
     """
 )
-_SET_REMOVING = text("UPDATE drives SET stage = 'removing' WHERE id = :id")
+_SET_REMOVING = text("UPDATE drives SET stage = 'removing' WHERE id = :id RETURNING blob_key")
 _REMOVED = text(
     """
     DELETE FROM drives WHERE id IN (
@@ -49,7 +50,8 @@ _REMOVED = text(
         WHERE d.status = 'cancelled' AND d.stage = 'removing' AND NOT EXISTS (
             SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
         FOR UPDATE OF d SKIP LOCKED)
-    RETURNING id, blob_key
+    RETURNING id, blob_key, CASE WHEN bounds IS NOT NULL
+        THEN ARRAY[ST_XMin(bounds), ST_YMin(bounds), ST_XMax(bounds), ST_YMax(bounds)] END AS bbox
     """
 )
 
@@ -81,11 +83,21 @@ def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bo
     return session.execute(_LOCK_CANCELLED, values).scalar() is not None
 
 
-def mark_removing(session: Session, drive_id: uuid.UUID) -> None:
-    """All that the drive said is taken back; its row goes once its squares are solved without it."""
-    session.execute(_SET_REMOVING, {"id": drive_id})
+def mark_removing(session: Session, drive_id: uuid.UUID) -> str:
+    """All that the drive said is taken back; its row goes once its squares are solved without it. The key of its blob,
+    which nobody needs any more."""
+    blob_key: str = session.execute(_SET_REMOVING, {"id": drive_id}).scalar_one()
+    return blob_key
 
 
-def delete_removed(session: Session) -> list[tuple[uuid.UUID, str]]:
-    """Delete the rows of drives of which nothing is left on the map; their ids and the keys of their blobs."""
-    return [(row.id, row.blob_key) for row in session.execute(_REMOVED)]
+class Removed(NamedTuple):
+    """A drive that is gone: where its blob was, and where it had driven (degrees; None: it was never known)."""
+
+    id: uuid.UUID
+    blob_key: str
+    bbox: Bounds | None
+
+
+def delete_removed(session: Session) -> list[Removed]:
+    """Delete the rows of drives of which nothing is left on the map."""
+    return [Removed(*row) for row in session.execute(_REMOVED)]

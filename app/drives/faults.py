@@ -6,6 +6,7 @@ import logging
 import uuid
 from typing import NamedTuple
 
+from app.core.telemetry.logs import blanked
 from app.jobs.memory import MORE_MEMORY
 from fusion.errors import FusionError
 
@@ -35,7 +36,7 @@ class Fault(NamedTuple):
 def fault_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Fault:
     """What is said of an error in a run of ``what`` (drive, trial); what is the service's fault is logged as well."""
     if isinstance(error, FusionError):
-        return Fault(error.kind, str(error), error.where)
+        return Fault(error.kind, blanked(str(error)), error.where)
     if isinstance(error, MemoryError):
         logger.error("%s %s: out of memory in stage %s", what, number, stage)
         reason = f"The drive needs {MORE_MEMORY}. Split the log into shorter drives."

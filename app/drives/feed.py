@@ -198,17 +198,19 @@ class Feed:
         followed = drives & self._followers.keys()
         if not followed:
             return True
+        # Who comes from here on waits for a look that begins later: a drive may be removed meanwhile.
+        waiting = list(self._of(followed))
         try:
             states = await to_thread.run_sync(self._read, followed, limiter=self._thread)
         except Exception as error:  # whatever it is: without this loop nobody is told anything any more
             if not isinstance(error, SQLAlchemyError):
                 log.exception("followed drives cannot be looked at")
             self._due |= followed
-            for follower in self._of(followed):
+            for follower in waiting:
                 follower.fail(error)
             return False
         news = {drive_id: News(state) for drive_id, state in states.items()}
-        for number, follower in enumerate(self._of(followed), start=1):
+        for number, follower in enumerate(waiting, start=1):
             follower.hear(news.get(follower.drive_id))
             if number % TOLD_AT_ONCE == 0:
                 await asyncio.sleep(TELL_PAUSE_S)

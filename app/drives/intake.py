@@ -171,21 +171,22 @@ def reprocess(
     return drive
 
 
-def remove_drive(sessions: Sessions, drive_id: uuid.UUID, origin: str | None = None) -> Drive | None:
-    """Cancel a drive whatever its status, and queue its removal; None when there is none.
+def remove_drive(sessions: Sessions, drive_id: uuid.UUID, origin: str | None = None) -> bool:
+    """Cancel a drive whatever its status, and queue its removal; False when there is none, or it was cancelled before.
 
-    A worker that computes it finds it cancelled and discards its result. Its influence, its row and its bytes go in
-    that order (``app.drives.publishing``). ``origin``: who asked over HTTP, for the audit log.
+    Nobody is shown anything of it from here on, and a worker that computes it, or a trial of it, discards the result.
+    Its influence, its bytes and its row go soon (``app.drives.publishing``). ``origin``: who asked over HTTP, for the
+    audit log.
     """
     with sessions.begin() as session:
-        drive, generation = drives.request_removal(session, drive_id)
-        if generation is not None:
-            queue.enqueue_removal(session, drive_id, generation)
-            if origin is not None and drive is not None:
-                audit.note(session, origin, "drive removed", drive_id, filename=drive.filename)
-    if generation is not None:
-        tell(logger, "drive cancelled", drive=drive_id, reason="its removal was asked for")
-    return drive
+        generation = drives.request_removal(session, drive_id)
+        if generation is None:
+            return False
+        queue.enqueue_removal(session, drive_id, generation)
+        if origin is not None:
+            audit.note(session, origin, "drive removed", drive_id)
+    tell(logger, "drive cancelled", drive=drive_id, reason="its removal was asked for")
+    return True
 
 
 def sweep_blobs(

@@ -9,22 +9,27 @@ from __future__ import annotations
 import logging
 import time
 import uuid
+from collections.abc import Sequence
 
 from sqlalchemy.orm import Session
 
 from app.changes.webhooks.store import DRIVE_DONE, announce_drive
 from app.core.blobs import BlobStore
-from app.core.db import Sessions
+from app.core.db import Bounds, Sessions
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.core.telemetry.measures import DRIVES_DONE, STAGE_S
 from app.drives import endings, queue
+from app.drives.batches.store import fold_counts
+from app.exports import store as exports
 from app.map.derived import following
+from app.map.tiles.store import drop_tiles
 from app.network import results as slopes
 from app.network.hearing import Hearing, hearings
 from app.network.marks import MarkedBy, any_due, any_hope, count_cells, make_due
 from app.network.settle import settle_due
 from app.network.swap import BusyError, solve_marked
+from app.roads import attic
 
 logger = logging.getLogger(__name__)
 
@@ -35,6 +40,9 @@ a fifth of that (``benchmarks/publishing.py``), so that most of the time is the 
 SETTLE_AFTER_S = 600.0
 """What changed is settled in a wide window so long after, when nothing else waits."""
 
+
+REACH_DEG = 0.1
+"""So far from a drive may lie what the map said on account of it: heights are carried over undriven gaps."""
 
 DERIVE_PAUSE_S = 5.0
 """While drives wait, what is derived from segments follows no more often than that: they come first, and one piece does
@@ -130,10 +138,25 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
         _tell_done(drive, heard.get(drive.id))
     with sessions.begin() as session:
         removed = endings.delete_removed(session)
-    for drive_id, key in removed:
+        files = _clear_up(session, [one.bbox for one in removed if one.bbox is not None]) if removed else []
+    for one in removed:
+        blobs.delete(one.blob_key)
+        tell(logger, "drive deleted", drive=one.id)
+    for key in files:
         blobs.delete(key)
-        tell(logger, "drive deleted", drive=drive_id)
     return len(published) + len(removed)
+
+
+def _clear_up(session: Session, boxes: Sequence[Bounds]) -> list[str]:
+    """Take away what tells of removed drives that were in these boxes and does not go with their rows; the files that
+    nobody refers to any more."""
+    attic.drop_empty(session)
+    fold_counts(session, most_rows=0)
+    if not boxes:
+        return []
+    wide = [(w - REACH_DEG, s - REACH_DEG, e + REACH_DEG, n + REACH_DEG) for w, s, e, n in boxes]
+    drop_tiles(session, wide)
+    return exports.end_over(session, wide)
 
 
 def _tell_done(drive: endings.Published, heard: Hearing | None) -> None:
@@ -154,11 +177,15 @@ def _tell_done(drive: endings.Published, heard: Hearing | None) -> None:
 
 
 def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation: int) -> None:
-    """Take back what a drive said whose removal was asked for; its row goes when its squares are solved."""
+    """Take back what a drive said whose removal was asked for, and delete its log; its row goes when its squares are
+    solved, however long that takes."""
+    blob_key = None
     with sessions.begin() as session:
         slopes.begin_change(session, drive_id)
         if endings.lock_cancelled(session, drive_id, generation):
             slopes.append_removal(session, MarkedBy(drive_id, generation))
-            endings.mark_removing(session, drive_id)
+            blob_key = endings.mark_removing(session, drive_id)
             queue.enqueue_solve(session)
+    if blob_key is not None:
+        blobs.delete(blob_key)
     finish(sessions, blobs)

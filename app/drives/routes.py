@@ -141,17 +141,16 @@ def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
 
 
 @router.delete("/{drive_id}", status_code=202, summary="Remove a drive", responses=problems(403, 404, 503))
-def delete_drive(
-    drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, response: Response, origin: Origin
-) -> DriveAccepted:
-    """Always works, whatever the status: a worker that computes it stops and discards its result.
+def delete_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, origin: Origin) -> DriveAccepted:
+    """Always works, whatever the status: a worker that computes it, or a trial of it, stops and discards the result.
 
-    The drive is `cancelled` at once. Its influence leaves every segment within seconds, then the drive and its log are
-    gone: `GET` answers 404. The same bytes uploaded meanwhile are a drive of their own.
+    From the answer on the drive and every part of it are 404. Its influence leaves every segment, and its log the
+    store, within seconds; `/v1/admin/queue` counts removals that are under way. The same bytes uploaded meanwhile are
+    a drive of their own.
     """
-    drive = found(intake.remove_drive(service.sessions, drive_id, origin), "drive", drive_id)
-    response.headers["Location"] = drive_address(base, drive)
-    return accepted(base, drive)
+    found(intake.remove_drive(service.sessions, drive_id, origin) or None, "drive", drive_id)
+    links = [link(f"{base}/v1/admin/queue", "monitor", title="How many removals are under way")]
+    return DriveAccepted(id=drive_id, status=DriveStatus("cancelled"), links=links)
 
 
 @router.post(

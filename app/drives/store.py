@@ -15,7 +15,9 @@ from typing import Any
 from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
+from app.changes.webhooks.store import forget_drives
 from app.core.db import plain_json, plain_text
+from app.core.tables import IS_SHOWN
 from app.core.telemetry.tracing import traceparent
 from app.drives.documents import Drive, DrivePlace
 from app.drives.listing.orders import Order, key_of, stretches
@@ -27,18 +29,21 @@ from app.network.marks import PATIENCE
 _SHOWN = f"""
     d.*, ARRAY(SELECT DISTINCT m.cell FROM network_marks AS m
                WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries > {PATIENCE}
-               ORDER BY m.cell) AS unsolved_cells, CASE WHEN d.bounds IS NOT NULL
+               ORDER BY m.cell) AS unsolved_cells,
+    (SELECT w.id FROM drives AS w WHERE w.id = d.same_as AND {IS_SHOWN.format("w")}) AS heard_instead,
+    CASE WHEN d.bounds IS NOT NULL
          THEN ARRAY[ST_XMin(d.bounds), ST_YMin(d.bounds), ST_XMax(d.bounds), ST_YMax(d.bounds)] END AS bbox
 """  # noqa: S608 - constants
-_DRIVES = "SELECT" + _SHOWN + "FROM drives AS d "
+_FROM = f"FROM drives AS d WHERE {IS_SHOWN.format('d')}"
+_DRIVES = "SELECT" + _SHOWN + _FROM
 
-_GET = text(_DRIVES + "WHERE d.id = :id")
-_GET_EACH = text(_DRIVES + "WHERE d.id = ANY(:ids)")
+_GET = text(_DRIVES + " AND d.id = :id")
+_GET_EACH = text(_DRIVES + " AND d.id = ANY(:ids)")
 # Of drives from before contents were told only the bytes are known, plain ones perhaps; the very same bytes first.
 _GET_BY_CONTENT = text(
     _DRIVES
     + """
-    WHERE d.content_sha256 = :content_sha256 OR d.sha256 IN (:sha256, :content_sha256)
+     AND (d.content_sha256 = :content_sha256 OR d.sha256 IN (:sha256, :content_sha256))
     ORDER BY d.sha256 = :sha256 DESC, d.created_at LIMIT 1
     """
 )
@@ -67,16 +72,23 @@ _GIVE_BLOB = text(
     """
 )
 
-# A worker that computes the drive finds by the generation that its result is unwanted. What it is known by is free
-# from here on: the same log uploaded again is another drive, and does not go with this one.
+CANCELLED = """
+    status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp(),
+    sha256 = 'removed ' || d.id, content_sha256 = NULL, filename = '', options = jsonb_build_object(), report = NULL,
+    drive_time = NULL, failure_kind = NULL, failure_reason = NULL, failure_where = NULL, before_batch = NULL,
+    traceparent = NULL
+"""
+"""What becomes of a drive (d) whose removal is asked for. A worker that computes it finds by the generation that its
+result is unwanted. What it is known by is free from here on: the same log uploaded again is another drive, and does not
+go with this one. Its row may have to wait for its squares: what stays is what takes it back."""
 _CANCEL = text(
-    """
-    UPDATE drives
-    SET status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp(),
-        sha256 = 'removed ' || id, content_sha256 = NULL
-    WHERE id = :id AND status <> 'cancelled' RETURNING generation
-    """
+    f"UPDATE drives AS d SET {CANCELLED} WHERE d.id = :id AND {IS_SHOWN.format('d')} RETURNING d.generation"  # noqa: S608
 )
+# Of drives whose removal is asked for. A worker that computes a trial finds that it is gone, and ends.
+_FORGET = [
+    text(f"DELETE FROM {table} WHERE drive_id = ANY(CAST(:ids AS uuid[]))")  # noqa: S608 - constants
+    for table in ("drive_trials", "drive_tracks", "drive_pictures")
+]
 # By the higher generation a worker that still computes the older request finds that its result is unwanted.
 ANEW = """
     status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
@@ -192,7 +204,7 @@ def list_drives(
     found: list[Row[Any]] = []
     for part in stretches(order, after or before, backwards=before is not None):
         query = (
-            f"SELECT {key_of(order)} AS list_key,{_SHOWN}FROM drives AS d WHERE true{conditions}{part.condition} "
+            f"SELECT {key_of(order)} AS list_key,{_SHOWN}{_FROM}{conditions}{part.condition} "
             f"ORDER BY {part.order_by} LIMIT :limit"
         )
         found += session.execute(text(query), {**values, **part.values, "limit": limit - len(found)})
@@ -213,13 +225,22 @@ def request_reprocess(
     return get_drive(session, drive_id) if changed(session, _ASK_ANEW, values) else None
 
 
-def request_removal(session: Session, drive_id: uuid.UUID) -> tuple[Drive | None, int | None]:
-    """Cancel the drive whatever its status: the drive, None: there is none; and its generation if it was not yet.
+def request_removal(session: Session, drive_id: uuid.UUID) -> int | None:
+    """Cancel the drive whatever its status: its generation; None: there is none, or it was cancelled before.
 
     The caller enqueues the job that takes it back in the same transaction (``app.drives.intake.remove_drive``).
     """
-    generation = session.execute(_CANCEL, {"id": drive_id}).scalar()
-    return get_drive(session, drive_id), generation
+    generation: int | None = session.execute(_CANCEL, {"id": drive_id}).scalar()
+    if generation is not None:
+        forget(session, [drive_id])
+    return generation
+
+
+def forget(session: Session, drive_ids: Collection[uuid.UUID]) -> None:
+    """Delete what is stored of cancelled drives to be shown, and nothing else: trials, tracks, pictures, messages."""
+    for statement in _FORGET:
+        session.execute(statement, {"ids": list(drive_ids)})
+    forget_drives(session, drive_ids)
 
 
 def unreferenced_blobs(session: Session, keys: Sequence[str]) -> list[str]:
@@ -235,7 +256,7 @@ def _one(session: Session, statement: TextClause, values: Mapping[str, Any]) -> 
 
 def _shown(session: Session, rows: Iterable[Row[Any]]) -> list[Drive]:
     """The drives of these rows, each with how it agrees with the others by now."""
-    found = [dict(row._mapping) for row in rows]
+    found = [{**row._mapping, "same_as": row.heard_instead} for row in rows]
     heard = hearings(session, [columns["id"] for columns in found if columns["report"] is not None])
     return [Drive.of({**columns, "hearing": heard.get(columns["id"])}) for columns in found]
 

@@ -13,6 +13,7 @@ import pyarrow as pa
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.tables import IS_SHOWN
 from app.drives.documents import Drive
 from fusion.types import DrawnMeasurements, Ints, Track
 
@@ -34,14 +35,14 @@ PICTURE_SCHEMA = 1
 
 _PICTURE = text("SELECT png FROM drive_pictures WHERE drive_id = :drive_id AND drawn_of = :drawn_of")
 
-# Of a drive that was deleted while its picture was drawn nothing is kept.
+# Of a drive that was removed while its picture was drawn nothing is kept: a removal that is under way is waited for.
 _KEEP_PICTURE = text(
-    """
+    f"""
     INSERT INTO drive_pictures (drive_id, drawn_of, png)
-    SELECT d.id, :drawn_of, :png FROM drives AS d WHERE d.id = :drive_id
+    SELECT d.id, :drawn_of, :png FROM drives AS d WHERE d.id = :drive_id AND {IS_SHOWN.format("d")} FOR KEY SHARE
     ON CONFLICT (drive_id) DO UPDATE
         SET drawn_of = excluded.drawn_of, png = excluded.png, drawn_at = excluded.drawn_at
-    """
+    """  # noqa: S608 - constants
 )
 _DROP_OLD_PICTURES = text(
     """

@@ -18,6 +18,7 @@ from app.changes.webhooks import telling
 from app.changes.webhooks.telling import Teller
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
+from app.core.telemetry import audit
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
 from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
@@ -209,6 +210,8 @@ def _sweep(bench: Workbench, settings: Settings, older_than: timedelta) -> None:
     if gone := changes.prune(bench.sessions, settings.changes_kept_days):
         logger.info("%d segments that went or moved long ago are not told as changes any more", gone)
     telling.prune(bench.sessions)
+    with bench.sessions.begin() as session:
+        audit.prune(session)
     if files := sweep_files(settings, bench.sessions):
         logger.info("removed %d files that no export refers to", len(files))
     found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)

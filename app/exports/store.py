@@ -15,8 +15,9 @@ from typing import Any
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import plain_json, plain_text
+from app.core.db import Bounds, plain_json
 from app.core.errors import BusyError
+from app.core.telemetry.logs import reason_text
 from app.exports.documents import Export
 from app.jobs.task import Kind, add_job
 
@@ -103,6 +104,30 @@ _CANCEL = text(
     FROM (SELECT id, blob_key FROM exports WHERE id = :id FOR UPDATE) AS was
     WHERE e.id = was.id AND e.status <> 'cancelled' RETURNING was.blob_key
     """
+)
+
+# Of the moment before a drive was removed that lay in one of these boxes. One that is being made begins anew.
+_OVER = """
+    e.request ->> 'bbox' IS NULL OR CAST(e.request #>> '{bbox,0}' AS float8) > CAST(e.request #>> '{bbox,2}' AS float8)
+    OR EXISTS (
+        SELECT FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
+                           CAST(:north AS float8[])) AS b (west, south, east, north)
+        WHERE CAST(e.request #>> '{bbox,0}' AS float8) <= b.east AND CAST(e.request #>> '{bbox,2}' AS float8) >= b.west
+            AND CAST(e.request #>> '{bbox,1}' AS float8) <= b.north
+            AND CAST(e.request #>> '{bbox,3}' AS float8) >= b.south)
+"""
+_END_OVER = text(
+    f"""
+    UPDATE exports AS e SET status = 'cancelled', blob_key = NULL, companions = '{{}}', notes = '{{}}'
+    FROM (SELECT e.id, e.blob_key FROM exports AS e WHERE e.status = 'done' AND ({_OVER}) FOR UPDATE) AS was
+    WHERE e.id = was.id RETURNING was.blob_key
+    """  # noqa: S608 - constants
+)
+_BEGIN_OVER = text(
+    f"""
+    UPDATE exports AS e SET status = 'queued', run = run + 1, progress = 0 WHERE e.status = 'running' AND ({_OVER})
+    RETURNING e.id
+    """  # noqa: S608 - constants
 )
 
 # What is to go: what has expired, and of what is kept the oldest, as far as it is too much together.
@@ -234,7 +259,13 @@ def fail(
     session: Session, export_id: uuid.UUID, kind: str, reason: str, keep_days: float, run: int | None = None
 ) -> None:
     """It failed, unless it is at its end already, or has another run than ``run``."""
-    values = {"id": export_id, "kind": kind, "reason": plain_text(reason), "keep_days": keep_days, "run": run}
+    values = {
+        "id": export_id,
+        "kind": kind,
+        "reason": reason_text(reason),
+        "keep_days": keep_days,
+        "run": run,
+    }
     session.execute(_FAIL, values)
 
 
@@ -242,6 +273,16 @@ def cancel(session: Session, export_id: uuid.UUID, keep_days: float) -> str | No
     """Cancel it, whatever its status; the blob that nobody refers to any more. Once more changes nothing."""
     blob_key: str | None = session.execute(_CANCEL, {"id": export_id, "keep_days": keep_days}).scalar()
     return blob_key
+
+
+def end_over(session: Session, boxes: Sequence[Bounds]) -> list[str]:
+    """End the exports of maps that reach into one of these boxes, degrees, and have those that are being made begin
+    anew; the blobs that nobody refers to any more."""
+    west, south, east, north = ([float(x) for x in side] for side in zip(*boxes, strict=True))
+    values = {"west": west, "south": south, "east": east, "north": north}
+    for number in session.execute(_BEGIN_OVER, values).scalars().all():
+        _add_job(session, number)
+    return [key for key in session.execute(_END_OVER, values).scalars() if key is not None]
 
 
 def remove_old(session: Session, max_bytes: int) -> tuple[int, list[str]]:

@@ -16,6 +16,7 @@ from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
+from app.core.tables import IS_SHOWN
 from app.map.segment import COLUMNS, Segment
 
 # What a ``Segment`` is made of, in its order, then its ends.
@@ -164,11 +165,14 @@ class ObservationRow:
 # contributes, 1/percent squared, is nothing where a drive of the network is not heard. A share is one of all drives,
 # so all are read, as three columns, whichever page is shown.
 _OBSERVATIONS = text(
-    """
-    WITH said AS (
+    f"""
+    WITH shown AS (
+        SELECT e.* FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id AND {IS_SHOWN.format("d")}
+        WHERE e.segment_id = :id
+    ), said AS (
         SELECT e.drive_id, e.first_at, h.accepted,
                CASE WHEN h.accepted OR NOT e.in_network THEN e.slope_sigma_percent ^ -2 ELSE 0 END AS information
-        FROM drive_segments AS e
+        FROM shown AS e
         LEFT JOIN (SELECT p.drive_id, d.same_as IS NULL AND p.passes > coalesce(r.passes, 0) AS accepted
                    FROM (SELECT drive_id, count(*) AS passes FROM drive_passes
                          WHERE segment_id = :id
@@ -177,7 +181,6 @@ _OBSERVATIONS = text(
                    JOIN drives AS d ON d.id = p.drive_id
                    LEFT JOIN (SELECT drive_id, count(*) AS passes FROM rejected_passes WHERE segment_id = :id
                               GROUP BY drive_id) AS r ON r.drive_id = p.drive_id) AS h ON h.drive_id = e.drive_id
-        WHERE e.segment_id = :id
     ), page AS (
         SELECT *, (SELECT sum(information) FROM said) AS total FROM said
         WHERE CAST(:after_first_at AS timestamptz) IS NULL
@@ -189,11 +192,11 @@ _OBSERVATIONS = text(
            p.road_version_id, p.dem_version_id, p.created_at AS estimated_at,
            coalesce(h.information / nullif(h.total, 0), 0) AS weight
     FROM page AS h
-    JOIN drive_segments AS e ON e.drive_id = h.drive_id AND e.segment_id = :id
+    JOIN shown AS e ON e.drive_id = h.drive_id
     JOIN drives AS d ON d.id = e.drive_id
     JOIN provenances AS p ON p.id = e.provenance_id
     ORDER BY h.first_at DESC, h.drive_id DESC
-    """
+    """  # noqa: S608 - constants
 )
 
 

@@ -15,7 +15,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from app.network.sums import OF_DRIVE, append_sums, of_drive, sums_of_drive
+from app.network.sums import OF_DRIVE, of_drive, sums_of_drive, take_off
 from fusion.network.elsewhere import ConstantsSaid
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
@@ -102,7 +102,7 @@ def replace_passes(
     """
     session.execute(_KEEP, {"drive_id": drive_id})
     gone = fetch_binary(session, _DELETE, of_drive(session, drive_id))
-    append_sums(session, {segment: -said for segment, said in sums_of_drive(session, drive_id, gone).items()})
+    take_off(session, sums_of_drive(session, drive_id, gone))
     session.execute(_DELETE_VERDICTS, {"drive_id": drive_id})
     session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})
     touched = {segment for segment, *_ in gone}

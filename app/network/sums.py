@@ -1,9 +1,9 @@
 """Sums of old passes: a solution reads a bounded jury of the newest over a segment, and the others as one sum.
 
 A pass is in the jury until it is summed, once in its life; what is in a sum is taken off again when its drive goes or
-turns out to be there twice. Sums are rows that are only added and, by whoever sums, put together; a row of a pass and
-its part in a sum change in one transaction. So nobody waits for anybody, whoever dies leaves the evidence as it was,
-and nothing is in both or in neither.
+turns out to be there twice. Sums are rows that are added and, by whoever sums or takes off, put together; a row of a
+pass and its part in a sum change in one transaction. So nobody waits for anybody, whoever dies leaves the evidence as
+it was, and nothing is in both or in neither.
 
 What is taken off is computed as it was when it was added. Whoever changes how (``fusion.network.sums``, and what
 ``fusion.network.elsewhere`` says of a pass) lets a migration empty ``pass_sums`` and ``drive_passes.summed_weight``:
@@ -47,6 +47,12 @@ _DRIVE_REGIONS = text(
 
 _OVER = "SELECT segment_id, said FROM pass_sums WHERE segment_id = ANY(%(ids)s::bigint[]) ORDER BY id"
 _TAKE = "DELETE FROM pass_sums WHERE segment_id = ANY(%(ids)s::bigint[]) RETURNING segment_id, said"
+# What others are at is left to them: nobody waits.
+_TAKE_FREE = """
+    DELETE FROM pass_sums WHERE id IN (
+        SELECT id FROM pass_sums WHERE segment_id = ANY(%(ids)s::bigint[]) FOR UPDATE SKIP LOCKED)
+    RETURNING segment_id, said
+"""
 _APPEND = """
     INSERT INTO pass_sums (segment_id, said)
     SELECT * FROM unnest(%(ids)s::bigint[], %(said)b::bytea[])
@@ -138,8 +144,21 @@ def append_sums(session: Session, sums: Mapping[int, PassSum]) -> None:
 
 def take_out(session: Session, drive_id: uuid.UUID) -> None:
     """Take a drive that is heard no longer off all sums: its passes are as if they had never been in one."""
-    gone = fetch_binary(session, _UNSUM, of_drive(session, drive_id))
-    append_sums(session, {segment: -said for segment, said in sums_of_drive(session, drive_id, gone).items()})
+    take_off(
+        session, sums_of_drive(session, drive_id, fetch_binary(session, _UNSUM, of_drive(session, drive_id)))
+    )
+
+
+def take_off(session: Session, said: Mapping[int, PassSum]) -> None:
+    """Take what a drive had said off the sums of segments. Nobody waits, and no row tells what the drive had said."""
+    if not said:
+        return
+    ids = {"ids": sorted(said)}
+    found = _added(fetch_binary(session, _TAKE_FREE, ids))
+    left = {segment for segment, _ in fetch_binary(session, _OVER, ids)}
+    for segment, one in said.items():
+        found[segment] = found[segment] + -one if segment in found else -one
+    append_sums(session, {k: one for k, one in found.items() if one.passes != 0 or k in left})
 
 
 def beyond_jury(passes: Sequence[OldPass]) -> list[OldPass]:

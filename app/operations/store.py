@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import plain_json, plain_text
 from app.core.errors import BusyError
+from app.core.telemetry.logs import reason_text
 from app.jobs.task import Kind as JobKind
 from app.jobs.task import add_job
 from app.operations.documents import Operation
@@ -249,7 +250,7 @@ def finish(session: Session, operation: Operation, result: Mapping[str, Any]) ->
 
 def fail(session: Session, number: uuid.UUID, kind: str, reason: str, run: int | None = None) -> str | None:
     """It failed, unless it is at its end already, or has another run than ``run``; the file that nobody wants now."""
-    values = {"id": number, "kind": kind, "reason": plain_text(reason), "run": run}
+    values = {"id": number, "kind": kind, "reason": reason_text(reason), "run": run}
     blob_key: str | None = session.execute(_FAIL, values).scalar()
     return blob_key
 

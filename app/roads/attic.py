@@ -36,6 +36,13 @@ _KEEP = text(
     ORDER BY s.id RETURNING id, segment_id
     """
 )
+# Of what is measured there is nothing left, for the drives are gone.
+_DROP_EMPTY = text(
+    """
+    DELETE FROM attic_segments AS a WHERE NOT EXISTS (SELECT FROM attic_passes AS p WHERE p.attic_id = a.id)
+        AND NOT EXISTS (SELECT FROM attic_estimates AS e WHERE e.attic_id = a.id)
+    """
+)
 _KEEP_PASSES = text(
     f"""
     INSERT INTO attic_passes (attic_id, drive_id, run, sequence, entered_s, factor)
@@ -245,6 +252,11 @@ def put_passes(session: Session, rows: Sequence[PassRow], carried: Sequence[Carr
     send_binary(session, _PUT, columns)
     regions = regions_of(session, {row[1] for row in rows})
     session.execute(_LOOKED_FOR, {"drives": list(set(drives)), "regions": regions})
+
+
+def drop_empty(session: Session) -> None:
+    """Forget roads that were kept for the sake of drives that are removed by now."""
+    session.execute(_DROP_EMPTY)
 
 
 def prune(sessions: Sessions, days: float) -> int:

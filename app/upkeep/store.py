@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.tables import IS_SHOWN
+
 # What stands here is in databases of every version, so that one can be backed up before it is migrated.
 _EXPORT = text("SELECT pg_export_snapshot()")
 _VERSIONS = text(
@@ -18,14 +20,20 @@ _VERSIONS = text(
            (SELECT extversion FROM pg_extension WHERE extname = 'postgis') AS postgis
     """
 )
-_BLOBS = text("SELECT DISTINCT ON (blob_key) blob_key, sha256, size_bytes FROM drives ORDER BY blob_key")
+_BLOBS = text(
+    f"""
+    SELECT DISTINCT ON (blob_key) blob_key, sha256, size_bytes FROM drives WHERE {IS_SHOWN.format("drives")}
+    ORDER BY blob_key
+    """  # noqa: S608 - constants
+)
 _RASTERS = text("SELECT sources FROM dem_versions WHERE active")
 _HAS_REGIONS = text("SELECT to_regclass('regions') IS NOT NULL")
 _IS_FOLLOWED = text("SELECT to_regclass('change_epoch') IS NOT NULL")
 _ROAD_FILES = text("SELECT file_uri, file_sha256 FROM regions WHERE file_uri IS NOT NULL ORDER BY file_uri")
 _COUNTS = text("SELECT (SELECT count(*) FROM drives) AS drives, (SELECT count(*) FROM segments) AS segments")
 _WANTED_STILL = text(
-    "SELECT blob_key FROM drives WHERE blob_key = ANY(CAST(:keys AS text[])) AND status <> 'cancelled' ORDER BY 1"
+    f"SELECT blob_key FROM drives WHERE blob_key = ANY(CAST(:keys AS text[])) AND {IS_SHOWN.format('drives')} "  # noqa: S608
+    "ORDER BY 1"
 )
 
 # Tables, views and sequences that belong to no extension.
@@ -82,7 +90,7 @@ _WORKERS = text(
     """
 )
 _DRIVE_BLOBS = text(
-    "SELECT CAST(id AS text) AS id, blob_key FROM drives WHERE status <> 'cancelled' ORDER BY 1"
+    f"SELECT CAST(id AS text) AS id, blob_key FROM drives WHERE {IS_SHOWN.format('drives')} ORDER BY 1"  # noqa: S608
 )
 
 

@@ -62,11 +62,11 @@ def publish_all(sessions: Sessions, blobs: BlobStore) -> None:
 def remove_drive(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID) -> bool:
     """Remove a drive as the API and a worker do; whether it was there."""
     with sessions.begin() as session:
-        drive, generation = drives.request_removal(session, drive_id)
+        generation = drives.request_removal(session, drive_id)
     if generation is not None:
         publishing.remove(sessions, blobs, drive_id, generation)
         publish_all(sessions, blobs)
-    return drive is not None
+    return generation is not None
 
 
 def carry_out_removals(sessions: Sessions, blobs: BlobStore) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime
 from typing import Any, NamedTuple
 
@@ -84,6 +84,9 @@ _ANNOUNCE_DRIVE = text(
     WHERE w.active AND CAST(:event AS text) = ANY(w.events) AND (w.bbox IS NULL OR EXISTS (
         SELECT FROM drives AS d WHERE d.id = :drive_id AND ST_Intersects(d.bounds, {_AREA})))
     """  # noqa: S608 - constants
+)
+_FORGET_DRIVES = text(
+    "DELETE FROM webhook_deliveries WHERE data ->> 'drive_id' = ANY(CAST(CAST(:ids AS uuid[]) AS text[]))"
 )
 _ADD_MESSAGE = text(
     """
@@ -260,6 +263,11 @@ def announce_drive(session: Session, event: str, drive_id: uuid.UUID, data: Mapp
     """Tell all who ask for it of a drive, in the session's transaction."""
     told = json.dumps(plain_json({"drive_id": str(drive_id), **data}))
     session.execute(_ANNOUNCE_DRIVE, {"event": event, "drive_id": drive_id, "data": told})
+
+
+def forget_drives(session: Session, drive_ids: Collection[uuid.UUID]) -> None:
+    """Tell nobody any more of these drives, and forget who was told."""
+    session.execute(_FORGET_DRIVES, {"ids": list(drive_ids)})
 
 
 def add_message(session: Session, webhook_id: uuid.UUID, event: str, data: Mapping[str, Any]) -> uuid.UUID:

@@ -32,6 +32,11 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 DRIVE_STATUSES = ("queued", "running", "done", "failed", "cancelled")
 
+IS_SHOWN = "{}.status <> 'cancelled'"
+"""SQL on a row of ``drives`` of that name: from the answer to the request for its removal on nobody is shown a drive,
+nor anything of it. Its row stays only until the map is solved without it. Every statement that reads drives for
+somebody says this."""
+
 WITHOUT_HEIGHTS = "dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"
 """Segments that were imported before heights of the elevation model were kept, and wait for them."""
 

@@ -16,10 +16,15 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import plain_json, plain_text
+from app.core.telemetry.logs import reason_text
 
 LONGEST_PROGRAM = 80
 LONGEST_SUBJECT = 200
 MOST_SHOWN = 500
+MOST_KEPT = 100_000
+"""Rows: whoever may ask at all could ask a hundred times a second. The latest stay."""
+NAMES, PLACES = frozenset({"filename"}), frozenset({"bbox"})
+"""Details that no row holds, and those of which it holds only that there were any."""
 
 _ADD = text(
     """
@@ -33,6 +38,9 @@ _READ = text(
     WHERE at > now() - make_interval(days => CAST(:days AS integer)) ORDER BY at DESC, id DESC LIMIT :most
     """
 )
+
+
+_PRUNE = text("DELETE FROM audit_log WHERE id <= (SELECT max(id) FROM audit_log) - CAST(:kept AS bigint)")
 
 
 class Audited(NamedTuple):
@@ -57,15 +65,27 @@ Origin = Annotated[str, Depends(get_origin)]
 
 
 def note(session: Session, origin: str, action: str, subject: object, **detail: Any) -> None:
-    """Write a row in the session's transaction; what of ``detail`` is None is left out."""
-    known: Mapping[str, Any] = {name: value for name, value in detail.items() if value is not None}
+    """Write a row in the session's transaction; what of ``detail`` is None is left out.
+
+    Rows outlast what they tell of, so none holds the name of an uploaded file or a place: a box is told as ``true``.
+    """
+    known: Mapping[str, Any] = {
+        name: name in PLACES or value
+        for name, value in detail.items()
+        if value is not None and name not in NAMES
+    }
     values = {
         "action": action,
-        "subject": plain_text(str(subject))[:LONGEST_SUBJECT],
+        "subject": reason_text(str(subject))[:LONGEST_SUBJECT],
         "detail": json.dumps(plain_json(known)),
         "origin": plain_text(origin),
     }
     session.execute(_ADD, values)
+
+
+def prune(session: Session, kept: int = MOST_KEPT) -> None:
+    """Forget all but about so many of the latest rows."""
+    session.execute(_PRUNE, {"kept": kept})
 
 
 def entries(session: Session, days: int, most: int = MOST_SHOWN) -> list[Audited]:

@@ -19,6 +19,7 @@ from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import Any, TextIO
 
+from app.core.db import plain_text
 from app.core.settings import Settings
 
 FIELDS = "versant"
@@ -71,6 +72,11 @@ def tell(logger: logging.Logger, event: str, /, *, level: int = logging.INFO, **
 def blanked(text: str) -> str:
     """The text without numbers that could be places."""
     return _GEOMETRY.sub(_BLANK, _PLACE.sub(_BLANK, text))
+
+
+def reason_text(reason: str | None) -> Any:
+    """Why something failed, as it may be stored: it is told to operators too, so no place is in it."""
+    return plain_text(None if reason is None else blanked(reason))
 
 
 class _Lines(logging.Formatter):

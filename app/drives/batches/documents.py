@@ -159,7 +159,9 @@ class Batch(BaseModel):
     )
     asked_at: Moment | None = Field(None, description="Null of all that is under way.")
     method: str | None = Field(None, description="Null: each drive keeps its own.")
-    selection: dict[str, Any] | None = Field(None, description="Which drives were asked for.")
+    selection: dict[str, Any] | None = Field(
+        None, description="Which drives were asked for; of a batch that is in the queue without its `bbox`."
+    )
     drives: int
     queued: int
     running: int

@@ -1,13 +1,15 @@
-"""Many drives removed at once: shown first, then cancelled piece by piece by a worker, each with a job of its own.
+"""Many drives removed at once: shown first, then cancelled piece by piece, each with a job of its own.
 
-What is left of it after a worker died is found again by its next run: a drive that is cancelled is chosen no more.
-It cannot be called off, since what goes is gone within moments; a dry run shows it before.
+The request does so itself, so that its answer finds all of them removed; what it leaves, should it be cut off, a worker
+goes on with: a drive that is cancelled is chosen no more. It cannot be called off, since what goes is gone within
+moments; a dry run shows it before.
 """
 
 from __future__ import annotations
 
 import logging
 import uuid
+from collections.abc import Callable
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -26,6 +28,7 @@ from app.drives.batches import removing_store as store
 from app.drives.batches.documents import BatchRequest, Selection, Which
 from app.drives.batches.removing_store import Meant, Sums
 from app.drives.method_choice import default_method
+from app.drives.progress import never
 from app.jobs.task import Interrupted, Task, Work
 from app.roads.regions import known_region
 from fusion.errors import RoadsError
@@ -99,15 +102,16 @@ def remove_drives(
 ) -> Removal:
     """Remove every done or failed drive that is meant, with its log and all that it said, as `DELETE` does of one.
 
-    `dry_run=true` answers 200 with what would go. Else a worker removes them, behind uploads; drives that are uploaded
-    or asked for again meanwhile stay. It cannot be called off. Once more finds nothing left to remove.
+    `dry_run=true` answers 200 with what would go. Else they and all their parts are 404 from the answer on, and workers
+    take back what they said, behind uploads; drives that are uploaded or asked for again meanwhile stay. It cannot be
+    called off. Once more finds nothing left to remove.
     """
     refuse_unknown(request, RemovalRequest.model_fields, BadRequestError)
     meant = _meant(service, asked)
     with service.sessions.begin() as session:
         sums = store.sums_of(session, meant)
-        if sums.drives and not asked.dry_run:
-            store.ask(session, meant)
+        asked_at = store.ask(session, meant) if sums.drives and not asked.dry_run else None
+        if asked_at is not None:
             audit.note(
                 session,
                 origin,
@@ -121,10 +125,12 @@ def remove_drives(
         response.status_code = 200
     else:
         tell(logger, "removal of drives asked for", drives=sums.drives)
+    if asked_at is not None:
+        _remove(service.sessions, meant, asked_at)
     links = (
         []
         if asked.dry_run
-        else [link(f"{base}/v1/drives?status=cancelled", "monitor", title="What is on its way")]
+        else [link(f"{base}/v1/admin/queue", "monitor", title="How many removals are under way")]
     )
     return Removal(
         **sums._asdict(), dry_run=asked.dry_run, sentence=_sentence(sums, asked.dry_run), links=links
@@ -137,7 +143,7 @@ def removing_task(sessions: Sessions) -> Task:
     def run(work: Work, *, asked_at: str, selection: Any, method: str | None, ids: list[str] | None) -> str:
         numbers = None if ids is None else tuple(uuid.UUID(one) for one in ids)
         meant = Meant(Selection.model_validate(selection), method, numbers)
-        return f"{_remove(sessions, work, meant, datetime.fromisoformat(asked_at))} drives"
+        return f"{_remove(sessions, meant, datetime.fromisoformat(asked_at), work.should_stop)} drives"
 
     def put_back(**_: Any) -> None:
         """Nothing waits but the job, and that goes back by itself."""
@@ -148,15 +154,17 @@ def removing_task(sessions: Sessions) -> Task:
     return Task(store.REMOVE_DRIVES, run, fail, put_back, subject="removal")
 
 
-def _remove(sessions: Sessions, work: Work, meant: Meant, asked_at: datetime) -> int:
+def _remove(
+    sessions: Sessions, meant: Meant, asked_at: datetime, should_stop: Callable[[], bool] = never
+) -> int:
     count, last = 0, None
     while True:
-        if work.should_stop():
+        if should_stop():
             raise Interrupted
         with sessions.begin() as session:
             drives, place = store.remove_piece(session, meant, asked_at, last)
         count, last = count + drives, place
-        if drives < store.PIECE_DRIVES:
+        if place is None:
             tell(logger, "drives cancelled", drives=count, reason="their removal was asked for")
             return count
 

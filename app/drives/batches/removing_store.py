@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 from app.drives.batches.documents import Selection
 from app.drives.batches.selection import conditions
 from app.drives.queue import BEHIND, REMOVE_DRIVE
+from app.drives.store import CANCELLED, forget
 from app.jobs.task import QUEUE, Kind, add_job
 
 REMOVE_DRIVES = Kind("remove_drives", BEHIND // 2)
@@ -33,15 +34,16 @@ _COUNT = """
 """
 _AFTER = " AND (d.created_at, d.id) > (:after_created_at, :after_id)"
 
+# A request and a worker may be at the same drives: each sees what the other has cancelled.
+_ONE_BY_ONE = text("SELECT pg_advisory_xact_lock(hashtextextended('versant removals', 0))")
+
 # As each is removed by itself (``app.drives.store``), its job behind uploads.
 _REMOVE = f"""
     WITH chosen AS MATERIALIZED (
         SELECT d.id {{meant}} ORDER BY d.created_at, d.id LIMIT :piece FOR UPDATE OF d
     ), gone AS (
-        UPDATE drives AS d
-        SET status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp(),
-            sha256 = 'removed ' || d.id, content_sha256 = NULL
-        FROM chosen WHERE d.id = chosen.id RETURNING d.id, d.generation, d.created_at
+        UPDATE drives AS d SET {CANCELLED} FROM chosen WHERE d.id = chosen.id
+        RETURNING d.id, d.generation, d.created_at
     ), last AS (SELECT created_at, id FROM gone ORDER BY created_at DESC, id DESC LIMIT 1),
     deferred AS (
         SELECT coalesce(cardinality(procrastinate_defer_jobs_v1(array_agg(
@@ -49,7 +51,8 @@ _REMOVE = f"""
                      jsonb_build_object('drive_id', id, 'generation', generation), NULL)
                  AS procrastinate_job_to_defer_v1) ORDER BY created_at, id))), 0) AS drives
         FROM gone)
-    SELECT deferred.drives, last.created_at, last.id FROM deferred LEFT JOIN last ON true
+    SELECT ARRAY(SELECT id FROM gone) AS ids, deferred.drives, last.created_at, last.id
+    FROM deferred LEFT JOIN last ON true
 """  # noqa: S608 - constants
 _NOW = text("SELECT clock_timestamp()")
 
@@ -100,7 +103,9 @@ def remove_piece(
     where, values = _where(meant, asked_at)
     if after is not None:
         where, values = where + _AFTER, {**values, "after_created_at": after.created_at, "after_id": after.id}
+    session.execute(_ONE_BY_ONE)
     row = session.execute(text(_REMOVE.format(meant=where)), {**values, "piece": PIECE_DRIVES}).one()
+    forget(session, row.ids)
     return row.drives, None if row.id is None else Place(row.created_at, row.id)
 
 

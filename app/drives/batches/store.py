@@ -81,14 +81,17 @@ _ENQUEUE = """
     UPDATE batches AS b
     SET drives = b.drives + deferred.drives, after_created_at = coalesce(last.created_at, b.after_created_at),
         after_id = coalesce(last.id, b.after_id),
-        state = CASE WHEN deferred.drives < :piece THEN 'enqueued' ELSE b.state END
+        state = CASE WHEN deferred.drives < :piece THEN 'enqueued' ELSE b.state END,
+        -- the box may be where somebody drives, and batches outlast drives
+        selection = CASE WHEN deferred.drives < :piece THEN b.selection - 'bbox' ELSE b.selection END
     FROM deferred LEFT JOIN last ON true
     WHERE b.id = :batch
     RETURNING b.state = 'enqueuing'
 """
 
 _CANCEL = text(
-    "UPDATE batches SET state = 'cancelled' WHERE id = :batch AND selection <> :renewal RETURNING id"
+    "UPDATE batches SET state = 'cancelled', selection = selection - 'bbox' "
+    "WHERE id = :batch AND selection <> :renewal RETURNING id"
 )
 
 # A job that a worker has just taken stays; the worker finds that the drive is not its own.

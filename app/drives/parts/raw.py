@@ -79,8 +79,6 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
     """
     with service.reading() as session:
         drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
-    if drive.status == "cancelled":
-        raise NotFoundError(f"The drive {drive_id} is being removed, and its log with it.")
     etag, size = f'"{drive.sha256}"', drive.size_bytes
     shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
     if etag_matches(request, etag):

@@ -119,8 +119,6 @@ def add_trial(
     chosen, positioning = asked_options(options, option), asked_positioning(gnss, gnss_option)
     with service.reading() as session:
         drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
-    if drive.status == "cancelled":
-        raise NotFoundError(f"The drive {drive_id} is being removed.")
     wanted = method or drive.method
     kept = drive.options if method is None and chosen is None else chosen or {}
     kept = with_positioning(with_columns_kept(kept, drive.options), positioning)

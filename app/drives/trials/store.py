@@ -14,7 +14,9 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import plain_text
-from app.core.errors import BusyError, TooManyError
+from app.core.errors import BusyError, NotFoundError, TooManyError
+from app.core.tables import IS_SHOWN
+from app.core.telemetry.logs import reason_text
 from app.drives.store import json_text
 from app.drives.trials.documents import KEPT, MOST_OF_A_DRIVE, Trial
 from app.jobs.task import Kind, add_job
@@ -29,10 +31,16 @@ _COLUMNS = """
     t.id, t.drive_id, t.method, t.options, t.status, t.stage, t.progress, t.run, t.failure_kind, t.failure_reason,
     t.failure_where, t.report, t.created_at, t.started_at, t.finished_at
 """
-_TRIALS = f"SELECT {_COLUMNS}, d.blob_key FROM drive_trials AS t JOIN drives AS d ON d.id = t.drive_id"  # noqa: S608
+_TRIALS = f"""
+    SELECT {_COLUMNS}, d.blob_key FROM drive_trials AS t
+    JOIN drives AS d ON d.id = t.drive_id AND {IS_SHOWN.format("d")}
+"""  # noqa: S608 - constants
 
 # Two that ask for the same at the same moment: the second waits for the first to commit.
 _ONE_BY_ONE = text("SELECT pg_advisory_xact_lock(hashtextextended('versant trials', 0))")
+
+# A removal that is under way is waited for.
+_KEEP_DRIVE = text(f"SELECT d.id FROM drives AS d WHERE d.id = :id AND {IS_SHOWN.format('d')} FOR KEY SHARE")  # noqa: S608
 
 _GET = text(f"{_TRIALS} WHERE t.id = :id AND t.drive_id = :drive_id")
 _SAME = text(f"{_TRIALS} WHERE t.drive_id = :drive_id AND t.asked_sha256 = :asked_sha256")
@@ -61,7 +69,7 @@ _CLAIM = text(
     UPDATE drive_trials AS t SET status = 'running', run = t.run + 1, stage = NULL, progress = 0,
         started_at = clock_timestamp()
     FROM drives AS d
-    WHERE t.id = :id AND d.id = t.drive_id AND d.status <> 'cancelled' AND t.status IN ('queued', 'running')
+    WHERE t.id = :id AND d.id = t.drive_id AND {IS_SHOWN.format("d")} AND t.status IN ('queued', 'running')
     RETURNING {_COLUMNS}, d.blob_key
     """  # noqa: S608 - constants
 )
@@ -120,9 +128,12 @@ def ask(
     """The trial of this drive that was asked for by the same, or a new one with its job; the flag says whether one
     was queued. One that failed is queued again.
 
-    ``TooManyError`` where the drive has as many as it may, ``BusyError`` where too many of all drives wait.
+    ``NotFoundError`` where the drive is being removed, ``TooManyError`` where it has as many as it may, ``BusyError``
+    where too many of all drives wait.
     """
     session.execute(_ONE_BY_ONE)
+    if session.execute(_KEEP_DRIVE, {"id": drive_id}).scalar() is None:
+        raise NotFoundError(f"There is no drive {drive_id}. It may have been deleted.")
     row = session.execute(_SAME, {"drive_id": drive_id, "asked_sha256": asked_sha256}).one_or_none()
     if row is not None and row.status != "failed":
         return Trial.of(row._asdict()), False
@@ -140,8 +151,8 @@ def ask(
         new = {"id": number, "drive_id": drive_id, "method": method, "options": json_text(options)}
         session.execute(_ADD, {**new, "asked_sha256": asked_sha256})
     _add_job(session, number)
-    found = session.execute(_GET, {"id": number, "drive_id": drive_id}).one()
-    return Trial.of(found._asdict()), True
+    row = session.execute(_GET, {"id": number, "drive_id": drive_id}).one()
+    return Trial.of(row._asdict()), True
 
 
 def get_trial(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial | None:
@@ -193,7 +204,7 @@ def fail(
     run: int | None = None,
 ) -> None:
     """It failed, unless it is at its end already, or has another run than ``run``."""
-    words = {"stage": plain_text(stage), "reason": plain_text(reason), "where": plain_text(where)}
+    words = {"stage": plain_text(stage), "reason": reason_text(reason), "where": reason_text(where)}
     session.execute(_FAIL, {"id": trial_id, "kind": kind, "run": run, **words})
 
 

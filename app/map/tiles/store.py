@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from psycopg.pq.abc import PGresult
 from sqlalchemy.orm import Session
 
-from app.core.db import fetch_binary
+from app.core.db import Bounds, fetch_binary, send_binary
 from app.map.store import FULL_ZOOM
 from app.map.tiles.connections import Connection
 from app.map.tiles.versions import Square
@@ -26,6 +27,8 @@ EXTENT = 4096
 BUFFER = 64
 """Units by which lines go on beyond a tile's edge, so that it does not cut wide strokes short."""
 NO_LIMIT = 2_000_000_000
+DEEPEST_KEPT = 30
+"""No zoom is below."""
 DEM_DIGITS = 1
 """Of slopes by the elevation model in tiles."""
 _WORLD_M = 2 * math.pi * 6_378_137
@@ -123,6 +126,16 @@ _CLEAN = f"""
     DELETE FROM stored_tiles AS t USING ranked AS r
     WHERE r.upto > %(most)s * 0.9 AND (t.layer, t.z, t.x, t.y) = (r.layer, r.z, r.x, r.y)
 """  # noqa: S608 - a constant
+
+# What somebody else is writing just now is of now.
+_DROP = """
+    DELETE FROM stored_tiles AS t USING (
+        SELECT t.layer, t.z, t.x, t.y FROM stored_tiles AS t
+        JOIN unnest(%(z)s::integer[], %(x0)s::integer[], %(x1)s::integer[], %(y0)s::integer[], %(y1)s::integer[])
+            AS b (z, x0, x1, y0, y1) ON t.z = b.z AND t.x BETWEEN b.x0 AND b.x1 AND t.y BETWEEN b.y0 AND b.y1
+        WHERE t.layer = ANY(%(layers)s::text[]) FOR UPDATE OF t SKIP LOCKED) AS old
+    WHERE (t.layer, t.z, t.x, t.y) = (old.layer, old.z, old.x, old.y)
+"""
 
 # Who wrote the row is part of the epoch: what a dump brings back was written by another transaction.
 _EPOCH = "(SELECT epoch || CAST(xmin AS text) FROM tile_epoch)"
@@ -261,6 +274,26 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM,
     if not found and layer == SEGMENTS and z < full_zoom:
         ((found,),) = fetch_binary(session, _SPECKS.format(level=drawn_level(z)), values)
     return bytes(found or b"")
+
+
+def drop_tiles(session: Session, boxes: Sequence[Bounds]) -> None:
+    """Keep no tile any more that meets one of these boxes, degrees: whoever asks for it has it built anew."""
+    ranges = [
+        (z, *sorted((_column(z, west), _column(z, east))), *sorted((_row(z, north), _row(z, south))))
+        for west, south, east, north in boxes
+        for z in range(DEEPEST_KEPT + 1)
+    ]
+    named = zip(("z", "x0", "x1", "y0", "y1"), map(list, zip(*ranges, strict=True)), strict=True)
+    send_binary(session, _DROP, {**dict(named), "layers": [SEGMENTS, WAYS]})
+
+
+def _column(z: int, lon_deg: float) -> int:
+    return min(max(int((lon_deg + 180) / 360 * (1 << z)), 0), (1 << z) - 1)
+
+
+def _row(z: int, lat_deg: float) -> int:
+    north = math.asinh(math.tan(math.radians(min(max(lat_deg, -85.0), 85.0)))) / math.pi
+    return min(max(int((1 - north) / 2 * (1 << z)), 0), (1 << z) - 1)
 
 
 def drawn_level(z: int) -> int:

@@ -139,7 +139,7 @@ def _waits(session: Session) -> list[dict[str, Any]]:
     count, oldest_s = session.execute(_REMOVALS, {"age_s": REMOVAL_S}).one()
     if count:
         what = "Removed drives are not gone after a quarter of an hour: their squares wait to be solved."
-        rows.append(_row("removal", False, what, "/drives?status=cancelled", count, oldest_s))
+        rows.append(_row("removal", False, what, "/v1/admin/queue", count, oldest_s))
     behind_s = store.behind(session).behind_s
     if behind_s is not None and behind_s > BEHIND_S:
         what = "Ways and low zooms are behind what was measured."

@@ -156,7 +156,7 @@ def test_a_removed_drive_is_gone_with_its_bytes(sessions: Sessions, blobs: BlobS
     assert created
     assert again.id != drive.id
     carry_out_removals(sessions, blobs)
-    assert intake.remove_drive(sessions, drive.id) is None
+    assert not intake.remove_drive(sessions, drive.id)
     assert blobs.keys() == [again.blob_key]
 
 

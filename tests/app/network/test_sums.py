@@ -180,7 +180,13 @@ def test_deleted_drives_are_taken_off_sums(
     for drive in made if oldest_first else made[::-1]:
         delete(sessions, drive)
         assert_sums_hold(sessions)
+        with sessions() as session:  # none of turned signs, which would tell what the drive had said
+            twice = (
+                "SELECT count(*) FROM (SELECT FROM pass_sums GROUP BY segment_id HAVING count(*) > 1) AS s"
+            )
+            assert session.execute(text(twice)).scalar_one() == 0
     assert rows_of(sessions) == {}
+    assert count_of(sessions, "pass_sums") == 0
     assert count_of(sessions, "drive_passes") == 0
 
 

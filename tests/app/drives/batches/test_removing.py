@@ -5,6 +5,7 @@ from __future__ import annotations
 import uuid
 from contextlib import nullcontext
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from sqlalchemy import text
@@ -54,6 +55,7 @@ def test_what_a_dry_run_shows_goes_and_nothing_else(filled: Web) -> None:
     assert shown["sentence"] == "1 drive of 0.1 km, and its log of 0.0 MB, would be removed for good."
     assert statuses(filled) == {"failed": 1, "queued": 1, "done": 2}
     assert remove(filled, failure="bad-log")["sentence"].endswith("is removed for good.")
+    assert statuses(filled) == {"cancelled": 1, "queued": 1, "done": 2}  # with the answer
     late = add_drive(filled.sessions, [7])
     with filled.sessions.begin() as session:  # it fails so after the request
         session.execute(text(failed), {"id": late})
@@ -84,7 +86,9 @@ def test_a_worker_that_is_killed_leaves_the_rest_to_the_next(
     for k in range(5):
         add_drive(filled.sessions, [k])
     monkeypatch.setattr(removing_store, "PIECE_DRIVES", 2)
-    assert remove(filled, which="all")["drives"] == 5
+    with monkeypatch.context() as cut_off:  # the request dies, its job is there
+        cut_off.setattr(removing_store, "remove_piece", Mock(side_effect=RuntimeError))
+        assert filled.client.post("/v1/drives/remove?which=all").status_code == 500
     with pytest.raises(Interrupted):
         run(filled, 1)
     assert statuses(filled) == {"cancelled": 2, "done": 3}

@@ -121,7 +121,9 @@ def test_every_order_and_filter_as_python_sorts_and_pages_lead_there_and_back(
         limit = data.draw(st.sampled_from([1000, 60, 7, 13]))
         asked = {"sort": sort, "limit": limit, **parameters} | ({"order": order} if order else {})
         descending = order == "desc" or (order is None and sort not in ("filename", "status"))
-        expected = in_order([row for row in rows if keeps(row)], sort, descending=descending)
+        expected = in_order(
+            [row for row in rows if keeps(row) and row["status"] != "cancelled"], sort, descending=descending
+        )
         pages: list[list[str]] = []
         answer = web.client.get("/v1/drives", params=asked)
         while True:
@@ -144,7 +146,7 @@ def test_every_order_and_filter_as_python_sorts_and_pages_lead_there_and_back(
 
 
 def test_a_drive_by_its_id(web: Any, rows: list[Row]) -> None:
-    for row in rows[:5]:
+    for row in [row for row in rows if row["status"] != "cancelled"][:5]:
         for said in (str(row["id"]), row["id"].hex, str(row["id"])[:8].upper(), f" {str(row['id'])[:13]} "):
             found = web.client.get("/v1/drives", params={"q": said}).json()["drives"]
             assert str(row["id"]) in [drive["id"] for drive in found]
