@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 POSTGRES := $(VENV)/.postgres
+COMPILED := $(VENV)/.compiled
 WEB := app/web
 DESCRIBE := import json; from app.main import create_app; print(json.dumps(create_app().openapi()))
 CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache
@@ -16,7 +17,7 @@ UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 16
 
-setup: $(INSTALLED) $(POSTGRES)  ## make .venv and, as root on Debian, install PostGIS if it is missing
+setup: $(INSTALLED) $(POSTGRES) $(COMPILED)  ## make .venv, compile, and as root on Debian install PostGIS if it is missing
 
 demo: setup  ## from nothing to slopes: the whole job on simulated drives, result in demo/
 	@$(BIN)/versant demo --output demo
@@ -72,4 +73,9 @@ $(INSTALLED): $(VENV)/.made .lock/dev.txt pyproject.toml
 
 $(POSTGRES): $(INSTALLED) .ci/prepare
 	@.ci/prepare postgis $(BIN)/python
+	@touch $@
+
+# Minutes once, where otherwise each process of the tests would compile the same loops.
+$(COMPILED): $(INSTALLED) $(shell find fusion -name '*.py')
+	@$(BIN)/python -m app.cli.compiling
 	@touch $@

@@ -57,10 +57,28 @@ def _compile(function: F, **options: Any) -> F:
     # numba asks for the kind of its cache once, when caching is switched on for a function.
     former = config.CACHE_LOCATOR_CLASSES
     config.CACHE_LOCATOR_CLASSES = _LOCATORS
+    loop = njit(nogil=True, **options)(function)
     try:
-        return cast(F, njit(cache=True, nogil=True, **options)(function))
+        with suppress(RuntimeError):  # no folder can be written to: each process compiles for itself
+            loop._cache = _Cache(function)  # as numba's cache=True does
     finally:
         config.CACHE_LOCATOR_CLASSES = former
+    return cast(F, loop)
+
+
+def cache_folder(function: Callable[..., Any]) -> Path | None:
+    """Where the machine code of a compiled function is kept; None where it cannot be."""
+    path = cast(Any, function)._cache.cache_path
+    return None if path is None else Path(path)
+
+
+class _Cache(caching.FunctionCache):  # type: ignore[misc]
+    """What cannot be written (read-only, no room) is compiled again by the next process, and no error."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the machine code of one signature."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
 
 
 class _StampedByContent(caching._CacheLocator):  # type: ignore[misc]
@@ -72,6 +90,14 @@ class _StampedByContent(caching._CacheLocator):  # type: ignore[misc]
 
     _py_file: str
     _lineno: int
+
+    def ensure_cache_path(self) -> None:
+        """Raise ``OSError`` where nothing can be kept; a read-only folder serves if somebody has filled it before."""
+        try:
+            super().ensure_cache_path()
+        except OSError:
+            if not any(Path(self.get_cache_path()).glob("*.nbi")):
+                raise
 
     def get_source_stamp(self) -> str:
         """SHA-256 of all that the function may be compiled from."""

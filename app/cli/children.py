@@ -1,6 +1,6 @@
 """Child processes that are kept running and stopped within a stated time: the service's parts, a worker's lanes.
 
-Knows them by their commands alone.
+Knows them by their commands alone; what is forked instead is ``lanes``'s to know.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 from app.cli.console import Console
 from app.core.settings import ENV_PREFIX, Settings
@@ -25,14 +25,36 @@ from app.core.settings import ENV_PREFIX, Settings
 STOP_MARGIN_S = 5.0
 """Beyond the grace that children have: they end within that, unless the machine is overloaded."""
 
+BEGIN_ANEW = 75
+"""Exit status of a child that ended in order, to be started again at once (EX_TEMPFAIL)."""
+
 LONGEST_PAUSE_S = 30.0  # between two attempts to start what keeps ending
 STEADY_S = 60.0  # a child that ran this long is no longer in a series of crashes
 MOST_LANES = 8
 MEMORY_PER_LANE_BYTES = 2**30
 _LOOK_EVERY_S = 0.2
-_STOPPING = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+STOPPING = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 _MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
+
+
+class Process(Protocol):
+    """What is asked of a child's process, as ``subprocess.Popen`` answers it."""
+
+    pid: int
+    returncode: int | Any
+
+    def poll(self) -> int | None:
+        """Exit status, None while it runs."""
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after so many seconds."""
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+
+    def kill(self) -> None:
+        """End it."""
 
 
 @dataclass
@@ -42,7 +64,7 @@ class Child:
     name: str
     command: Sequence[str]
     environment: dict[str, str]
-    process: subprocess.Popen[bytes] | None = None
+    process: Process | None = None
     started_s: float = 0.0
     restart_s: float = 0.0
     pause_s: float = 1.0
@@ -55,9 +77,20 @@ class Child:
         """
         self.started_s = time.monotonic()
         with _signals_held():
-            self.process = subprocess.Popen(  # noqa: S603 - our own program with our own arguments
-                self.command, env=self.environment, stdin=subprocess.PIPE, start_new_session=True
-            )
+            self.process = self.begun()
+
+    def begun(self) -> Process:
+        """Its process, just started."""
+        return subprocess.Popen(  # noqa: S603 - our own program with our own arguments
+            self.command, env=self.environment, stdin=subprocess.PIPE, start_new_session=True
+        )
+
+    def let_go(self) -> None:
+        """Forget the process, which has ended."""
+        pipe = getattr(self.process, "stdin", None)
+        if pipe is not None:
+            pipe.close()
+        self.process = None
 
     def look_after(self, console: Console) -> None:
         """Start it again if it has ended, after a pause that doubles from crash to crash."""
@@ -66,10 +99,13 @@ class Child:
             self.pause_s = 1.0 if now - self.started_s > STEADY_S else min(self.pause_s * 2, LONGEST_PAUSE_S)
             self.restart_s = now + self.pause_s
             ended = self.process.returncode
-            console.complain(
-                f"the {self.name} ended with status {ended}; starting it again in {self.pause_s:.0f} s."
-            )
-            self.process = None
+            if ended == BEGIN_ANEW:
+                self.pause_s, self.restart_s = 1.0, now
+            else:
+                console.complain(
+                    f"the {self.name} ended with status {ended}; starting it again in {self.pause_s:.0f} s."
+                )
+            self.let_go()
         if self.process is None and now >= self.restart_s:
             self.start()
 
@@ -93,6 +129,8 @@ class Children:
     settings: Settings
     console: Console
     children: list[Child] = field(default_factory=list)
+    earlier_s: float = 0.0
+    """By so much sooner than others their children are killed."""
 
     def __enter__(self) -> Self:
         try:
@@ -125,7 +163,7 @@ class Children:
             running = [c.process for c in self.children if c.process is not None and c.running]
             for process in running:
                 process.terminate()
-            deadline = time.monotonic() + stop_timeout_s(self.settings)
+            deadline = time.monotonic() + stop_timeout_s(self.settings) - self.earlier_s
             for process in running:
                 try:
                     process.wait(max(deadline - time.monotonic(), 0.01))
@@ -133,9 +171,7 @@ class Children:
                     process.kill()
                     process.wait()
             for child in self.children:
-                if child.process is not None and child.process.stdin is not None:
-                    child.process.stdin.close()
-                child.process = None
+                child.let_go()
 
 
 def stop_timeout_s(settings: Settings) -> float:
@@ -148,20 +184,18 @@ def versant(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "app.cli", *arguments, "--stop-with-parent"]
 
 
-def lanes(settings: Settings) -> list[Child]:
-    """Workers that compute side by side: as many as the settings want, each with its share of the cores."""
-    count = settings.worker_concurrency or sensible_lanes()
+def workers(settings: Settings) -> Child:
+    """The process that has the lanes (``app.cli.lanes``): each computes with its share of the cores."""
+    count = lane_count(settings)
     threads = str(max(1, _cores() // count))
     shares = dict.fromkeys(_THREADS, threads) if count > 1 else {}
     environment = shares | child_environment(settings)  # what is set by hand stays
-    return [
-        Child(
-            "worker" if count == 1 else f"worker {number}",
-            versant("worker", "--lane", str(number), *(["--without-chores"] if number > 1 else [])),
-            environment,
-        )
-        for number in range(1, count + 1)
-    ]
+    return Child("workers", versant("worker"), environment)
+
+
+def lane_count(settings: Settings) -> int:
+    """Lanes that compute side by side: as many as the settings want."""
+    return settings.worker_concurrency or sensible_lanes()
 
 
 def sensible_lanes() -> int:
@@ -198,7 +232,7 @@ def stop_signals() -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
-    former = {number: signal.signal(number, interrupt) for number in _STOPPING}
+    former = {number: signal.signal(number, interrupt) for number in STOPPING}
     try:
         yield
     except KeyboardInterrupt:
@@ -235,7 +269,7 @@ def _signals_handled(handler: Callable[[int, FrameType | None], object] | signal
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    former = {number: signal.signal(number, handler) for number in _STOPPING}
+    former = {number: signal.signal(number, handler) for number in STOPPING}
     try:
         yield
     finally:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import logging
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,15 +80,19 @@ def api(
     """Serve the HTTP API."""
     import uvicorn
 
+    from app.cli.children import stop_with_parent
     from app.cli.database import database, settings_for
     from app.cli.supervisor import free_port, reach
     from app.core.middleware import stay_loaded
+    from app.core.telemetry.logs import begin_logging
     from app.core.telemetry.tracing import begin_tracing, end_tracing
     from app.main import create_app
 
     console: Console = ctx.obj
     settings = settings_for(data_dir, port=port, host=host)
-    _begin(settings, "api", with_parent=with_parent)
+    begin_logging(settings, "api")
+    if with_parent:
+        stop_with_parent()
     begin_tracing(settings, "api")
     with database(settings, embedded=True if data_dir else None) as ready:
         _require_database(ready, migrated=False)  # until it is, /readyz says so
@@ -120,30 +125,23 @@ def worker(
         ),
     ] = None,
     with_parent: WithParent = False,
-    without_chores: Annotated[bool, typer.Option("--without-chores", hidden=True)] = False,
-    lane: Annotated[int | None, typer.Option("--lane", hidden=True)] = None,
 ) -> None:
     """Process uploaded drives. Any number of workers may share one database."""
-    from app.cli.children import Children, lanes, stop_signals
+    from app.cli.children import Children, stop_signals, workers
     from app.cli.database import database, settings_for
-    from app.core.telemetry.tracing import begin_tracing, end_tracing
 
     settings = settings_for(data_dir, worker_concurrency=concurrency)
-    process = "workers" if lane is None else f"worker {lane}"
-    _begin(settings, process, with_parent=with_parent)
+    console = _voice(ctx, settings, "workers")
+    if with_parent:  # and with a database that the parent has found or started
+        from app.cli.lanes import serve
+
+        with stop_signals():
+            serve(settings, console, partial(_require_database, migrated=True))
+        return
     with database(settings, embedded=True if data_dir else None) as ready:
         _require_database(ready, migrated=True)
-        if with_parent:
-            from app.core.standing_back import stand_back
-            from app.drives.worker import run_worker
-
-            stand_back()
-            begin_tracing(settings, process)
-            run_worker(ready, with_chores=not without_chores, process=process)
-            end_tracing()
-            return
-        with stop_signals(), Children(ready, _voice(ctx, settings, process), lanes(ready)) as workers:
-            workers.look_after_all()
+        with stop_signals(), Children(ready, console, [workers(ready)]) as children:
+            children.look_after_all()
 
 
 @app.command("migrate")
@@ -182,16 +180,6 @@ def _require_database(settings: Settings, *, migrated: bool) -> None:
     found = standing_of(settings.database_url)
     if migrated or found.newer:
         found.demand()
-
-
-def _begin(settings: Settings, process: str, *, with_parent: bool) -> None:
-    from app.core.telemetry.logs import begin_logging
-
-    begin_logging(settings, process)
-    if with_parent:
-        from app.cli.children import stop_with_parent
-
-        stop_with_parent()
 
 
 def _voice(ctx: typer.Context, settings: Settings, process: str) -> Console:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import httpx
 
-from app.cli.children import LONGEST_PAUSE_S, Child, Children, child_environment, lanes, versant
+from app.cli.children import LONGEST_PAUSE_S, Child, Children, child_environment, versant, workers
 from app.cli.console import Console, sentence
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
@@ -67,7 +67,7 @@ class Service(Children):
     def __post_init__(self) -> None:
         self.settings = self.settings.model_copy(update={"port": free_port(self.settings)})
         api = Child("api", versant("api"), child_environment(self.settings))
-        self.children = [api, *lanes(self.settings)]
+        self.children = [api, workers(self.settings)]
 
     @property
     def address(self) -> str:

@@ -6,6 +6,7 @@ import logging
 import uuid
 from typing import NamedTuple
 
+from app.jobs.memory import MORE_MEMORY
 from fusion.errors import FusionError
 
 logger = logging.getLogger(__name__)
@@ -37,7 +38,7 @@ def fault_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Faul
         return Fault(error.kind, str(error), error.where)
     if isinstance(error, MemoryError):
         logger.error("%s %s: out of memory in stage %s", what, number, stage)
-        reason = "The drive needs more memory than the worker has. Split the log into shorter drives."
+        reason = f"The drive needs {MORE_MEMORY}. Split the log into shorter drives."
         return Fault("out-of-memory", reason)
     logger.error("%s %s failed unexpectedly in stage %s", what, number, stage, exc_info=error)
     return Fault(

@@ -30,6 +30,7 @@ from app.drives.trials.run import tend as tend_trials
 from app.drives.trials.run import trial_task
 from app.exports.run import export_task, sweep_files
 from app.exports.run import tend as tend_exports
+from app.jobs.memory import limit_growth
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
 from app.map import figures, growth
@@ -67,17 +68,21 @@ def run_worker(
     stop_event: threading.Event | None = None,
     with_chores: bool = True,
     process: str = "worker",
-) -> None:
+    renewed: bool = False,
+) -> bool:
     """Process drives, one after the other, until SIGTERM or SIGINT (in the main thread) or ``stop_event``.
 
     With ``wait=False`` it returns as soon as the queue is empty and what follows from it is derived. May run in any
     thread. Asked to stop it ends within ``settings.grace_s``; in the main thread whatever its drive does, for then the
     process is taken to be its own.
     Without ``with_chores`` another worker of this machine sees to what is done beside the drives. What it counts is
-    written under the name ``process``.
+    written under the name ``process``. ``renewed``: another process takes the place of this one when it ends; it may
+    take so much memory as the settings say, and returns True where it ended for having grown.
     """
     if settings.database_url is None:
         raise ValueError("the worker needs settings.database_url")
+    if renewed:
+        limit_growth(settings.lane_memory_bytes)
     engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, behind=True)
     try:
         bench = Workbench.of(settings, session_factory(engine))
@@ -85,9 +90,11 @@ def run_worker(
         with counting(bench.sessions, process) as ledger, closing(Teller(bench.sessions, settings)) as teller:
             written = in_thread(ledger.write, "what was counted could not be written")
             chores = _chores(bench, settings, ledger, teller) if with_chores else ()
-            worker.run(((written, WRITE_EVERY_S), *chores), wait=wait, stop_event=stop_event)
+            every = ((written, WRITE_EVERY_S), *chores)
+            again = worker.run(every, wait=wait, stop_event=stop_event, renewed=renewed)
             if not wait:
                 following.follow_all(bench.sessions, stop_event)
+            return again
     finally:
         engine.dispose()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,6 +17,7 @@ from procrastinate.retry import BaseRetryStrategy, RetryDecision
 from app.core.settings.places import libpq_url
 from app.core.telemetry.logs import about
 from app.jobs.computations import Witness
+from app.jobs.memory import MORE_MEMORY
 from app.jobs.task import QUEUE, Interrupted, Task, TooLongError, Work, is_connection_loss
 from fusion.errors import FusionError
 
@@ -96,6 +97,8 @@ class Runs:
         """Whom the queue has given jobs in this process."""
         self.stopping = threading.Event()
         """Runs end at their next look and go back into the queue."""
+        self.after_each: Callable[[], None] = _nothing
+        """Called when a run is over."""
 
     def overdue(self) -> list[Run]:
         """Those that took longer than they may and do not look."""
@@ -106,8 +109,11 @@ class Runs:
         once = context.job.queueing_lock is not None
         run = Run(context.job.id or 0, task, arguments, self.limit_s, context.job.worker_id or 0, once)
         self.workers.add(run.worker)
-        with about(job=run.job):
-            return self._performed(run, context)
+        try:
+            with about(job=run.job):
+                return self._performed(run, context)
+        finally:
+            self.after_each()
 
     def _performed(self, run: Run, context: procrastinate.JobContext) -> str:
         task, arguments, once = run.task, run.arguments, run.once
@@ -193,6 +199,10 @@ def _register(app: procrastinate.App, task: Task, runs: Runs) -> None:
         return runs.perform(task, context, arguments)
 
 
+def _nothing() -> None:
+    """Nobody wants to know."""
+
+
 def _died(task: Task, deaths: int) -> str:
     return (
         f"The worker died {deaths} times while it processed this {task.subject}, most likely for lack of memory. "
@@ -205,7 +215,7 @@ def _in_words(task: Task, error: Exception) -> tuple[str, str]:
     if isinstance(error, FusionError):
         return error.kind, str(error)
     if isinstance(error, MemoryError):
-        return "out-of-memory", f"This {task.subject} needs more memory than the worker has. {task.advice}"
+        return "out-of-memory", f"This {task.subject} needs {MORE_MEMORY}. {task.advice}"
     fault = (
         f"Processing failed by a fault of the service ({type(error).__name__}). It is in the worker's log."
     )

@@ -95,6 +95,11 @@ class Stopping:
         """The loop in which the queue is open."""
         self._loop = loop
 
+    def in_loop(self, call: Callable[[], object]) -> None:
+        """Have the worker's loop do something, whatever thread asks for it."""
+        assert self._loop is not None  # noqa: S101 - it runs
+        self._loop.call_soon_threadsafe(call)
+
     def _stop(self) -> None:
         if self._over.wait(self._grace_s * RUN_ON_SHARE):
             return

@@ -21,6 +21,7 @@ from sqlalchemy import Engine
 
 from app.core.db import Sessions
 from app.core.settings import Settings
+from app.jobs import memory
 from app.jobs.computations import Witness, charge, forget_gone
 from app.jobs.runs import Runs, make_queue
 from app.jobs.silence import Silence
@@ -49,6 +50,7 @@ class Worker:
         self._queue = make_queue(url, tasks, self._runs)
         self._silence = Silence(self._queue, self._runs.current)
         self._unended: set[int] = set()
+        self._stop, self._too_large = asyncio.Event(), False
         self._stopping = Stopping(
             self._queue,
             self._runs,
@@ -58,9 +60,19 @@ class Worker:
         )
 
     def run(
-        self, chores: Sequence[tuple[Chore, float]], *, wait: bool, stop_event: threading.Event | None
-    ) -> None:
-        """Work until stopped, or until the queue is empty; each chore first and again every so many seconds."""
+        self,
+        chores: Sequence[tuple[Chore, float]],
+        *,
+        wait: bool,
+        stop_event: threading.Event | None,
+        renewed: bool = False,
+    ) -> bool:
+        """Work until stopped, or until the queue is empty; each chore first and again every so many seconds.
+
+        With ``renewed`` it also ends between two jobs, and returns True, once the process has grown too large.
+        """
+        if renewed:
+            self._runs.after_each = self._end_if_large
         retry_every_s = min(self._settings.stalled_after_s / 4, 10.0)
         every = ((self._retry_stalled, retry_every_s), *chores)
         try:
@@ -68,11 +80,12 @@ class Worker:
         finally:
             self._stopping.end()
             self._runs.witness.close()
+        return self._too_large
 
     async def _work(
         self, chores: Sequence[tuple[Chore, float]], wait: bool, stop_event: threading.Event | None
     ) -> None:
-        stop = asyncio.Event()
+        stop = self._stop
         self._stopping.attach(asyncio.get_running_loop())
         limits = in_thread(self._stopping.give_up_overdue, "what takes too long could not be given up")
         alive = in_thread(self._runs.witness.look, "the database could not be told that this worker lives")
@@ -97,6 +110,15 @@ class Worker:
                         return
                     if not stop.is_set():  # it ended by itself: the connection to the database was lost
                         await asyncio.sleep(_RESTART_AFTER_S)
+
+    def _end_if_large(self) -> None:
+        """In the thread of a run that is over, before the queue asks for the next."""
+        if memory.own_bytes() > memory.NEW_ABOVE_BYTES:
+            memory.give_back()
+        if (own_bytes := memory.own_bytes()) > memory.NEW_ABOVE_BYTES:
+            logger.info("this process takes %d MB by now: another takes its place", own_bytes // 2**20)
+            self._too_large = True
+            self._stopping.in_loop(self._stop.set)
 
     async def _end_when(self, stop: asyncio.Event) -> None:
         await stop.wait()

@@ -99,7 +99,13 @@ class Disturbed:
                 return False
         except psycopg.Error:  # the database is down: a good moment
             pass
-        return _kill_child(rng.choice(self.service.children[1:]))
+        process = self.service.children[1].process
+        if process is None:
+            return False
+        with suppress(OSError):  # one of the lanes, or what they are forked from
+            lanes = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+            return _kill(rng.choice([process.pid, *map(int, lanes)]))
+        return False
 
     def _kill_postmaster(self, rng: random.Random) -> bool:
         server = running_postmaster(self.settings.data_dir / "postgres" / "data")

@@ -164,6 +164,12 @@ class Settings(Places):
         description="Drives that `versant worker` and `versant up` compute at once, each in a process of its own; "
         "unset: as many as there are cores, as far as memory goes (1 GiB each), at most 8.",
     )
+    lane_memory_bytes: int = Field(
+        2 * GIB,
+        ge=256 * 2**20,
+        description="Memory that one of these processes may take beyond what it begins with, bytes: a drive that needs "
+        "more fails (Linux).",
+    )
     grace_s: float = Field(
         10.0,
         gt=0,

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 
 from fusion.simulate.motion.path import STEP_M, DrivenPath, draw_path, slow_noise
 from fusion.simulate.motion.routes import CRUISE_MPS, Route
@@ -228,5 +227,9 @@ def _attitude(
 def _swing(count: int, rng: np.random.Generator) -> Floats:
     """Noise of unit variance through two equal low-passes: differentiable, correlated over about a second."""
     a = float(np.exp(-_GRID_S / _SPRINGS_S))
-    noise = lfilter([1.0], [1.0, -2 * a, a * a], rng.normal(size=count + 200))[200:]
-    return np.asarray(noise * np.sqrt((1 - a * a) ** 3 / (1 + a * a)))
+    noise = np.empty(count + 200)
+    one_before = two_before = 0.0
+    for k, new in enumerate(rng.normal(size=len(noise)).tolist()):
+        two_before, one_before = one_before, new + (2 * a * one_before - a * a * two_before)
+        noise[k] = one_before
+    return np.asarray(noise[200:] * np.sqrt((1 - a * a) ** 3 / (1 + a * a)))

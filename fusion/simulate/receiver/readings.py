@@ -6,9 +6,9 @@ Knows the truth and the errors' sizes; knows no road and no file.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fusion.frames import GRAVITY_MPS2, body_to_ned
 from fusion.simulate.motion.vehicle import MotionState
@@ -61,7 +61,7 @@ def gauss_markov(
     a = float(np.exp(-interval_s / time_constant_s))
     drive = rng.normal(size=count) * sigma * np.sqrt(1 - a * a)
     drive[:1] = rng.normal() * sigma
-    return np.asarray(lfilter([1.0], [1.0, -a], drive))
+    return np.array(list(accumulate(drive.tolist(), lambda before, new: new + a * before)))
 
 
 @dataclass(frozen=True)

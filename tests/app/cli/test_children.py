@@ -19,10 +19,11 @@ from app.cli.children import (
     STOP_MARGIN_S,
     Child,
     Children,
-    lanes,
+    lane_count,
     sensible_lanes,
     stop_signals,
     stop_timeout_s,
+    workers,
 )
 from app.cli.console import Console, LogConsole
 from app.core.settings import Settings
@@ -55,30 +56,42 @@ def test_as_many_lanes_as_make_sense(
     monkeypatch.setattr(children, "_cores", lambda: cores)
     monkeypatch.setattr(children, "_memory_bytes", lambda: int(memory_gib * 2**30))
     assert sensible_lanes() == expected
-    assert len(lanes(Settings())) == expected
-    assert len(lanes(Settings(worker_concurrency=3))) == 3
+    assert lane_count(Settings()) == expected
+    assert lane_count(Settings(worker_concurrency=3)) == 3
 
 
-def test_lanes_share_the_cores_and_one_does_the_chores(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lanes_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(children, "_cores", lambda: 8)
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     monkeypatch.setenv("NUMBA_NUM_THREADS", "7")
-    made = lanes(Settings(worker_concurrency=2))
-    assert [child.name for child in made] == ["worker 1", "worker 2"]
-    assert [child.environment["OMP_NUM_THREADS"] for child in made] == ["4", "4"]
-    assert [child.environment["NUMBA_NUM_THREADS"] for child in made] == ["7", "7"]
-    assert ["--without-chores" in child.command for child in made] == [False, True]
-    (alone,) = lanes(Settings(worker_concurrency=1))
-    assert alone.name == "worker"
+    of_two, alone = workers(Settings(worker_concurrency=2)), workers(Settings(worker_concurrency=1))
+    assert of_two.environment["OMP_NUM_THREADS"] == "4"
+    assert of_two.environment["NUMBA_NUM_THREADS"] == "7"
     assert "OMP_NUM_THREADS" not in alone.environment
+
+
+def test_a_child_that_wants_to_be_begun_anew_is_at_once_and_without_a_word(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    ends = [sys.executable, "-c", f"raise SystemExit({children.BEGIN_ANEW})"]
+    child = Child("worker 2", ends, {})
+    child.start()
+    assert child.process is not None
+    child.process.wait(PATIENCE_S)
+    child.command = [sys.executable, "-c", ""]
+    with caplog.at_level(logging.INFO):
+        child.look_after(LogConsole())
+    assert child.process is not None
+    assert child.process.wait(PATIENCE_S) == 0
+    child.let_go()
+    assert not caplog.records
 
 
 def test_whoever_looks_after_lanes_speaks_json_where_the_lanes_do(caplog: pytest.LogCaptureFixture) -> None:
     ended = Child("worker 2", [sys.executable, "-c", "raise SystemExit(3)"], {})
     ended.start()
-    assert ended.process is not None and ended.process.stdin is not None
+    assert ended.process is not None
     ended.process.wait(PATIENCE_S)
-    ended.process.stdin.close()
     with caplog.at_level(logging.INFO):
         ended.look_after(LogConsole())
         LogConsole().note("Stopped.")
@@ -126,45 +139,3 @@ def test_a_signal_while_a_child_starts_loses_no_child(monkeypatch: pytest.Monkey
     assert not reached
     (process,) = made
     assert process.returncode is not None
-
-
-@pytest.mark.slow
-def test_a_lane_that_ends_is_started_again_and_all_end_with_the_worker(
-    database_url: str, tmp_path: Path
-) -> None:
-    environment = children.child_environment(
-        Settings(database_url=database_url, data_dir=tmp_path, worker_concurrency=2, grace_s=2.0)
-    )
-    command = [sys.executable, "-m", "app.cli", "worker"]
-
-    def lanes_of(parent: int) -> set[int]:
-        listed = Path(f"/proc/{parent}/task/{parent}/children").read_text()
-        return {int(number) for number in listed.split()}
-
-    with subprocess.Popen(
-        command, cwd=REPOSITORY, env=environment, stderr=subprocess.PIPE, text=True
-    ) as parent:
-        try:
-            first = await_lanes(lambda: lanes_of(parent.pid), set())
-            assert len(first) == 2
-            subprocess.run(["kill", "-9", str(max(first))], check=True)
-            second = await_lanes(lambda: lanes_of(parent.pid), first)
-            assert len(second & first) == 1
-            parent.terminate()
-            _, said = parent.communicate(timeout=PATIENCE_S)
-        finally:
-            parent.kill()
-    assert parent.returncode == 0
-    assert re.search(r"the worker [12] ended with status -9", said)
-    assert not [number for number in second if Path(f"/proc/{number}").exists()]
-
-
-def await_lanes(look: Any, former: set[int]) -> set[int]:
-    """Two that are not the former two."""
-    deadline = time.monotonic() + PATIENCE_S
-    while True:
-        found: set[int] = look()
-        if len(found) == 2 and found != former:
-            return found
-        assert time.monotonic() < deadline
-        time.sleep(0.05)

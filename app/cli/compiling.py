@@ -1,0 +1,211 @@
+"""Compiling ahead of time: every method and solver runs once on a simulated drive, so that no lane has to compile.
+
+    python -m app.cli.compiling [--first]
+
+That takes two and a half minutes and more than a gigabyte while LLVM optimises; on disk (``fusion.compiled``) it serves
+all processes. Done when an image is built, by ``make setup``, and by a worker where it finds that nobody has.
+``--first``: the default method alone, by which most drives are computed. Where all is there nothing is done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import cache, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
+from pydantic import BaseModel
+
+import fusion
+from fusion.compiled import cache_folder
+from fusion.errors import FusionError
+from fusion.formats import read_log, read_logs
+from fusion.gnss import POSITIONINGS
+from fusion.methods import METHODS
+from fusion.pipeline import run_drive
+from fusion.registry import DEFAULT_METHOD
+from fusion.results import solve
+from fusion.roads.grid import project_point
+from fusion.roads.table import RoadTable
+from fusion.simulate.canyon.drive import canyon_of
+from fusion.simulate.drive import simulate_drive
+from fusion.simulate.scene.town import make_town
+from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.dem_file import write_dem
+from fusion.simulate.write.rinex_file import navigation, observations
+from fusion.simulate.write.ubx_file import write_ubx
+from fusion.terrain.dem import Dem
+from fusion.types import DriveLog
+
+DURATION_S = 60.0
+FEW: Mapping[str, Any] = {"particles": 200}
+"""What an option is set to wherever a model has it, so that a run is short."""
+
+_ELSEWHERE = frozenset({"gnss", "gnss_options", "columns"})
+"""Options that every method has: positionings are gone through by themselves."""
+
+Step = tuple[str, Callable[[], object]]
+
+
+class Scene(NamedTuple):
+    """One short drive: its logs, the roads and the elevation around it, and its files with raw signals."""
+
+    logs: tuple[DriveLog, ...]
+    roads: RoadTable
+    dem: Dem
+    rinex: tuple[Path, Path]
+    ubx: Path
+
+
+def main() -> None:
+    """Compile, and say how far it is."""
+    parser = argparse.ArgumentParser(
+        prog="python -m app.cli.compiling", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("--first", action="store_true", help="the default method alone")
+    compile_ahead(first=parser.parse_args().first, tell=_tell)
+
+
+def compile_ahead(*, first: bool = False, tell: Callable[[str, int, int], None] = lambda *_: None) -> None:
+    """Run what is not known to have been run with this code on this processor; ``tell(name, number, of)`` each."""
+    if is_compiled(first=first):
+        return
+    with _scene() as scene:
+        steps = list(_first_steps(scene))
+        if not first:
+            steps += _other_steps(scene)
+        for number, (name, run) in enumerate(steps, 1):
+            tell(name, number, len(steps))
+            run()
+    for done in {True, first}:
+        if mark := _mark(first=done):
+            with suppress(OSError):  # a folder that nobody may write into serves those who read it
+                mark.touch()
+
+
+def is_compiled(*, first: bool = False) -> bool:
+    """Whether all, or with ``first`` what most drives need, was compiled from this code for such a processor."""
+    mark = _mark(first=first)
+    return mark is not None and mark.exists()
+
+
+def can_be_kept() -> bool:
+    """Whether machine code can be written where others find it."""
+    mark = _mark(first=True)
+    return mark is not None and os.access(mark.parent, os.W_OK)
+
+
+def load() -> None:
+    """Load the machine code that most drives need into this process, for those that are forked from it.
+
+    Nothing here starts a thread that a fork would lose, and none of OpenMP, whose loops no forked process may enter.
+    """
+    with _scene(whole=False) as scene:
+        for _, run in _first_steps(scene):
+            run()
+
+
+@contextmanager
+def _scene(*, whole: bool = True) -> Iterator[Scene]:
+    town = make_town(1)
+    drive = simulate_drive(town, 5, DURATION_S)
+    with tempfile.TemporaryDirectory(prefix="versant-") as name:
+        folder = Path(name)
+        rinex, raw = (folder / "drive.rnx", folder / "brdc.rnx"), folder / "raw.ubx"
+        write_dem(town, folder / "dem.tif")
+        write_ubx(drive, folder / "drive.ubx")
+        logs = [read_log(folder / "drive.ubx")]
+        if whole:
+            measured = canyon_of(drive).raw()
+            write_ubx(drive, raw, measured)
+            rinex[0].write_text(observations(measured.signals))
+            rinex[1].write_text(navigation(measured.navigation))
+            write_csv(drive, folder / "drive.csv")
+            logs.append(read_log(folder / "drive.csv"))  # which starts threads of Arrow
+        with Dem.open([folder / "dem.tif"]) as dem:
+            yield Scene(tuple(logs), town.roads, dem, rinex, raw)
+
+
+def _first_steps(scene: Scene) -> Iterator[Step]:
+    """What a drive without further wishes goes through, and what is solved after it."""
+
+    def estimate_and_solve() -> None:
+        drives = [run_drive(log, scene.roads, scene.dem) for log in scene.logs]
+        solve(drives, scene.roads, scene.dem, gaps=True)
+
+    yield DEFAULT_METHOD, estimate_and_solve
+
+
+def _other_steps(scene: Scene) -> Iterator[Step]:
+    """Each method and each positioning with each choice of each of its options."""
+    for name, method in METHODS.items():
+        for options in _choices(method.options_model):
+            yield _named(name, options), partial(_run, scene.logs[-1], scene, name, options)
+    for name, positioning in POSITIONINGS.items():
+        for options in _choices(positioning.options_model):
+            chosen = {"gnss": name, "gnss_options": options}
+            yield _named(name, options), partial(_run_raw, scene, chosen)
+
+
+def _run_raw(scene: Scene, options: Mapping[str, Any]) -> None:
+    """Raw signals in both of the formats that have loops of their own."""
+    for log in (read_logs(scene.rinex), read_log(scene.ubx)):
+        _run(log, scene, DEFAULT_METHOD, options)
+
+
+def _run(log: DriveLog, scene: Scene, method: str, options: Mapping[str, Any]) -> None:
+    with suppress(FusionError):  # so short a drive need not suffice: what it went through is compiled
+        run_drive(log, scene.roads, scene.dem, method=method, options=options)
+
+
+def _choices(model: type[BaseModel]) -> Iterator[dict[str, Any]]:
+    """Options of a model: those by default, then each choice of each option that has several."""
+    few = {name: value for name, value in FEW.items() if name in model.model_fields}
+    yield few
+    for name, schema in model.model_json_schema().get("properties", {}).items():
+        values = (True, False) if schema.get("type") == "boolean" else schema.get("enum", ())
+        if name not in _ELSEWHERE:
+            yield from (few | {name: value} for value in values if value != schema.get("default"))
+
+
+def _named(name: str, options: Mapping[str, Any]) -> str:
+    chosen = [f"{key}={value}" for key, value in options.items() if key not in FEW]
+    return " ".join([name, *chosen])
+
+
+@cache
+def _mark(*, first: bool) -> Path | None:
+    """The file that says so: of this code, these versions and such a processor; None where nothing can be kept."""
+    folder = cache_folder(project_point)
+    if folder is None:
+        return None
+    digest = hashlib.sha256()
+    for source in sorted(Path(fusion.__path__[0]).rglob("*.py")):
+        digest.update(source.read_bytes())
+    for said in (
+        platform.python_version(),
+        version("numba"),
+        get_host_cpu_name(),
+        get_host_cpu_features().flatten(),
+    ):
+        digest.update(said.encode())
+    return folder / f"compiled-{'first' if first else 'all'}-{digest.hexdigest()[:16]}"
+
+
+def _tell(name: str, number: int, of: int) -> None:
+    end = "\r" if sys.stderr.isatty() and number < of else "\n"
+    if end == "\r" or number in {1, of} or number % 10 == 0:
+        print(f"Compiling, {number} of {of}: {name:40}", end=end, file=sys.stderr, flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

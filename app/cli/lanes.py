@@ -1,0 +1,209 @@
+"""A worker's lanes, forked from one process that has loaded everything: what none of them changes they share.
+
+Each for itself would take two hundred megabytes before its first drive. The process that they are forked from imports
+what they run and loads the machine code of the default method, and has no event loop, no thread of Python and no
+connection that a fork would leave behind in pieces. Nor has it run a loop of OpenMP (``compiled_parallel``): GNU's must
+not be gone on with in a fork. It compiles nothing either: that is a program of its own (``compiling``), since what the
+compiler has taken never comes back.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from typing import NoReturn, Self
+
+from app.cli import compiling
+from app.cli.children import (
+    BEGIN_ANEW,
+    STOP_MARGIN_S,
+    STOPPING,
+    Child,
+    Children,
+    Process,
+    lane_count,
+    stop_with_parent,
+)
+from app.cli.console import Console
+from app.core.settings import Settings
+from app.core.standing_back import stand_back
+from app.core.telemetry.logs import begin_logging
+from app.core.telemetry.tracing import begin_tracing, end_tracing
+from app.drives.worker import run_worker
+
+_EARLIER_S = STOP_MARGIN_S / 2
+"""Lanes are gone before whoever started this process loses patience with it."""
+_LOOK_EVERY_S = 0.05
+_COMPILE = (sys.executable, "-m", "app.cli.compiling")
+
+
+class Forked:
+    """A process that was forked from this one to run something and end; asked for as ``subprocess.Popen`` is."""
+
+    def __init__(self, run: Callable[[], int]) -> None:
+        """``run`` returns the exit status; it begins with the usual treatment of signals, in a session of its own."""
+        sys.stdout.flush()
+        sys.stderr.flush()
+        held = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
+        self.returncode: int | None = None
+        self.pid = os.fork()
+        if self.pid == 0:
+            _live(run, held)
+        signal.pthread_sigmask(signal.SIG_SETMASK, held)
+
+    def poll(self) -> int | None:
+        """Exit status, the signal's number below zero; None while it runs."""
+        if self.returncode is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after so many seconds."""
+        ends = None if timeout is None else time.monotonic() + timeout
+        while (status := self.poll()) is None:
+            if ends is not None and time.monotonic() > ends:
+                raise subprocess.TimeoutExpired("lane", timeout or 0.0)
+            time.sleep(_LOOK_EVERY_S)
+        return status
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        if self.poll() is None:
+            os.kill(self.pid, signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it."""
+        if self.poll() is None:
+            os.kill(self.pid, signal.SIGKILL)
+
+
+def _live(run: Callable[[], int], held: set[int | signal.Signals]) -> NoReturn:
+    """What the forked process does with its life; nothing that its parent had begun is gone on with."""
+    status = 1
+    try:
+        for number in STOPPING:
+            signal.signal(number, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_SETMASK, held)
+        os.setsid()
+        status = run()
+    except BaseException:  # as the interpreter would at its end
+        traceback.print_exc()
+    finally:
+        with suppress(Exception):
+            logging.shutdown()
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
+
+
+@dataclass
+class Lane(Child):
+    """A lane; ``run`` returns its exit status."""
+
+    run: Callable[[], int] = int
+
+    def begun(self) -> Process:
+        """Forked."""
+        return Forked(self.run)
+
+
+@dataclass
+class Lanes(Children):
+    """All lanes of a worker; use as a context manager. Whoever is in here has loaded what lanes share."""
+
+    earlier_s: float = _EARLIER_S
+    prepare: Callable[[Settings], object] = Settings.model_dump  # nothing
+    """What a lane does first, in its own process; it raises where there is nothing to work on."""
+    ends: tuple[int, int] = field(default_factory=os.pipe)
+    """A pipe into which nothing is written: the lanes find its other end closed when this process is gone."""
+
+    def __post_init__(self) -> None:
+        count = lane_count(self.settings)
+        names = ["worker"] if count == 1 else [f"worker {number}" for number in range(1, count + 1)]
+        self.children = [
+            Lane(name, (), {}, run=self._lane(number, name)) for number, name in enumerate(names, 1)
+        ]
+
+    def _lane(self, number: int, name: str) -> Callable[[], int]:
+        def run() -> int:
+            reading, writing = self.ends
+            os.close(writing)
+            os.dup2(reading, sys.stdin.fileno())
+            os.close(reading)
+            process = f"worker {number}"
+            begin_logging(self.settings, process)
+            stop_with_parent()
+            stand_back()
+            self.prepare(self.settings)
+            begin_tracing(self.settings, process)
+            again = run_worker(self.settings, with_chores=number == 1, process=process, renewed=True)
+            end_tracing()
+            return BEGIN_ANEW if again else 0
+
+        return run
+
+
+class ParentWatch:
+    """Ends this process, as Ctrl-C would, once its standard input closes: its parent is gone."""
+
+    def look_after(self, console: Console) -> None:
+        """Look without waiting, and without a thread."""
+        readable, _, _ = select.select([sys.stdin], [], [], 0)
+        if readable and not os.read(sys.stdin.fileno(), 4096):
+            raise KeyboardInterrupt
+
+
+@dataclass
+class Compiler:
+    """Compiles in a process of its own, beside whatever else happens; use as a context manager, which ends it."""
+
+    arguments: Sequence[str] = ()
+    process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        self.process = subprocess.Popen([*_COMPILE, *self.arguments], stdin=subprocess.DEVNULL)  # noqa: S603
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self.process is not None and self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+    def await_end(self, watch: ParentWatch, console: Console) -> None:
+        """Until it has ended; the watch may end it before."""
+        while self.process is not None and self.process.poll() is None:
+            watch.look_after(console)
+            time.sleep(_LOOK_EVERY_S)
+
+
+def serve(settings: Settings, console: Console, prepare: Callable[[Settings], object]) -> None:
+    """Load what lanes share and keep them running until a signal interrupts (``stop_signals``) or the parent is gone.
+
+    ``prepare`` is what a lane does first; it raises where there is nothing to work on.
+    """
+    stand_back()
+    watch, kept = ParentWatch(), compiling.can_be_kept()
+    if kept and not compiling.is_compiled(first=True):
+        console.note("The numerical code is compiled, once: the first drives wait a minute for it.")
+        with Compiler(("--first",)) as compiler:
+            compiler.await_end(watch, console)
+    compiling.load()
+    gc.collect()
+    gc.freeze()  # else the next collection would write into every page that is shared
+    with ExitStack() as stack:
+        lanes = stack.enter_context(Lanes(settings, console, prepare=prepare))
+        if kept and not compiling.is_compiled():
+            stack.enter_context(Compiler())
+        lanes.look_after_all([watch])

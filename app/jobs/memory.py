@@ -1,0 +1,54 @@
+"""What memory a worker's process may take: a limit to what it asks for, and a bound above which it is begun anew.
+
+Beyond the limit an allocation fails in the one run that wants it (``MemoryError``), where the machine would otherwise
+begin to swap or kill whom it likes. What a process has once had it seldom gives back, so one that has grown ends when
+its job has ended, and another takes its place. Both where Linux tells and bounds it; elsewhere nothing is done.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import re
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+NEW_ABOVE_BYTES = 400 * 2**20
+"""Above so much of its own (PSS) a process ends: half of it is its share of what all have loaded, or less."""
+
+MORE_MEMORY = "more memory than a worker may take (VERSANT_LANE_MEMORY_BYTES)"
+"""What a run needs that failed for lack of it."""
+
+_SELF = Path("/proc/self")
+
+
+def limit_growth(growth_bytes: int) -> None:
+    """Let this process ask for so much more than it has now; what asks for more gets a ``MemoryError``."""
+    if sys.platform != "linux":
+        return
+    import resource  # noqa: PLC0415 - not everywhere
+
+    with suppress(OSError, ValueError):  # a lower limit was set from outside
+        limit = _figure_bytes("status", "VmData") + growth_bytes
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, resource.getrlimit(resource.RLIMIT_DATA)[1]))
+
+
+def own_bytes() -> int:
+    """What is this process's own, with its share of what it shares (PSS); 0 where that is not told."""
+    try:
+        return _figure_bytes("smaps_rollup", "Pss")
+    except OSError:
+        return 0
+
+
+def give_back() -> None:
+    """Return to the system what is free, as far as the C library can."""
+    gc.collect()
+    with suppress(OSError, AttributeError):  # another C library
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def _figure_bytes(file: str, name: str) -> int:
+    found = re.search(rf"^{name}:\s+(\d+) kB", (_SELF / file).read_text(), re.MULTILINE)
+    return 0 if found is None else int(found[1]) * 1024
