@@ -45,7 +45,7 @@ LOOK_EVERY_S = 0.25
 AT_REST_S = 10.0
 PATIENCE_S = 600.0
 WAITING = 4
-"""Drives in the queue at any time: no lane waits for one."""
+"""Drives that are not published yet, at any time: no lane waits for one, and no solver for dozens over one street."""
 COLUMNS = {
     "when": ("", ""),
     "pss_mb": ("PSS MB", ".0f"),
@@ -201,9 +201,11 @@ def await_lanes(found: Lanes, count: int) -> None:
 
 
 def waiting(service: Service) -> int:
-    """Drives in the queue."""
+    """Drives that are not published yet."""
     with psycopg.connect(service.url) as connection:
-        row = connection.execute("SELECT count(*) FROM drives WHERE status = 'queued'").fetchone()
+        row = connection.execute(
+            "SELECT count(*) FROM drives WHERE status IN ('queued', 'running')"
+        ).fetchone()
     return row[0] if row else 0
 
 

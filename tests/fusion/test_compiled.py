@@ -151,3 +151,15 @@ def test_a_file_outside_any_package_stands_for_itself(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text("import kept.constants\n")
     assert len(content_stamp(script)) == 64
+
+
+NOWHERE = "import tempfile; tempfile.TemporaryFile = lambda **_: (_ for _ in ()).throw(OSError()); "
+
+
+@pytest.mark.slow
+def test_a_folder_that_cannot_be_written_to_serves_those_who_read_it(package: Path) -> None:
+    """As a read-only container finds it; an empty one is no use, and what cannot be kept is compiled all the same."""
+    assert run(package, NOWHERE + RUN) == (6.0, 0)
+    assert not list(package.rglob("*.nbi"))
+    assert run(package) == (6.0, 0)
+    assert run(package, NOWHERE + RUN) == (6.0, 1)

@@ -165,10 +165,10 @@ class Settings(Places):
         "unset: as many as there are cores, as far as memory goes (1 GiB each), at most 8.",
     )
     lane_memory_bytes: int = Field(
-        2 * GIB,
-        ge=256 * 2**20,
-        description="Memory that one of these processes may take beyond what it begins with, bytes: a drive that needs "
-        "more fails (Linux).",
+        3 * GIB,
+        ge=512 * 2**20,
+        description="Memory that one of these processes may ask for beyond what it begins with, bytes, about twice of "
+        "what it then uses; a drive that needs more fails (Linux).",
     )
     grace_s: float = Field(
         10.0,

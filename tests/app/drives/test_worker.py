@@ -283,3 +283,49 @@ def test_a_run_of_whose_end_the_queue_was_not_told_is_repeated(
                 {"id": drive.id},
             )
         assert wait_for(sessions, drive, ended).status == "done"
+
+
+def lane(settings: Settings, *, new_above_bytes: int) -> subprocess.Popen[bytes]:
+    """A lane as a program of its own, which ends with status 75 when it has grown beyond so much."""
+    program = (
+        "import sys; from app.jobs import memory; from app.core.settings import Settings; "
+        f"memory.NEW_ABOVE_BYTES = {new_above_bytes}; from app.drives.worker import run_worker; "
+        "sys.exit(75 if run_worker(Settings(), renewed=True) else 0)"
+    )
+    environment = os.environ | child_environment(settings)
+    return subprocess.Popen([sys.executable, "-c", program], cwd=REPOSITORY, env=environment)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="bounded on Linux")
+def test_a_drive_that_wants_too_much_memory_fails_with_a_sentence_and_the_lane_goes_on(
+    settings: Settings, sessions: Sessions, send: Send
+) -> None:
+    made = send(0, "particle", {"particles": 10_000_000}), send(1)
+    small = settings.model_copy(update={"lane_memory_bytes": 768 * 2**20})
+    with lane(small, new_above_bytes=2**40) as process:
+        try:
+            hog, other = (wait_for(sessions, drive, ended) for drive in made)
+            assert process.poll() is None
+        finally:
+            process.kill()
+    assert (hog.status, other.status) == ("failed", "done")
+    assert hog.failure is not None
+    assert hog.failure.kind == "out-of-memory"
+    assert "VERSANT_LANE_MEMORY_BYTES" in hog.failure.reason
+    assert hog.failure.reason.endswith("Split the log into shorter drives.")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="told on Linux")
+def test_a_lane_that_has_grown_ends_between_two_drives(
+    settings: Settings, sessions: Sessions, send: Send
+) -> None:
+    first, second = send(0), send(1)
+    with lane(settings, new_above_bytes=1) as process:
+        try:
+            assert process.wait(PATIENCE_S) == 75
+        finally:
+            process.kill()
+    assert now(sessions, first.id).stage == "publishing"  # another job
+    assert now(sessions, second.id).status == "queued"
