@@ -43,7 +43,7 @@ def test_a_killed_worker_is_replaced(idle: Up) -> None:
     workers = idle.processes("app.cli", "worker")
     os.kill(workers[0], signal.SIGKILL)
     await_true(lambda: set(idle.processes("app.cli", "worker")) - set(workers), 30, "no new worker")
-    assert re.search(r"the worker( 1)? ended with status -9", idle.said())
+    assert re.search(r"the worker(s| 1)? ended with status -9", idle.said())
 
 
 def test_a_killed_database_is_started_again(idle: Up, simulated: Bundle) -> None:
