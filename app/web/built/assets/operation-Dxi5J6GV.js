@@ -1,5 +1,5 @@
 var e=`<h1 id="operation">Operation</h1>
-<p>What operators see of a running service: lines of the log, metrics, traces, and drives with what became of them. None of it tells where anybody drove. Deployment, backups and updates are in the <span>README</span>, all settings <span>there</span>.</p>
+<p>What operators see of a running service: lines of the log, metrics, traces, and drives with what became of them. None of it tells where anybody drove. Deployment, backups and updates are in the <span>README</span>, all settings <span>there</span>; what is tried against a service, and what a proxy in front has to do, in <a href="/docs/threats">threats</a>.</p>
 <h2 id="logs"><a class="self" href="#logs">Logs</a></h2>
 <p>Every process logs to standard error, one line for each request and each event of a drive. <code>VERSANT_LOG_FORMAT=text</code> (the default) is for people, <code>VERSANT_LOG_FORMAT=json</code> for programs: one JSON object a line, with the same fields. <code>VERSANT_LOG_LEVEL</code> says from which severity on.
 What the server, the queue and libraries say goes the same way; Python's warnings as well. Commands (<code>versant import-roads</code> ...) log only where the environment sets one of the two, for they speak to a person.</p>
@@ -134,7 +134,7 @@ What the server, the queue and libraries say goes the same way; Python's warning
 </tbody>
 </table></div>
 <p><strong>Nothing of a track is logged</strong>: no coordinates, no squares or tiles, no values of queries (a box is where somebody lives, or looks), no content of files. The name of a file may be a person's, so it is told at DEBUG alone, and blanked in reasons. Numbers with four decimals or more and geometries are
-blanked in every line, whoever wrote it, and the database's errors come without their parameters.</p>
+blanked in every line, whoever wrote it, and in every reason of a failure before it is stored; and the database's errors come without their parameters.</p>
 <h2 id="metrics"><a class="self" href="#metrics">Metrics</a></h2>
 <p><code>/metrics</code> of any API process has all there is, also what workers and imports count: each process keeps its totals in a row of its own (<code>process_totals</code>), written every five seconds, and the API adds them up. So no further port has to be reached, whatever the number of workers, under <code>versant up</code> too; a
 worker that is killed loses its last seconds, and no counter falls when one ends or is restarted. Of several API processes each has its own requests (<code>versant_http_*</code>), and the same of all else: sum the former, take the maximum of the latter.</p>
@@ -291,6 +291,78 @@ worker that is killed loses its last seconds, and no counter falls when one ends
 <p><strong>A dashboard</strong>: <a href="/web/assets/grafana-DW7x106J.json">grafana.json</a> draws all of them. In Grafana: Dashboards, New, Import; it asks for the Prometheus that scrapes <code>/metrics</code>. Worth an alarm: <code>versant_database_up</code> 0, <code>versant_workers</code> 0, <code>versant_queue_oldest_wait_seconds</code> that grows, <code>versant_squares_unsolved</code> above 0, <code>versant_derived_behind_seconds</code> above 600 (no worker runs, or a transaction has been open for so long),
 <code>versant_drives_failed_total</code> with the kinds <code>internal</code> and <code>out-of-memory</code>.</p>
 <p><code>/v1/admin/stats</code> tells the queue's depth and age, failures by kind, and squares that cannot be solved, as JSON.</p>
+<h2 id="clients"><a class="self" href="#clients">Clients</a></h2>
+<p>What a client is to all limits: an IPv4 address, or the first 64 bits of an IPv6 address. Nothing below is a defence against many addresses at once; that is for what stands in front.</p>
+<div class="wide" tabindex="0"><table>
+<thead>
+<tr>
+<th>what</th>
+<th>bound</th>
+<th>beyond it</th>
+</tr>
+</thead>
+<tbody>
+<tr>
+<td>connections of a process</td>
+<td><code>VERSANT_CONNECTIONS_MAX</code>, at least 250 less than the files that the system allows it (the API raises its own limit to the system's)</td>
+<td>the longest silent connection of whoever has most of them is closed</td>
+</tr>
+<tr>
+<td>connections of a client</td>
+<td><code>VERSANT_CONNECTIONS_PER_CLIENT</code></td>
+<td>its longest silent one is closed; with a request on each, 503, but for <code>/healthz</code> and <code>/readyz</code></td>
+</tr>
+<tr>
+<td>head of a request</td>
+<td><code>VERSANT_HEAD_TIMEOUT_S</code>; 32 KiB, 200 fields</td>
+<td>408 or closed; 431</td>
+</tr>
+<tr>
+<td>body of a change</td>
+<td><code>VERSANT_BODY_TIMEOUT_S</code>; 64 KiB; read before anything is begun for it</td>
+<td>408; 413</td>
+</tr>
+<tr>
+<td>upload, import</td>
+<td>1000 bytes for each second of <code>VERSANT_UPLOAD_STALL_S</code> that the service waits for them</td>
+<td>408</td>
+</tr>
+<tr>
+<td>requests before the first answer on a connection</td>
+<td>16</td>
+<td>closed</td>
+</tr>
+<tr>
+<td>answer that nobody takes</td>
+<td>60 s without a byte</td>
+<td>closed</td>
+</tr>
+<tr>
+<td>event streams</td>
+<td><code>VERSANT_EVENTS_MAX</code>, <code>VERSANT_EVENTS_PER_CLIENT</code></td>
+<td>503; a page asks again</td>
+</tr>
+<tr>
+<td>slow kinds of requests</td>
+<td><a href="#lanes">lanes</a></td>
+<td>they wait 10 s at most, then 503</td>
+</tr>
+</tbody>
+</table></div>
+<p>Of streams, connections with a request, and places in lanes a client may hold no more than are left: one alone half of them, two a third each. So there is always one for who has none.</p>
+<h3 id="lanes"><a class="self" href="#lanes">Lanes</a></h3>
+<p>Requests of a kind that can be slow (tiles, wide tiles, pages of items, searches of items, parts of drives and heights, changes, figures) wait for each other and for no other kind; pages of items with a filter, a sort order or conditions are searches and do not hold up those without. Of each kind one client works on as many at once as suit a
+machine, and there are places beside these that only others may have. Of those who wait the client comes next that holds fewest places, then who has waited longest.</p>
+<h3 id="behind-a-proxy"><a class="self" href="#behind-a-proxy">Behind a proxy</a></h3>
+<p>A proxy (TLS, names, logins) in front of the API <strong>must</strong>:</p>
+<ul>
+<li>be named in <code>VERSANT_TRUSTED_PROXIES</code> by the address from which it connects. Else all its users are one client and share what one client may have; the log warns once when a request says that it was forwarded by somebody who is not named. <code>X-Forwarded-For</code> and <code>X-Forwarded-Proto</code> are believed from the named alone, also in the audit;</li>
+<li><strong>append</strong> the address it hears from to <code>X-Forwarded-For</code> (nginx: <code>proxy_set_header X-Forwarded-For $proxy_add_x_forwarded_for</code>): the client is the last address there that is no named proxy. And <strong>overwrite</strong> <code>X-Forwarded-Proto</code> (<code>proxy_set_header X-Forwarded-Proto $scheme</code>), which links begin with;</li>
+<li>pass <code>Host</code> on (<code>proxy_set_header Host $host</code>), with <code>VERSANT_ALLOWED_HOSTS</code> or <code>VERSANT_PUBLIC_URL</code> naming it. <code>X-Forwarded-Host</code> and <code>Forwarded</code> are believed from nobody;</li>
+<li>limit connections and requests for each client itself, and time out heads and bodies (nginx: <code>limit_conn</code>, <code>limit_req</code>, <code>client_header_timeout</code>, <code>client_body_timeout</code>): the service's own limits of connections do not count those of a named proxy, only the requests on them;</li>
+<li>let <code>/v1/drives/*/events</code> and <code>/v1/changes/events</code> through unbuffered for ten minutes (<code>proxy_read_timeout 660s</code>; the service says <code>X-Accel-Buffering: no</code>), uploads up to <code>VERSANT_MAX_UPLOAD_BYTES</code> (<code>client_max_body_size</code>), and keep no more connections to the API than <code>VERSANT_CONNECTIONS_MAX</code>.</li>
+</ul>
+<p>Pages of other origins read nothing unless <code>VERSANT_CORS_ORIGINS</code> names them (<code>*</code>: any), and then the map alone, never drives. A service on loopback that lets any page read the map tells every site that its user visits where that user drives.</p>
 <h2 id="queries"><a class="self" href="#queries">Queries</a></h2>
 <p><code>/v1/admin</code> lists the queries that there are, with each of their columns; <code>/v1/admin/{name}</code> answers one, as JSON or, with <code>f=csv</code>, as a table. What takes a look at the whole map (<code>coverage</code>, <code>sigmas</code>, <code>disagreements</code>, <code>terrain</code>, <code>tiles</code>) a worker makes again every ten minutes while the map changes; <code>as_of</code> tells of which moment it is.</p>
 <div class="wide" tabindex="0"><table>
@@ -336,7 +408,7 @@ worker that is killed loses its last seconds, and no counter falls when one ends
 </tbody>
 </table></div>
 <p>On 1,000,000 segments and 100,000 drives each takes less than a tenth of a second (<code>PYTHONPATH=.:benchmarks python -m service.admin_queries</code>).</p>
-<p>A row of <code>audit</code> is written in the transaction that it tells of. Until there is a login, its <code>origin</code> is the client's address and the first 80 characters of its program's name; behind a proxy the address is the proxy's.</p>
+<p>A row of <code>audit</code> is written in the transaction that it tells of. It names ids, no files and no places; the latest 100,000 rows are kept. Until there is a login, its <code>origin</code> is the client's address and the first 80 characters of its program's name; behind a proxy <a href="#behind-a-proxy">that is named</a> the address is its client's, else the proxy's.</p>
 <h2 id="operations"><a class="self" href="#operations">Operations</a></h2>
 <p><code>GET /v1/regions</code> and <code>GET /v1/rasters</code> list what the slopes stand on. What takes long is a job of the workers, asked for at <code>/v1/operations</code>:</p>
 <div class="wide" tabindex="0"><table>
@@ -355,7 +427,7 @@ worker that is killed loses its last seconds, and no counter falls when one ends
 </tr>
 <tr>
 <td><code>import-dem</code></td>
-<td>a file; <code>priority=</code></td>
+<td>a file (GeoTIFF, COG, HGT or DTED, also gzipped); <code>priority=</code></td>
 <td>as <code>versant import-dem</code>, at once</td>
 </tr>
 <tr>
@@ -370,10 +442,46 @@ worker that is killed loses its last seconds, and no counter falls when one ends
 </tr>
 </tbody>
 </table></div>
+<p>A raster that comes this way is opened by one driver, chosen by its first bytes, and no file or address that it names is: VRT and all other formats are for <code>versant import-dem</code>, which keeps them as one GeoTIFF. Rasters that a version before kept in another
+format (imported from .img, .asc ...) are not read any more: <code>versant elevation list</code> names them, import them again on the command line. It may have <code>VERSANT_MAX_RASTER_POSTS</code> posts and unpack to <code>VERSANT_MAX_IMPORT_BYTES</code>; <code>VERSANT_MIN_FREE_BYTES</code> stay free
+while it is copied and unpacked. Fifty operations may wait or be planned, and their files take <code>VERSANT_IMPORTS_KEPT_BYTES</code> at most. A file of roads that unpacks to more than 20 (PBF) or 50 times (gzip) its size is refused before it is read.</p>
 <p>Imports of roads and removals first say what they would do (<code>plan</code>) and wait as <code>planned</code>, for a week at most. <code>POST /v1/operations/ID/approve</code> carries the plan out, and only that: where other segments would change by now, or a tenth more would lose what was measured, nothing is done and the operation is planned anew. <code>DELETE</code> drops what has changed nothing yet.
 One runs at a time, behind uploads and exports: where all lanes are taken it goes back into the queue for them, at first at once, then after 20 s, 60 s, 140 s ..., so it comes to its end. A run whose worker died goes on where it stood. A run that takes longer than <code>VERSANT_RUN_LIMIT_S</code> fails; asked for again, an import goes on with the rest. Files are taken up to
 <code>VERSANT_MAX_IMPORT_BYTES</code>, lie in the blob store until the operation ends, and are in no backup.</p>
 <p><code>POST /v1/drives/remove</code> removes many drives, chosen as by <code>reprocess</code> or by <code>ids=</code>; <code>dry_run=true</code> shows how many, their length and the size of their logs. It cannot be called off.</p>
+<h2 id="removal"><a class="self" href="#removal">Removal</a></h2>
+<p><code>DELETE /v1/drives/{id}</code>, <code>POST /v1/drives/remove</code> and <code>versant drives delete</code> remove for good.</p>
+<div class="wide" tabindex="0"><table>
+<thead>
+<tr>
+<th>when</th>
+<th>what</th>
+</tr>
+</thead>
+<tbody>
+<tr>
+<td>with the answer</td>
+<td>the drive and all its parts are 404 for everybody, in lists, searches, observations and events too, whatever runs. Its file's name, report, hashes, track, picture, trials (one that runs ends) and messages to webhooks are deleted. <code>/v1/admin/queue</code> counts removals that are under way, without a name</td>
+</tr>
+<tr>
+<td>as soon as a lane is free</td>
+<td>what it said is taken back, its log is deleted</td>
+</tr>
+<tr>
+<td>within seconds, once its squares are solved</td>
+<td>slopes are what they are without it; its row goes, with kept tiles of its surroundings and what the attic kept of it. Exports of maps that reach to within 0.1 degrees of it are <code>cancelled</code> and their files deleted; one that is being made begins anew</td>
+</tr>
+<tr>
+<td>within ten minutes</td>
+<td>kept figures of the map (<code>terrain</code>, <code>disagreements</code>) are made again</td>
+</tr>
+</tbody>
+</table></div>
+<p>Until its squares are solved the slopes of the map, which name nobody, still rest on it; ways and low zooms follow a moment later. Where a square cannot be solved the row stays, with id, box and size alone, and <code>attention</code> says so.</p>
+<p><strong>What stays</strong>: in <code>audit_log</code> that the drive of this id was removed, when and by whom; in totals that there was one. <code>cells</code> and <code>segment_changes</code> say of squares and roads, by number, that what is shown of them changed and when: who follows the
+map has to hear that a slope is gone. That is a trace of where something was driven and removed, until the next change there; nobody without the database sees more of it than <code>/v1/changes</code> tells. Box filters of requests are kept neither in the audit log nor in batches. At <code>VERSANT_LOG_LEVEL=DEBUG</code> the log names files. PostgreSQL
+overwrites deleted rows when it vacuums, and its write-ahead log goes round: neither is in a dump.</p>
+<p><strong>What it does not reach</strong>: backups of before (they hold drive and log; a restored one brings them back, to be removed again), archives of the write-ahead log, lines of logs that others collect, files that somebody fetched, answers that a CDN keeps (<code>VERSANT_TILE_MAX_AGE_S</code>), and messages that webhooks were sent.</p>
 <h2 id="traces"><a class="self" href="#traces">Traces</a></h2>
 <p><code>pip install 'versant[otel]'</code> (the Docker image has it) and <code>VERSANT_OTLP_ENDPOINT=http://collector:4318</code>, for API and workers, send OpenTelemetry traces over OTLP/HTTP: a span for each request (named by its route), for each run of a drive and each stage of it, for solutions and imports. A <code>traceparent</code> header of a
 request is taken on, and goes with the drive to the worker: upload and run are one trace. Attributes begin with <code>versant.</code> and are the fields of the log, so nothing of a track is in them either. Without the variable nothing that makes spans is loaded. What the collector does not take is dropped.</p>
