@@ -37,7 +37,7 @@ from fusion.errors import FusionError
 PROBLEM_JSON = "application/problem+json"
 RETRY_AFTER_S = 5
 """What a 503 says: by then a statement has ended, and a queue is shorter."""
-MOST_REPEATED, MOST_ERRORS = 2000, 100
+MOST_REPEATED, MOST_ERRORS = 4000, 100
 """Characters of a request that an answer repeats in one place, and faults that it lists."""
 OGC_PATHS = ("/collections", "/conformance")
 """Routes whose standard wants a 400 where others answer 422."""

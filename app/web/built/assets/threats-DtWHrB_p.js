@@ -39,6 +39,61 @@ var e=`<h1 id="threats">Threats</h1>
 <li><strong>Files for spreadsheets.</strong> CSV holds names as OpenStreetMap and uploaders wrote them. A spreadsheet may take one that begins with <code>=</code> for a formula: import such columns as text.</li>
 </ul>
 <h2 id="what-is-tried-and-what-happens"><a class="self" href="#what-is-tried-and-what-happens">What is tried, and what happens</a></h2>
+<p>Connections and requests (<a href="/docs/operation#clients">all bounds</a>):</p>
+<div class="wide" tabindex="0"><table>
+<thead>
+<tr>
+<th>tried</th>
+<th>happens</th>
+<th>bound or setting</th>
+<th>held by</th>
+</tr>
+</thead>
+<tbody>
+<tr>
+<td>a thousand sockets with half a request, silent ones, heads that drip</td>
+<td>closed after the time; over the limit the longest silent one of whoever has most gives way, so probes and others get in</td>
+<td><code>VERSANT_HEAD_TIMEOUT_S</code>, <code>VERSANT_CONNECTIONS_MAX</code>, <code>VERSANT_CONNECTIONS_PER_CLIENT</code></td>
+<td><code>tests/app/core/receiving/test_connections.py</code></td>
+</tr>
+<tr>
+<td>heads, header lines and trailers without end</td>
+<td>431</td>
+<td>32 KiB, 200 fields</td>
+<td><code>tests/app/core/receiving/test_connections.py</code></td>
+</tr>
+<tr>
+<td>bodies of which one byte comes</td>
+<td>they are read before a place is taken; 408</td>
+<td><code>VERSANT_BODY_TIMEOUT_S</code>, <code>VERSANT_UPLOAD_STALL_S</code></td>
+<td><code>tests/app/core/receiving/test_pace.py</code></td>
+</tr>
+<tr>
+<td>hundreds of slow searches by one client</td>
+<td>two places of each lane are for clients that have none; one client fills half of the waiting room</td>
+<td></td>
+<td><code>tests/app/core/test_fair_lanes.py</code>, <code>tests/app/core/test_lanes.py</code></td>
+</tr>
+<tr>
+<td>all event streams taken by one client</td>
+<td>503 for more than its share</td>
+<td><code>VERSANT_EVENTS_PER_CLIENT</code>, <code>VERSANT_EVENTS_MAX</code></td>
+<td><code>tests/app/drives/test_events.py</code></td>
+</tr>
+<tr>
+<td>thousands of requests on one connection, answers that nobody reads</td>
+<td>closed</td>
+<td>16 before the first answer, 60 s</td>
+<td><code>tests/app/core/receiving/test_connections.py</code></td>
+</tr>
+<tr>
+<td>a forged <code>X-Forwarded-For</code> in the audit log</td>
+<td>believed from named proxies alone</td>
+<td><code>VERSANT_TRUSTED_PROXIES</code></td>
+<td><code>tests/app/core/receiving/test_clients.py</code></td>
+</tr>
+</tbody>
+</table></div>
 <p>Routes and files:</p>
 <div class="wide" tabindex="0"><table>
 <thead>
@@ -50,6 +105,12 @@ var e=`<h1 id="threats">Threats</h1>
 </tr>
 </thead>
 <tbody>
+<tr>
+<td>a web page of another site reads the map</td>
+<td>browsers keep the answer from it: no CORS header</td>
+<td><code>VERSANT_CORS_ORIGINS</code></td>
+<td><code>tests/app/core/test_cors.py</code></td>
+</tr>
 <tr>
 <td>a web page of another site changes something</td>
 <td>403; browsers state where a page is from</td>
@@ -63,8 +124,8 @@ var e=`<h1 id="threats">Threats</h1>
 <td><code>tests/app/core/test_middleware.py</code></td>
 </tr>
 <tr>
-<td>a webhook is to call this machine or a private network, by a redirect or a name that changes</td>
-<td>refused; the address that was checked is the one that is called, redirects are failures</td>
+<td>a webhook is to call this machine or a private network: by an old or embedding form of IPv6, a redirect, a name that changes</td>
+<td>refused: only addresses that are given out to be reached from everywhere; the address that was checked is the one that is called, redirects are failures</td>
 <td><code>VERSANT_WEBHOOK_PRIVATE</code></td>
 <td><code>tests/app/changes/webhooks/test_sending.py</code></td>
 </tr>
@@ -75,14 +136,14 @@ var e=`<h1 id="threats">Threats</h1>
 <td><code>tests/app/changes/webhooks/test_webhooks.py</code></td>
 </tr>
 <tr>
-<td>a filter with nested brackets, long lists, many operators</td>
-<td>400 that says the bound</td>
-<td>32 brackets deep, 250 operators, 1,000 values</td>
-<td><code>tests/app/map/items/test_refused_filters.py</code></td>
+<td>a filter that grows in SQL (<code>%</code> in <code>%</code>), nested brackets, long lists, many operators</td>
+<td>400 that says the bound; what is written per operand is written once</td>
+<td>64,000 characters, 32 deep, 250 operators, lists of 1,000, geometries of 5,000 points, SQL of 200,000 characters</td>
+<td><code>tests/app/map/items/test_bounded_filters.py</code>, <code>tests/app/map/items/test_refused_filters.py</code>, <code>tests/fuzz/test_cql2.py</code></td>
 </tr>
 <tr>
 <td>an expensive search</td>
-<td>400 after the time</td>
+<td>400 after the time; all statements of a page and their planning have it together</td>
 <td><code>VERSANT_ITEMS_TIMEOUT_S</code>, <code>VERSANT_STATEMENT_TIMEOUT_S</code></td>
 <td><code>tests/app/map/items/test_paging.py</code>, <code>tests/app/core/test_db.py</code></td>
 </tr>
@@ -171,6 +232,72 @@ var e=`<h1 id="threats">Threats</h1>
 <td><code>tests/app/core/telemetry/test_logs.py</code></td>
 </tr>
 <tr>
+<td>a raster that names other files or addresses (VRT, overviews and headers beside it, grids of a reference system)</td>
+<td>one driver, chosen by content: GeoTIFF, HGT, DTED; nothing else is opened. VRT and other formats for what the operator names on the command line</td>
+<td></td>
+<td><code>tests/fusion/terrain/test_drivers.py</code>, <code>tests/app/operations/test_hostile_files.py</code></td>
+</tr>
+<tr>
+<td>a raster of 10 kB with 160,000,000,000 posts, blocks of gigabytes</td>
+<td>refused by its header</td>
+<td><code>VERSANT_MAX_RASTER_POSTS</code>; 64 MiB a block</td>
+<td><code>tests/app/terrain/test_copying.py</code>, <code>tests/app/operations/test_hostile_files.py</code></td>
+</tr>
+<tr>
+<td>a raster or a file of roads that unpacks to far more</td>
+<td>refused, with room left on the disk</td>
+<td><code>VERSANT_MAX_IMPORT_BYTES</code>, <code>VERSANT_MIN_FREE_BYTES</code>; an HGT its own size; 20 times for PBF, 50 for gzip</td>
+<td><code>tests/app/terrain/test_copying.py</code>, <code>tests/fusion/roads/test_osm_bombs.py</code></td>
+</tr>
+<tr>
+<td>imports by the dozen</td>
+<td>50 wait or are planned, then 503; each lets drives go first between two pieces</td>
+<td><code>VERSANT_IMPORTS_KEPT_BYTES</code></td>
+<td><code>tests/app/operations/test_operations.py</code></td>
+</tr>
+<tr>
+<td>a log of millions of rows</td>
+<td>refused while it is read</td>
+<td>500,000 positions</td>
+<td><code>tests/fusion/formats/test_many_records.py</code></td>
+</tr>
+<tr>
+<td>ten million particles</td>
+<td>422; <code>versant fuse</code> may</td>
+<td>a bound on each such option</td>
+<td><code>tests/app/drives/test_modest_options.py</code></td>
+</tr>
+<tr>
+<td>a drive that needs more memory than there is</td>
+<td>it fails as <code>out-of-memory</code>, its lane and the other drives go on; what kills its process three times is given up</td>
+<td><code>VERSANT_LANE_MEMORY_BYTES</code></td>
+<td><code>tests/app/drives/test_worker.py</code></td>
+</tr>
+<tr>
+<td>a removed drive is asked for while a trial of it runs</td>
+<td>404 for every part from the answer to <code>DELETE</code> on; <a href="/docs/operation#removal">what stays</a></td>
+<td></td>
+<td><code>tests/app/drives/test_removed.py</code>, <code>tests/app/drives/test_remains.py</code></td>
+</tr>
+<tr>
+<td>places and names of files in reasons of failures and in the audit log</td>
+<td>blanked, left out</td>
+<td>the latest 100,000 rows of audit</td>
+<td><code>tests/app/ops/admin/test_audit.py</code></td>
+</tr>
+<tr>
+<td>the power goes after an upload was answered</td>
+<td>file and folder are synced before the answer</td>
+<td></td>
+<td><code>tests/app/core/test_durable.py</code></td>
+</tr>
+<tr>
+<td>damaged files of every kind, every route with what it may and may not be asked</td>
+<td>a sentence, within 5 s and a bound of memory; no 500</td>
+<td><code>make fuzz</code> goes on as long as asked</td>
+<td><code>tests/fuzz/</code></td>
+</tr>
+<tr>
 <td>another user of the machine reads logs, rasters or the database</td>
 <td>folders of a data folder with its own database are 0700; PostgreSQL listens on a socket in one of them, and on no port</td>
 <td></td>
@@ -178,9 +305,9 @@ var e=`<h1 id="threats">Threats</h1>
 </tr>
 </tbody>
 </table></div>
-<p>Tried and harmless: methods that do not exist, TRACE and CONNECT (405); ranges by the thousand (the whole file); <code>X-Forwarded-Host</code> and <code>-Proto</code> (not taken for links); headers of language and of types by the thousand; two lengths in one request (400); websockets (an ordinary answer); <code>Last-Event-ID</code> of 60,000 digits; <code>..</code> in paths of pages,
+<p>Tried and harmless: methods that do not exist, TRACE and CONNECT (405); ranges by the thousand (the whole file); <code>X-Forwarded-Host</code> (believed from nobody); headers of language and of types by the thousand; two lengths in one request (400); websockets (an ordinary answer); <code>Last-Event-ID</code> of 60,000 digits; <code>..</code> in paths of pages,
 signs and letters (404); 300 uploads that stand still (others go on, their parts go with them); <code>LIKE</code> with 2,000 wildcards; drawings by size (the size is fixed); thinning by <code>points=</code> beyond its bounds (422).</p>
-<p>Open: drives are computed in the order in which they came, so a client who uploads hundreds of small logs is in front of the next one for as long as they take; rows of <code>audit</code> are kept for good; anybody who reaches the API may approve what another planned. Owners and keys will close these.</p>
+<p>Open: drives are computed in the order in which they came, so a client who uploads hundreds of small logs is in front of the next one for as long as they take; whoever reads an answer very slowly, but reads, holds it in memory; quick routes share forty threads in the order of asking; anybody who reaches the API may approve what another planned. Pages of other sites cannot read, but can tell by an embedded picture that a service is there. Owners and keys will close the first and the last but one.</p>
 <h2 id="under-attack"><a class="self" href="#under-attack">Under attack</a></h2>
 <p><code>PYTHONPATH=.:benchmarks python -m hostile</code> starts a service with the usual limits (1,024 files a process) and attacks it in eleven ways, one after the other and all at once, while a client uploads a drive every four seconds and asks for eight other things four times a second. Good is: the 99th percentile of every kind of request below 2 s,
 nothing answered by 503 (or not at all) for more than 5 s, no drive lost. Every attack comes from a loopback address of its own; with <code>--same-address</code> all come from the client's.</p>
