@@ -19,7 +19,7 @@ help:  ## list the targets
 
 setup: $(INSTALLED) $(POSTGRES) $(COMPILED)  ## make .venv, compile, and as root on Debian install PostGIS if it is missing
 
-demo: setup  ## from nothing to slopes: the whole job on simulated drives, result in demo/
+demo: $(INSTALLED) $(POSTGRES)  ## from nothing to slopes: the whole job on simulated drives, result in demo/
 	@$(BIN)/versant demo --output demo
 
 test: setup  ## every test, on a private PostGIS, the pages' in Chromium

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """What memory the lanes of a worker take, at rest and over a time of ordinary drives.
 
-    PYTHONPATH=.:benchmarks python -m service.lane_memory [--minutes 8] [--lanes 2] [--hours-of-drive 0.2]
-        [--empty-cache] [--json FILE]
+    PYTHONPATH=.:benchmarks python -m service.lane_memory [--minutes 8] [--lanes 2] [--roads FILE.osm.pbf]
+        [--dem FILE.hgt] [--empty-cache] [--json FILE]
 
-A worker on an embedded cluster, as ``versant worker`` starts it, computes simulated drives through the simulated town
-with its elevations, one after the other in every lane for as long as asked. With ``--empty-cache`` nothing has been
-compiled before (``NUMBA_CACHE_DIR`` names an empty folder).
+A worker on an embedded cluster, as ``versant worker`` starts it, computes drives of 10 km over a map (default:
+Heidelberg with its elevations, beside the repository), each at a time of its own, in every lane for as long as asked.
+With ``--empty-cache`` nothing has been compiled before (``NUMBA_CACHE_DIR`` names an empty folder).
 
     at rest            after the worker has begun, before the first drive
     PSS                of a lane: its own pages, and its share of those that several processes have
@@ -30,17 +30,19 @@ from pathlib import Path
 
 import psycopg
 
+from accuracy.logs import write_columns
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from fusion.simulate.drive import simulate_drive
-from fusion.simulate.scene.town import make_town
-from fusion.simulate.write.csv_file import write_csv
-from fusion.simulate.write.dem_file import write_dem
-from fusion.simulate.write.osm_file import write_osm
+from fusion.roads.osm import read_roads
+from profile_speed import record
+from service.logs import APART_S, HOURS, columns_of
 from service.processes import Service
 
 HERE = Path(__file__).resolve().parents[2]
+SHARED = HERE.parent / "shared/data"
+HEIDELBERG = SHARED / "maps/heidelberg-2024-09.test.osm.pbf"
+ELEVATIONS = SHARED / "karlsruhe/N49E008.hgt"
 LOOK_EVERY_S = 0.25
 AT_REST_S = 10.0
 PATIENCE_S = 600.0
@@ -129,9 +131,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--minutes", type=float, default=8.0, help="of drives")
     parser.add_argument("--lanes", type=int, default=2)
-    parser.add_argument(
-        "--hours-of-drive", type=float, default=0.2, help="length of each drive, hours at 1 Hz"
-    )
+    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    parser.add_argument("--dem", type=Path, default=ELEVATIONS)
     parser.add_argument("--empty-cache", action="store_true", help="nothing has been compiled before")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
@@ -141,9 +142,9 @@ def main() -> None:
             service = Service(HERE, libpq_url(cluster.url), folder / "data")
             if args.empty_cache:
                 service.environment = {**service.environment, "NUMBA_CACHE_DIR": str(folder / "compiled")}
-            rows, figures = measured(
-                service, folder, args.minutes * 60, args.lanes, args.hours_of_drive * 3600
-            )
+            for command in (("migrate",), ("import-roads", str(args.roads)), ("import-dem", str(args.dem))):
+                service.command(*command)
+            rows, figures = measured(service, args.roads, folder, args.minutes * 60, args.lanes)
     show_progress("")
     print(text_table(rows, COLUMNS))
     print(f"{figures['drives']:.0f} drives; {figures['lanes_begun']:.0f} processes were a lane in that time")
@@ -151,18 +152,10 @@ def main() -> None:
 
 
 def measured(
-    service: Service, folder: Path, lasting_s: float, lanes: int, drive_s: float
+    service: Service, roads: Path, folder: Path, lasting_s: float, lanes: int
 ) -> tuple[list[dict[str, float | str]], dict[str, float]]:
     """The table, and how many drives and processes there were."""
-    town = make_town(1)
-    write_osm(town, folder / "town.osm")
-    write_dem(town, folder / "dem.tif")
-    for command in (
-        ("migrate",),
-        ("import-roads", str(folder / "town.osm")),
-        ("import-dem", str(folder / "dem.tif")),
-    ):
-        service.command(*command)
+    table = read_roads(roads)
     with (
         service.started("api", "--port", str(service.port)),
         service.started("worker", "--concurrency", str(lanes)) as worker,
@@ -176,9 +169,8 @@ def measured(
         busy, drives, ends = Lanes(worker.pid), 0, time.monotonic() + lasting_s
         with watched(busy):
             while time.monotonic() < ends:
-                log = folder / "drive.csv"
-                write_csv(simulate_drive(town, drives, drive_s), log)
-                service.send(log.read_bytes())
+                columns = columns_of(record(table, HOURS, drives)[0], drives * APART_S)
+                service.send(write_columns(columns, folder / "drive.csv").read_bytes())
                 drives += 1
                 while waiting(service) >= WAITING and time.monotonic() < ends:
                     time.sleep(LOOK_EVERY_S)
