@@ -104,10 +104,11 @@ def pieces_of(level: Level, courses: Sequence[Course], stretches: Stretches) -> 
     turned = np.array([t for part in parts for t in part.turned])
     begins = np.cumsum([0, *(len(part.rows) for part in parts)])[:-1]
     number = np.repeat(np.arange(len(parts)), np.diff(begins, append=len(rows)))
-    measured = np.array([part.measured for part in parts])
     line = _lines(stretches, rows, turned, number, level.tolerance_m)
     length = np.asarray(np.bincount(number, stretches.length_m[rows]), float)
     weight = np.where(stretches.measured & (stretches.drives > 0), stretches.length_m, 0.0)[rows]
+    # A measured part may be a gap alone: a short one that goes with what is beside it, cut off there for its length.
+    measured = np.array([part.measured for part in parts]) & (np.bincount(number, weight) > 0)
     signed = np.where(turned, -1.0, 1.0) * stretches.slope_percent[rows]
     with np.errstate(invalid="ignore", divide="ignore"):
         slope, sigma = (

@@ -115,6 +115,21 @@ def test_nothing_measured_is_null() -> None:
     assert (piece.slope_percent, piece.slope_sigma_percent, piece.drives) == (None, None, 0)
 
 
+@given(st.lists(st.tuples(st.floats(1, 400), st.sampled_from([None, 0, 1, 7])), min_size=1, max_size=12))
+def test_what_nobody_drove_of_a_gap_has_no_slope_and_no_drives(line: list[tuple[float, int | None]]) -> None:
+    """A gap between drives has a slope of its own; a piece may lie in it altogether (None: not even that)."""
+    roads = stretches(
+        *(
+            {"points": [(500 * k, 0), (500 * k + 500, 0)], "length_m": long, "drives": drives or 0}
+            | ({} if drives is None else {"slope_percent": 3.0, "sigma_percent": 0.5})
+            for k, (long, drives) in enumerate(line)
+        )
+    )
+    for piece in pieces_of(MIDDLE, course(roads), roads):
+        assert (piece.slope_percent is None) == (piece.drives == 0)
+        assert piece.drives in {0, 1, 7}
+
+
 def test_a_line_that_is_a_point_from_afar_stays_a_line() -> None:
     ring = stretches(
         {"points": [(0, 0), (1, 0), (1, 1), (0, 0)]},
