@@ -15,9 +15,10 @@ from typing import Any, TypeVar
 import psycopg
 from psycopg import AsyncConnection
 from psycopg.pq import DiagnosticField, ExecStatus
-from psycopg.pq.abc import PGresult
+from psycopg.pq.abc import PGcancel, PGresult
 
 from app.core.db import Patience, server_options
+from app.core.departures import AGAIN_S
 from app.core.settings.places import libpq_url
 
 Found = TypeVar("Found")
@@ -32,17 +33,23 @@ class Connections:
         self._patience = patience
         self._kept = kept
         self._idle: list[Connection] = []
+        self._at_work: dict[asyncio.Task[Any] | None, PGcancel] = {}
+        self._endings: set[asyncio.Task[None]] = set()
         self._closed = False
 
     @asynccontextmanager
     async def one(self) -> AsyncIterator[Connection]:
         """A connection in autocommit mode for the block; after an error in it, it is not used again."""
         connection = self._idle.pop() if self._idle else await self.connect()
+        task = asyncio.current_task()
+        self._at_work[task] = connection.pgconn.get_cancel()
         try:
             yield connection
         except BaseException:
             await end(connection)
             raise
+        finally:
+            del self._at_work[task]
         if self._closed or len(self._idle) >= self._kept:
             await end(connection)
         else:
@@ -60,6 +67,23 @@ class Connections:
         await self.close_idle()
         async with self.one() as connection:
             return await work(connection)
+
+    def give_up(self, task: asyncio.Task[Any]) -> None:
+        """Cancel a task that may work on a connection of these, and its statement on the server, until it has ended.
+
+        The driver asks the server once, which hears it in vain before it has begun with the statement; that would then
+        go on, and hold its locks, when its connection is long closed here.
+        """
+        task.cancel()
+        if not task.done():
+            ending = asyncio.create_task(self._insist(task))
+            self._endings.add(ending)
+            ending.add_done_callback(self._endings.discard)
+
+    async def _insist(self, task: asyncio.Task[Any]) -> None:
+        while (await asyncio.wait({task}, timeout=AGAIN_S))[1]:
+            if (canceller := self._at_work.get(task)) is not None:
+                await asyncio.to_thread(_cancel, canceller)
 
     async def close_idle(self) -> None:
         """Close those that wait for work."""
@@ -139,6 +163,11 @@ def _told(result: PGresult) -> PGresult | psycopg.Error:
 def is_broken(error: psycopg.Error, connection: Connection) -> bool:
     """Whether the connection is gone, rather than a statement refused."""
     return error.sqlstate is None or error.sqlstate.startswith(("57P", "08")) or connection.broken
+
+
+def _cancel(canceller: PGcancel) -> None:
+    with suppress(psycopg.Error):  # a server that is away runs no statement either
+        canceller.cancel()
 
 
 async def end(connection: Connection) -> None:

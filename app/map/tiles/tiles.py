@@ -146,7 +146,7 @@ class Tiles:
             flight.waiting -= 1
             if not flight.waiting:
                 self._land(at, etag, flight)
-                flight.task.cancel()
+                self._builders.give_up(flight.task)
 
     def count(self, at: Address) -> None:
         """Somebody asked for the tile, or whether it is new."""

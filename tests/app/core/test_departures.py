@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from typing import Any
 
 import httpx
+import psycopg
 import pytest
 
 from server_support import connected, sleep, sleep_in_loop, sleeping, wait_until
@@ -39,6 +40,20 @@ def test_the_statement_of_a_tile_ends_when_its_client_leaves(slow: Any, suffix: 
         wait_until(lambda: sleeping(slow) == 1)
     wait_until(lambda: sleeping(slow) == 0)
     wait_until(lambda: counted(slow, 499) == 1)
+
+
+def test_the_statement_of_a_tile_ends_though_the_server_heard_too_early(
+    slow: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is to be cancelled before the server has begun with it runs on, and the driver asks once."""
+
+    async def in_vain(connection: psycopg.AsyncConnection[Any], *, timeout: float) -> None:
+        """The server has heard nothing."""
+
+    monkeypatch.setattr(psycopg.AsyncConnection, "_try_cancel", in_vain)
+    with connected(slow, TILE + ".mvt"):
+        wait_until(lambda: sleeping(slow) == 1)
+    wait_until(lambda: sleeping(slow) == 0, within_s=10)
 
 
 def test_a_route_that_goes_on_to_another_statement_ends_all_the_same(
