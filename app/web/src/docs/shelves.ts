@@ -3,7 +3,7 @@ import { type Guide, guides } from "virtual:guides";
 
 const SHELVES = {
   use: ["pages", "recording", "exports", "handover", "clients", "items", "changes"],
-  run: ["operation"],
+  run: ["operation", "threats"],
   inside: ["architecture", "methods", "network", "positioning", "particle", "cheap_filter", "experiments"],
 } as const;
 export type Shelf = keyof typeof SHELVES;
