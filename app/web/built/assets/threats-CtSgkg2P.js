@@ -1,5 +1,5 @@
 var e=`<h1 id="threats">Threats</h1>
-<p>What somebody can try against a service, what happens, and what an operator has to see to. Every row was tried on a service as <code>versant up</code> starts it. How a well-behaved client is served meanwhile is measured by <code>PYTHONPATH=.:benchmarks python -m hostile</code>, figures <a href="#under-attack">below</a>.</p>
+<p>What somebody can try against a service, what happens, and what an operator has to see to. Every row is held by the test that it names; most were also tried on a service as <code>versant up</code> starts it. How a well-behaved client is served meanwhile is measured by <code>PYTHONPATH=.:benchmarks python -m hostile</code>, figures <a href="#under-attack">below</a>.</p>
 <h2 id="who-is-promised-what"><a class="self" href="#who-is-promised-what">Who is promised what</a></h2>
 <p>There is <strong>no access control yet</strong>: whoever reaches the API may do all that it can do, read every drive and remove it too. So the promises are about who reaches it, and about what a single request may cost.</p>
 <div class="wide" tabindex="0"><table>
