@@ -8,8 +8,8 @@ import { MethodForm } from "../shared/MethodForm";
 import { chosenQuery, type MethodChosen, type Methods, USUAL, usable } from "../shared/methods";
 import { t } from "../shared/texts";
 import { addressOf, type Drive } from "./data";
-import { driveId, look, lookAtTrials } from "./load";
-import { drive, segments } from "./state";
+import { driveId, leave, look, lookAtTrials } from "./load";
+import { segments } from "./state";
 
 async function post(part: string, query: URLSearchParams): Promise<void> {
   const asked = query.toString();
@@ -114,8 +114,7 @@ async function remove(now: Drive): Promise<void> {
   if (!agreed) return;
   try {
     await got(api.DELETE("/v1/drives/{drive_id}", { params: { path: { drive_id: now.id } } }));
-    drive.value = { ...now, status: "cancelled" };
-    await look();
+    leave();
   } catch (error) {
     tellError(error);
   }

@@ -120,6 +120,12 @@ export function refineOnZoom(range: [number, number] | null): void {
 
 let stopFollowing: (() => void) | null = null;
 
+/** The drive is removed: say so, and ask for nothing of it any more. */
+export function leave(): void {
+  stopFollowing?.();
+  removed.value = true;
+}
+
 /** Follow the drive until it has ended; the service ends the stream itself. */
 function followDrive(): void {
   stopFollowing?.();
@@ -132,10 +138,7 @@ function followDrive(): void {
     source.close();
     if (now.status === "done") void again();
   });
-  source.addEventListener("deleted", () => {
-    source.close();
-    removed.value = true;
-  });
+  source.addEventListener("deleted", leave);
   source.addEventListener("error", () => {
     // Too many streams, or none goes through: ask every few seconds.
     if (source.readyState === EventSource.CLOSED) setTimeout(() => void look(), POLL_MS);
@@ -151,11 +154,12 @@ async function again(): Promise<void> {
 
 /** Look at the drive, and follow it where it has not ended. */
 export async function look(): Promise<void> {
+  if (removed.peek()) return;
   try {
     drive.value = await loadDrive(driveId);
     problem.value = null;
   } catch (error) {
-    if (error instanceof ApiProblem && error.status === 404 && drive.peek()) removed.value = true;
+    if (error instanceof ApiProblem && error.status === 404 && drive.peek()) leave();
     else problem.value = error;
     return;
   }
@@ -166,6 +170,7 @@ let polling = false;
 
 /** Trials as they are; asked for again while one is being made. */
 export async function lookAtTrials(): Promise<void> {
+  if (removed.peek()) return;
   trials.value = await loadTrials(driveId).catch(() => trials.peek());
   if (polling || !trials.value.some((one) => one.status === "queued" || one.status === "running")) return;
   polling = true;
