@@ -19,7 +19,7 @@ from app.changes.live import Live
 from app.changes.webhooks import routes as webhooks
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
-from app.core.departures import EndWithClient
+from app.core.disconnects import EndWithClient
 from app.core.http import Service
 from app.core.lanes import MORE_CONNECTIONS, Lane, Lanes, Turnstile, make_lanes
 from app.core.middleware import (
@@ -63,8 +63,8 @@ from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
 from app.map.tiles.told import WatchedMap
-from app.operations import ground
 from app.operations import routes as operations
+from app.operations import sources
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
@@ -96,7 +96,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     heights.router,
     ogc_tiles.router,
     exports.router,
-    ground.router,
+    sources.router,
     operations.router,
     style.router,
     stats.router,

@@ -36,9 +36,9 @@ import numpy as np
 from accuracy.adjustment_drives import Synthetic
 from fusion.network.adjust import adjust
 from fusion.network.blocks import Partition, bisected
-from fusion.network.elsewhere import ConstantsSaid
+from fusion.network.outside_passes import ConstantsSaid
 from fusion.network.pass_factor import PassFactor
-from fusion.network.published import Adjustment
+from fusion.network.segment_slopes import Adjustment
 from fusion.network.window import WINDOW_RADIUS_M, Window, boxes_around, gap_rows, window_around
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable

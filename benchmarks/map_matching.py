@@ -14,7 +14,7 @@ processor time of one thread, second pass, median over the tracks; preparing the
 apart (median seconds).
 
     drive    fusion.matching.drive.DriveMatcher, default settings
-    the names in fusion.matching.points.MATCHERS, default settings
+    the names in fusion.published.matchers.MATCHERS, default settings
              points thinned to 14 m, the course is that of the neighbours; each point gets a segment, so that short
              arcs between two points are missed. ``mahalanobis`` is the rule of Al Assaad 2020
     drive-points
@@ -40,9 +40,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.matching.drive import DriveMatcher
-from fusion.matching.points import MATCHERS
-from fusion.matching.points.base import PointMatcher, PointMatches
 from fusion.matching.samples import thin
+from fusion.published.matchers import MATCHERS
+from fusion.published.matchers.base import PointMatcher, PointMatches
 from fusion.types import Ints
 from matching import leuven
 from matching.tracks import Track, error, find_tracks, read_track

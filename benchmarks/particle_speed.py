@@ -35,11 +35,11 @@ from pathlib import Path
 import numba
 
 from fusion.formats import read_log
-from fusion.methods.nine_state.protocol import EpochFilter
-from fusion.methods.nine_state.run import DriveRun
-from fusion.methods.particle.filter import ParticleCloud
-from fusion.methods.particle.method import prepare, threads_for
-from fusion.methods.particle.options import ParticleOptions
+from fusion.published.nine_state.protocol import EpochFilter
+from fusion.published.nine_state.run import DriveRun
+from fusion.published.particle.filter import ParticleCloud
+from fusion.published.particle.method import prepare, threads_for
+from fusion.published.particle.options import ParticleOptions
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import make_town

@@ -29,9 +29,9 @@ from typing import Any
 
 import numpy as np
 
+from fusion.catalogue import SOLVERS
 from fusion.formats import read_logs
 from fusion.frames import geodetic
-from fusion.gnss import SOLVERS
 from fusion.gnss.aids import aids_of
 from fusion.gnss.earth import ecef
 from fusion.gnss.measure import measure

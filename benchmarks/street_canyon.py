@@ -5,7 +5,7 @@
                                        [--solvers NAME ...] [--particles N ...] [--json FILE]
 
 Viandier 2011 drives 594 epochs at 1 Hz through a scene of Rouen that is not public. Here route, fronts and sky are
-drawn anew for each seed (``fusion.simulate.canyon``). Solvers take pseudoranges and C/N0 alone, as in the thesis: no
+drawn anew for each seed (``fusion.published.canyon``). Solvers take pseudoranges and C/N0 alone, as in the thesis: no
 range rates, no odometer. Scenes:
 
   study    range + detour + N(0, 1), clock 0, GPS alone, the reception state known (C/N0 tells it without error)
@@ -40,16 +40,15 @@ import numpy as np
 from scipy import stats
 
 from accuracy.scoring import text_table, write_json
-from fusion.gnss import SOLVERS
-from fusion.gnss.error_models import ERROR_MODELS
+from fusion.catalogue import ERROR_MODELS, SOLVERS
 from fusion.gnss.error_models.base import Series, share_within
-from fusion.gnss.error_models.dpm import LOS_SIMULATED
 from fusion.gnss.measurements import Aids, Measurements
-from fusion.gnss.quality.metrics import PositionMetrics, position_metrics
 from fusion.gnss.reception import THRESHOLDS_DBHZ
+from fusion.published.canyon.drive import CanyonDrive, rouen
+from fusion.published.canyon.radio import BLURRED
+from fusion.published.positioning.dpm import LOS_SIMULATED
+from fusion.published.positioning.metrics import PositionMetrics, position_metrics
 from fusion.signals import GALILEO, GPS
-from fusion.simulate.canyon.drive import CanyonDrive, rouen
-from fusion.simulate.canyon.radio import BLURRED
 from fusion.types import Floats, no_progress
 from positioning import canyon_slopes
 

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.errors import EmptyLogError, MethodError, MissingSensorError, NoMatchError
 from fusion.frames import LocalProjection
-from fusion.gnss import POSITIONINGS, Positioned, options_of, positioned, validated
-from fusion.methods import METHODS
+from fusion.gnss.positioning import Positioned, options_of, positioned, validated
 from fusion.methods.base import DriveResult, Options
-from fusion.methods.epochs.computed_positions import (
+from fusion.methods.computed_positions import (
     above_ellipsoid,
     heights_under,
     knows_grade,
@@ -28,11 +28,11 @@ from fusion.methods.epochs.computed_positions import (
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
 from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
+from fusion.network.duplicates import Witness, repeated
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.network.window import gap_rows
-from fusion.network.witnesses import Witness, repeated
 from fusion.registry import DEFAULT_METHOD
 from fusion.report import Ground, advice_of, drive_report, ground_under, without_placeholders
 from fusion.roads.along import boxes_along

@@ -23,9 +23,9 @@ METHOD_NAMES = (
     "raw",
     "dem",
 )
-"""What ``fusion.methods.METHODS`` holds (a test holds them equal)."""
+"""What ``fusion.catalogue.METHODS`` holds (a test holds them equal)."""
 DEFAULT_POSITIONING = "auto"
-"""How positions are computed from a log; one of ``fusion.gnss.POSITIONINGS``."""
+"""How positions are computed from a log; one of ``fusion.catalogue.POSITIONINGS``."""
 
 LOG_COLUMNS: tuple[str, ...] = (
     "time", "time_s", "lat_deg", "lon_deg", "alt_msl_m", "height_ell_m", "h_acc_m", "v_acc_m",

@@ -68,7 +68,7 @@ SQL_PLACES = {
         "ops/admin/store.py",
         "ops/store.py",
         "roads/copy.py",
-        "roads/attic.py",
+        "roads/retired.py",
         "roads/changing.py",
         "roads/comparing.py",
         "roads/regions.py",

@@ -26,11 +26,10 @@ from app.map.handover import HANDOVERS
 from app.map.segment import PROPERTIES
 from app.ops.metrics import LABELS, Gauges, Metrics
 from app.ops.store import Squares
+from fusion.catalogue import METHODS, POSITIONINGS, SOLVERS
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
-from fusion.gnss import POSITIONINGS, SOLVERS
-from fusion.methods import METHODS
 from fusion.methods.base import Options, option_facts
 from fusion.registry import DEFAULT_METHOD
 from fusion.terrain.windows import WINDOWS

@@ -26,17 +26,16 @@ from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from pydantic import BaseModel
 
 import fusion
+from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.compiled import cache_folder
 from fusion.errors import FusionError
 from fusion.formats import read_log, read_logs
-from fusion.gnss import POSITIONINGS
-from fusion.methods import METHODS
 from fusion.pipeline import run_drive
+from fusion.published.canyon.drive import canyon_of
 from fusion.registry import DEFAULT_METHOD
 from fusion.results import solve
 from fusion.roads.grid import project_point
 from fusion.roads.table import RoadTable
-from fusion.simulate.canyon.drive import canyon_of
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import make_town
 from fusion.simulate.write.csv_file import write_csv

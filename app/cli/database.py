@@ -9,10 +9,10 @@ from typing import Any
 
 from app.cli.console import Console
 from app.core import migrate
+from app.core.background import stand_back
 from app.core.databases import require_reachable
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings, load_settings
-from app.core.standing_back import stand_back
 from app.core.telemetry.ledger import counting
 from app.core.telemetry.logs import begin_logging
 from app.core.telemetry.tracing import begin_tracing, end_tracing

@@ -173,8 +173,8 @@ def _usable(
 ) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
     from app.map.outputs import output_for
-    from fusion.gnss import POSITIONINGS, options_of
-    from fusion.methods import METHODS
+    from fusion.catalogue import METHODS, POSITIONINGS
+    from fusion.gnss.positioning import options_of
     from fusion.pipeline import parse_options
 
     options = named | parse_assignments(option, "--option")

@@ -16,7 +16,7 @@ from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, naming,
 from fusion.errors import MissingSensorError
 
 if TYPE_CHECKING:
-    from fusion.gnss.quality.study import Study
+    from fusion.published.positioning.study import Study
 
 app = typer.Typer(add_completion=False)
 
@@ -40,8 +40,9 @@ def gnss_study(
     json_file: JsonFile = None,
 ) -> None:
     """Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow."""
-    from fusion.gnss import POSITIONINGS, options_of, positioned
-    from fusion.gnss.quality.study import study
+    from fusion.catalogue import POSITIONINGS
+    from fusion.gnss.positioning import options_of, positioned
+    from fusion.published.positioning.study import study
 
     console: Console = ctx.obj
     if out is not None and out.suffix.lower() != ".png":

@@ -35,8 +35,8 @@ from app.cli.children import (
     stop_with_parent,
 )
 from app.cli.console import Console
+from app.core.background import stand_back
 from app.core.settings import Settings
-from app.core.standing_back import stand_back
 from app.core.telemetry.logs import begin_logging
 from app.core.telemetry.tracing import begin_tracing, end_tracing
 from app.drives.worker import run_worker

@@ -28,7 +28,7 @@ def methods(
     json_file: JsonFile = None,
 ) -> None:
     """List methods with source, needs and options, then formats, windows, resamplers and the like."""
-    from fusion.methods import METHODS
+    from fusion.catalogue import METHODS
 
     console: Console = ctx.obj
     figures = catalogue()
@@ -45,11 +45,10 @@ def methods(
 def catalogue() -> dict[str, Any]:
     """Every registry's names; methods with source, needs and options."""
     from app.map.outputs import OUTPUTS
+    from fusion.catalogue import METHODS, POSITIONINGS
     from fusion.filters.resampling import RESAMPLERS
     from fusion.filters.triggers import TRIGGERS
     from fusion.formats import FORMATS
-    from fusion.gnss import POSITIONINGS
-    from fusion.methods import METHODS
     from fusion.simulate.receiver.profiles import RECEIVERS
     from fusion.terrain.windows import WINDOWS
 

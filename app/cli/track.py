@@ -51,7 +51,8 @@ def track(
     A log that fails is reported, and the others go on.
     """
     from app.cli.positions import TRACK_WRITERS
-    from fusion.gnss import POSITIONINGS, options_of
+    from fusion.catalogue import POSITIONINGS
+    from fusion.gnss.positioning import options_of
 
     console: Console = ctx.obj
     if out.suffix.lower() not in TRACK_WRITERS:
@@ -101,7 +102,7 @@ def _read(
     source: LogFiles, columns: Mapping[str, str], gnss: str, options: Mapping[str, Any], progress: Progress
 ) -> Positions:
     from app.cli.positions import Positions
-    from fusion.gnss import positioned
+    from fusion.gnss.positioning import positioned
 
     read = source.read(part_of(progress, 0.0, 0.3), columns)
     found = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))

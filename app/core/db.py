@@ -16,8 +16,8 @@ from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.orm import Session, sessionmaker
 
 from app.core import arrays
+from app.core.background import let_stand_back
 from app.core.settings.places import sqlalchemy_url
-from app.core.standing_back import let_stand_back
 
 arrays.register()
 

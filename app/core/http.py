@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
-from app.core.departures import ending_with_client
+from app.core.disconnects import ending_with_client
 from app.core.errors import NotFoundError
 from app.core.lanes import Lane
 from app.core.problems import PROBLEM_JSON

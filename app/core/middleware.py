@@ -23,7 +23,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.core.departures import has_body
+from app.core.disconnects import has_body
 from app.core.errors import KINDS, CrossOriginWriteError, UnknownHostError
 from app.core.problems import problem_response
 from app.core.settings import Settings

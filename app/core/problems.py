@@ -18,7 +18,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from app.core.departures import client_left
+from app.core.disconnects import client_left
 from app.core.errors import (
     KINDS,
     PROBLEM_PATH,

@@ -19,7 +19,7 @@ from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
 from app.network.cells import square_name
-from app.network.hearing import Hearing
+from app.network.rejections import Hearing
 from fusion.report import with_contradiction, with_twin
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"

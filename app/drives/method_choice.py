@@ -76,7 +76,7 @@ def asked_positioning(gnss: str | None, gnss_option: Sequence[str]) -> dict[str,
     """The shorthands for how positions are computed, as options of a method; ``UnknownNameError`` lists the names."""
     asked: dict[str, Any] = {}
     if gnss is not None:
-        from fusion.gnss import POSITIONINGS  # noqa: PLC0415 - see check_options
+        from fusion.catalogue import POSITIONINGS  # noqa: PLC0415 - see check_options
 
         asked["gnss"] = POSITIONINGS[gnss].name
     if gnss_option:
@@ -132,7 +132,8 @@ def check_options(method: str, options: Mapping[str, Any]) -> None:
         check_columns(columns)
         options = {name: value for name, value in options.items() if name != "columns"}
     if options:
-        from fusion.gnss import POSITIONINGS, options_of  # noqa: PLC0415
+        from fusion.catalogue import POSITIONINGS  # noqa: PLC0415
+        from fusion.gnss.positioning import options_of  # noqa: PLC0415
         from fusion.pipeline import parse_options  # noqa: PLC0415
 
         chosen = parse_options(method, options)

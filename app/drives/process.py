@@ -41,8 +41,8 @@ from app.drives.progress import (
 )
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
+from app.network.cell_roads import Roads, roads_in
 from app.network.marks import MarkedBy
-from app.network.road_squares import Roads, roads_in
 from app.network.road_states import road_states
 from app.roads import store as road_store
 from app.terrain import store as dem
@@ -50,7 +50,7 @@ from app.terrain.heights import fill_heights_along, open_dem
 from app.terrain.store import DemSet
 from fusion.formats import read_log
 from fusion.formats.base import NO_DATE
-from fusion.gnss import Positioned
+from fusion.gnss.positioning import Positioned
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import RoadTable, rows_of

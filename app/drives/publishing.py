@@ -25,11 +25,11 @@ from app.exports import store as exports
 from app.map.derived import following
 from app.map.tiles.store import drop_tiles
 from app.network import results as slopes
-from app.network.hearing import Hearing, hearings
 from app.network.marks import MarkedBy, any_due, any_hope, count_cells, make_due
+from app.network.rejections import Hearing, hearings
 from app.network.settle import settle_due
 from app.network.swap import BusyError, solve_marked
-from app.roads import attic
+from app.roads import retired
 
 logger = logging.getLogger(__name__)
 
@@ -150,7 +150,7 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
 def _clear_up(session: Session, boxes: Sequence[Bounds]) -> list[str]:
     """Take away what tells of removed drives that were in these boxes and does not go with their rows; the files that
     nobody refers to any more."""
-    attic.drop_empty(session)
+    retired.drop_empty(session)
     fold_counts(session, most_rows=0)
     if not boxes:
         return []

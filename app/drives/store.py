@@ -22,8 +22,8 @@ from app.core.telemetry.tracing import traceparent
 from app.drives.documents import Drive, DrivePlace
 from app.drives.listing.orders import Order, key_of, stretches
 from app.drives.listing.search import matching
-from app.network.hearing import hearings
 from app.network.marks import PATIENCE
+from app.network.rejections import hearings
 
 # What a Drive is made of; the table is called d. Few drives have marks, and these an index.
 _SHOWN = f"""

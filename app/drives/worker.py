@@ -38,7 +38,7 @@ from app.map import figures, growth
 from app.map.derived import following
 from app.operations.run import operation_task
 from app.operations.run import tend as tend_operations
-from app.roads import attic
+from app.roads import retired
 from app.terrain.files import sweep_rasters
 
 logger = logging.getLogger(__name__)
@@ -205,7 +205,7 @@ def _chores(
 
 def _sweep(bench: Workbench, settings: Settings, older_than: timedelta) -> None:
     """Clear the blob store, the attic of roads that are gone and, where no other database uses them, rasters."""
-    if gone := attic.prune(bench.sessions, settings.keep_dropped_days):
+    if gone := retired.prune(bench.sessions, settings.keep_dropped_days):
         logger.info("let go what was measured on %d roads that are gone", gone)
     if gone := changes.prune(bench.sessions, settings.changes_kept_days):
         logger.info("%d segments that went or moved long ago are not told as changes any more", gone)

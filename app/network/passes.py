@@ -15,8 +15,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from app.network.sums import OF_DRIVE, of_drive, sums_of_drive, take_off
-from fusion.network.elsewhere import ConstantsSaid
+from app.network.condensed import OF_DRIVE, of_drive, sums_of_drive, take_off
+from fusion.network.outside_passes import ConstantsSaid
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
 

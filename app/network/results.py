@@ -20,12 +20,12 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import plain_json
+from app.network.duplicates import choose_witnesses, drives_that_name
 from app.network.locks import own_hours, share_network
 from app.network.marks import MarkedBy, append_marks
 from app.network.passes import moments_of, replace_passes
-from app.network.twins import choose_witnesses, drives_that_name
+from fusion.network.duplicates import LONGEST_ENTRY_S
 from fusion.network.pass_factor import PassFactor
-from fusion.network.witnesses import LONGEST_ENTRY_S
 from fusion.types import Floats, Ints, SegmentSlope
 
 _NO_EPOCHS = np.empty(0)

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
 from fusion.network.combine import NETWORK_ONLY
-from fusion.network.published import Adjustment
+from fusion.network.segment_slopes import Adjustment
 from fusion.types import Bools, Floats
 
 _NAMES = ("segment_id", "slope_percent", "slope_sigma_percent", "drives", "observations", *NETWORK_ONLY)

@@ -14,15 +14,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from sqlalchemy.orm import Session
 
+from app.network.condensed import MOST_SUMMED, OldPass, beyond_jury, portions, sums_over
 from app.network.control import control_on
 from app.network.passes import StoredPass, by_drive, passes_over, said_elsewhere
-from app.network.sums import MOST_SUMMED, OldPass, beyond_jury, portions, sums_over
 from app.network.surroundings import Surroundings, stored_terrain, surroundings
 from fusion.network.adjust import adjust
+from fusion.network.condensed import PassSum
 from fusion.network.curve import knot_length
 from fusion.network.pass_factor import PassFactor
-from fusion.network.published import Adjustment
-from fusion.network.sums import PassSum
+from fusion.network.segment_slopes import Adjustment
 from fusion.network.window import Window, window_around
 from fusion.types import Bools
 

@@ -15,8 +15,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
+from app.network.cell_roads import roads_in
 from app.network.cells import regions_around
-from app.network.road_squares import roads_in
 from fusion.network.curve import interval_count, knot_length
 from fusion.network.terrain import Terrain, heights_at
 from fusion.network.window import WINDOW_RADIUS_M, boxes_around

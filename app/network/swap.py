@@ -22,13 +22,13 @@ from app.core.db import Sessions
 from app.core.telemetry.logs import tell
 from app.core.telemetry.measures import SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
+from app.network.condensed import AT_ONCE, made_sums, portions, sum_up
 from app.network.locks import CellClaims, cell_claims, try_share_network
 from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
 from app.network.passes import regions_of, set_verdicts
 from app.network.publish import refresh_aggregates
 from app.network.slopes import clear_slopes, write_slopes
 from app.network.solve import Solution, solve_around
-from app.network.sums import AT_ONCE, made_sums, portions, sum_up
 from fusion.types import Bools, Progress, no_progress
 
 logger = logging.getLogger(__name__)

@@ -19,9 +19,9 @@ from app.network.cells import beside, cells_over, count_driven
 from app.network.marks import append_marks
 from app.network.passes import regions_of
 from app.network.road_states import WIDE, raise_roads, squares_met
-from app.roads.attic import Return, bring_back, keep, put_passes
 from app.roads.comparing import AGAIN
-from fusion.network.carrying import Carrying
+from app.roads.retired import Return, bring_back, keep, put_passes
+from fusion.network.transfer import Carrying
 
 _GEOMETRY = """
     ST_X(ST_StartPoint({0}.geom)), ST_Y(ST_StartPoint({0}.geom)),

@@ -17,7 +17,7 @@ from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
-from app.roads.attic import Return, returns_among
+from app.roads.retired import Return, returns_among
 from fusion.roads.changes import Change, RoadChanges, compare
 from fusion.roads.table import RoadTable
 from fusion.types import Ints

@@ -20,9 +20,9 @@ from sqlalchemy.orm import Session
 from app.network.locks import own_network, share_network
 from app.network.road_states import state_of
 from app.roads import changing
-from app.roads.attic import Return
 from app.roads.changing import Step
 from app.roads.comparing import Plan
+from app.roads.retired import Return
 from app.terrain.store import dem_version_id
 from fusion.roads.changes import Change
 from fusion.types import Ints, Progress

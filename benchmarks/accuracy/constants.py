@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-ROOMS = ("fusion.network.", "fusion.methods.profile.")
+ROOMS = ("fusion.network.", "fusion.profile.")
 """Where constants of the network's model are looked up."""
 _MODEL = "fusion.network."
-_PROFILE = "fusion.methods.profile."
+_PROFILE = "fusion.profile."
 
 
 def times(factor: float) -> Callable[[Any], Any]:

@@ -1,6 +1,6 @@
 """Logs drawn from the very model that method ``profile`` and the network believe in.
 
-Every sensor errs as ``fusion.methods.profile.model`` and ``traversals`` say, and positions wander along the road by the
+Every sensor errs as ``fusion.profile.model`` and ``traversals`` say, and positions wander along the road by the
 accuracy that they state. What is drawn is returned beside what was made of it.
 """
 
@@ -12,11 +12,11 @@ import numpy as np
 
 from accuracy.road_draws import PLANE, DrawnRoad, log_uniform
 from fusion.frames import GRAVITY_MPS2
-from fusion.methods.profile.factors import PLACE_BOUNDS_M
-from fusion.methods.profile.levels import LEAST_HEIGHT_M, LOG_WANDER
-from fusion.methods.profile.measurements import BARO, PERIOD_S
-from fusion.methods.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, PLACE_TAU_S, SQUAT
+from fusion.profile.factors import PLACE_BOUNDS_M
+from fusion.profile.levels import LEAST_HEIGHT_M, LOG_WANDER
+from fusion.profile.measurements import BARO, PERIOD_S
+from fusion.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
 from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pressure, SpecificForce
 
 SPEEDS_MPS = (5.0, 20.0)

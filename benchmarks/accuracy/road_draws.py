@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from fusion.frames import LocalProjection
 from fusion.network.joints import couplings
-from fusion.network.published import PLACE_SIGMA_M
+from fusion.network.segment_slopes import PLACE_SIGMA_M
 from fusion.roads.table import RoadTable
 from fusion.types import Floats
 

@@ -32,7 +32,7 @@ from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
-from app.network import extracts, passes, solve, sums, swap
+from app.network import condensed, extracts, passes, solve, swap
 from app.roads import imports as roads
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
@@ -186,7 +186,7 @@ def grown(
     source, stored = drives_along(made), 0
     for step in (s for s in STEPS if s <= most):
         while stored < step:
-            batch = [next(source) for _ in range(min(sums.JURY, step - stored))]
+            batch = [next(source) for _ in range(min(condensed.JURY, step - stored))]
             with appended.of(street, SEGMENTS * len(batch)):
                 store(street, batch)
             with patch.object(swap, "sum_old_passes", summing(street, summed)):
@@ -240,10 +240,10 @@ def main() -> None:
     )
     parser.add_argument("--most", type=int, default=1000, help="passes over each segment")
     parser.add_argument("--without", type=int, default=300, help="up to so many also without sums")
-    parser.add_argument("--jury", type=int, default=sums.JURY)
+    parser.add_argument("--jury", type=int, default=condensed.JURY)
     parser.add_argument("--json", type=Path, help="write the figures to this file as well")
     wanted = parser.parse_args()
-    sums.JURY = wanted.jury
+    condensed.JURY = wanted.jury
     table = the_street()
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,

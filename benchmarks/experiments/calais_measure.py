@@ -12,13 +12,14 @@ from unittest import mock
 
 import numpy as np
 
+from fusion.catalogue import METHODS
 from fusion.formats import read_log
 from fusion.frames import wrap_angle
-from fusion.methods import METHODS, ukf_dem
 from fusion.methods.base import DriveResult
-from fusion.methods.nine_state.motion import AX, VX
-from fusion.methods.particle import method as particle
 from fusion.pipeline import parse_options
+from fusion.published import ukf_dem
+from fusion.published.nine_state.motion import AX, VX
+from fusion.published.particle import method as particle
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.motion.vehicle import MotionState

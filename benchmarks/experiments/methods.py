@@ -15,7 +15,7 @@ from accuracy.scoring import Errors
 from accuracy.sequences import Sequence as Road
 from accuracy.sequences import estimate, find_sequences, load_tool, make_log, tool_beside
 from experiments.rows import Row
-from fusion.methods import METHODS
+from fusion.catalogue import METHODS
 from fusion.types import Progress
 
 SEQUENCES = ("09", "10")

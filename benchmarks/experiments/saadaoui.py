@@ -15,9 +15,9 @@ import numpy as np
 
 from experiments.rows import Row
 from fusion.filters.unscented import Unscented
-from fusion.methods.gps_ins.filter import Drive, Filtered, Settings
-from fusion.methods.gps_ins.filter import run as run_filter
-from fusion.methods.gps_ins.models import ExtendedModel, KalmanModel, Model, UnscentedModel
+from fusion.published.gps_ins.filter import Drive, Filtered, Settings
+from fusion.published.gps_ins.filter import run as run_filter
+from fusion.published.gps_ins.models import ExtendedModel, KalmanModel, Model, UnscentedModel
 from fusion.types import Floats, Progress
 
 STEPS = 150

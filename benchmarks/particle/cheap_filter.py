@@ -33,11 +33,11 @@ from typing import Any
 import numpy as np
 
 from accuracy.sequences import find_sequences, load_tool, make_log
+from fusion.catalogue import METHODS
 from fusion.formats import read_log
-from fusion.methods import METHODS
-from fusion.methods.particle.method import prepare, threads_for
-from fusion.methods.particle.options import ParticleOptions
 from fusion.pipeline import road_boxes
+from fusion.published.particle.method import prepare, threads_for
+from fusion.published.particle.options import ParticleOptions
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.simulate.drive import simulate_drive

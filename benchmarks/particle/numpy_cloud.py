@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from fusion.methods.nine_state import motion as k
-from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
-from fusion.methods.particle.options import ParticleOptions
+from fusion.published.nine_state import motion as k
+from fusion.published.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
+from fusion.published.particle.options import ParticleOptions
 from fusion.types import Floats
 
 _SMALLEST_SPEED_MPS = 1e-6

@@ -14,9 +14,9 @@ from contextlib import contextmanager
 import numpy as np
 
 from fusion.filters.random import LANE_WORDS, fill_normals, seed_lanes
-from fusion.methods.nine_state import motion as k
-from fusion.methods.particle import filter as particle_filter
-from fusion.methods.particle import layout, locate_pass, sense_pass
+from fusion.published.nine_state import motion as k
+from fusion.published.particle import filter as particle_filter
+from fusion.published.particle import layout, locate_pass, sense_pass
 
 # The compiled parts of an epoch by what the filter calls them.
 PARTS = {

@@ -15,13 +15,13 @@ import numpy as np
 from accuracy.scoring import Errors, Row, figures, show_progress
 from accuracy.sequences import TrueSlope
 from fusion.errors import FusionError
-from fusion.gnss import positioned
+from fusion.gnss.positioning import positioned
 from fusion.pipeline import parse_options, run_drive, solve_network
+from fusion.published.canyon.drive import CanyonDrive, canyon_of
+from fusion.published.canyon.sky import synthetic_navigation
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.table import rows_of
 from fusion.signals import BEIDOU, GALILEO, GPS, gps_from_unix
-from fusion.simulate.canyon.drive import CanyonDrive, canyon_of
-from fusion.simulate.canyon.sky import synthetic_navigation
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import Town, make_town
 from fusion.types import DriveLog, GnssFix, Ints, Odometry, Track

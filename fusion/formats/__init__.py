@@ -13,6 +13,7 @@ from fusion.formats.base import LogFormat, NamedColumnsFormat, NamedFileFormat, 
 from fusion.formats.container import load, refuse
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.gpx import GpxFormat
+from fusion.formats.merging import Part, join
 from fusion.formats.nmea import NmeaFormat
 from fusion.formats.phones.gnsslogger import GnssLoggerFormat
 from fusion.formats.phones.mounting import in_vehicle_axes
@@ -21,7 +22,6 @@ from fusion.formats.pseudoranges_csv import PseudorangesCsvFormat
 from fusion.formats.rinex.log import RinexFormat
 from fusion.formats.rtklib_pos import RtklibPosFormat
 from fusion.formats.tcx import TcxFormat
-from fusion.formats.together import Part, join
 from fusion.formats.torque import TorqueFormat
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat

@@ -20,7 +20,8 @@ from fusion.gnss.doppler import doppler_velocities
 from fusion.gnss.earth import local_axes
 from fusion.gnss.measure import measure
 from fusion.gnss.measurements import Aids, Measurements, Named, Solution, Solver, SolverOptions
-from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Progress
+from fusion.registry import DEFAULT_POSITIONING, Registry
+from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Progress, no_progress
 
 Model = TypeVar("Model", bound=BaseModel)
 H_FLOOR_M, V_FLOOR_M = 5.0, 10.0
@@ -87,6 +88,26 @@ class Positioning(Named, Protocol):
         Raises ``MissingSensorError`` where the log lacks what it takes, ``EmptyLogError`` where no position results.
         """
         ...
+
+
+SOLVERS: Registry[Solver] = Registry("solver")
+POSITIONINGS: Registry[Positioning] = Registry("positioning")
+"""Both are filled by ``fusion.catalogue``."""
+
+
+def positioned(
+    log: DriveLog,
+    name: str = DEFAULT_POSITIONING,
+    options: Mapping[str, Any] | None = None,
+    progress: Progress = no_progress,
+) -> Positioned:
+    """The log with positions by the positioning called ``name``.
+
+    Raises ``UnknownNameError``, ``BadOptionsError``, ``MissingSensorError`` or ``EmptyLogError``, each with a sentence
+    for the person who supplied the log.
+    """
+    chosen = POSITIONINGS[name]
+    return chosen.positions(log, options_of(chosen, options), progress)
 
 
 def options_of(positioning: Positioning, options: Mapping[str, Any] | None) -> SolverOptions:

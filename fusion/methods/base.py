@@ -1,6 +1,6 @@
 """What a method is: the protocol, the registry that it goes by, what it returns, and what its options are made of.
 
-Each method is a file of its own, and ``fusion.methods`` puts them into the registry; known here are only the names of
+Each method is a file of its own, and ``fusion.catalogue`` puts them into the registry; known here are only the names of
 those that lean on the elevation model (``OF_TERRAIN``), which a new one of that kind joins.
 """
 
@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from fusion.errors import BadOptionsError, UnknownNameError
-from fusion.gnss import POSITIONINGS
+from fusion.gnss.positioning import POSITIONINGS
 from fusion.network.pass_factor import PassFactor
 from fusion.registry import DEFAULT_POSITIONING, Registry, check_columns
 from fusion.roads.network import RoadNetwork
@@ -78,6 +78,7 @@ class Method(Protocol):
 
 
 METHODS: Registry[Method] = Registry("method")
+"""Filled by ``fusion.catalogue``."""
 
 OF_TERRAIN = ("dem", "ukf-dem")
 """Methods whose slopes are the elevation model's, or lean on it: the same model is one witness, however many drive."""

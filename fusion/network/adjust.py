@@ -14,11 +14,11 @@ import numpy as np
 from fusion.network.blocks import BlockedSystem, Partition, homes
 from fusion.network.control import ControlBeliefs, ControlHeights
 from fusion.network.drive_beliefs import DriveBeliefs
-from fusion.network.elsewhere import ConstantsSaid, blocks_elsewhere
 from fusion.network.equations import EquationSystem
+from fusion.network.outside_passes import ConstantsSaid, blocks_elsewhere
 from fusion.network.pass_factor import PassFactor
-from fusion.network.published import Adjustment, published
 from fusion.network.road_beliefs import RoadBeliefs
+from fusion.network.segment_slopes import Adjustment, published
 from fusion.network.terrain import Terrain, TerrainBlocks
 from fusion.roads.table import RoadTable
 

@@ -61,7 +61,7 @@ class DriveBeliefs:
         self._number = {d: k for k, d in enumerate(self.names)}
         self.pass_scale = np.ones(len(self.names))
         self.overruled: set[int] = set()
-        """Segments whose sums (``fusion.network.sums``) are heard no longer"""
+        """Segments whose sums (``fusion.network.condensed``) are heard no longer"""
         self.groups = self._groups(road)
 
     def _beliefs(self, lags: list[int]) -> list[Blocks]:

@@ -70,7 +70,7 @@ class PassFactor:
     lag_s: float = 0.0
     """How late the altimeter was taken for when its heights were put in their places"""
     summed: int = 0
-    """How many passes of other drives it stands for (``fusion.network.sums``); 0: it is one pass"""
+    """How many passes of other drives it stands for (``fusion.network.condensed``); 0: it is one pass"""
 
     def over(self, segment: int) -> PassFactor:
         """The same pass, by another number of its segment: twice as fast as ``dataclasses.replace``."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from fusion.network.displaced import Displaced, displaced
+from fusion.network.dem_outliers import Displaced, displaced
 from fusion.network.equations import Blocks, Solution
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable

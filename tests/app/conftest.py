@@ -2,9 +2,9 @@
 
 from browser_fixtures import browser, tab, tab_maker
 from bucket_fixtures import bucket, bucket_server
+from condensed_support import tiny
 from drive_fixtures import bench, files, send
 from store_fixtures import add_drive, chain, segment_ids, sessions, streets, streets_apart
-from sums_support import tiny
 from web_fixtures import drive_maker, filled, reading, server_maker, settings, web
 
 __all__ = [

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import ablation
-from fusion.network import published
+from fusion.network import segment_slopes
 
 
 def arguments(karlsruhe: Path, **changes: object) -> Namespace:
@@ -21,7 +21,7 @@ def arguments(karlsruhe: Path, **changes: object) -> Namespace:
 
 @pytest.mark.slow
 def test_a_row_for_each_change_beside_the_model_as_it_is(karlsruhe: Path) -> None:
-    before = published.PLACE_SIGMA_M
+    before = segment_slopes.PLACE_SIGMA_M
     rows = ablation.of_constants(arguments(karlsruhe))
     assert [row["constant"] for row in rows] == [
         "(as it is)", "PLACE_SIGMA_M off: 0", "PLACE_SIGMA_M halved", "PLACE_SIGMA_M doubled",
@@ -32,7 +32,7 @@ def test_a_row_for_each_change_beside_the_model_as_it_is(karlsruhe: Path) -> Non
         assert row["rmse_percent_1"] == pytest.approx(rows[0]["rmse_percent_1"], rel=1e-6)
     assert rows[1]["z_rms_10"] > rows[0]["z_rms_10"] > rows[3]["z_rms_10"]
     assert set(rows[0]["sequences"]) == {"10"}
-    assert before == published.PLACE_SIGMA_M
+    assert before == segment_slopes.PLACE_SIGMA_M
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fusion.simulate.canyon.drive import CanyonDrive, rouen
+from fusion.published.canyon.drive import CanyonDrive, rouen
 from street_canyon import (
     ORDER,
     PUBLISHED,

@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from fusion.methods import METHODS
+from fusion.catalogue import METHODS
 from fusion.simulate.bundle import Bundle
 from tests.end_to_end.conftest import Up, versant
 

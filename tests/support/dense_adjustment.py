@@ -13,8 +13,8 @@ from fusion.network import curve as knots
 from fusion.network import drive_beliefs as drives
 from fusion.network import joints as turns
 from fusion.network import pass_factor as factors
-from fusion.network import published as shown
 from fusion.network import road_beliefs as roads
+from fusion.network import segment_slopes as shown
 from fusion.network.adjust import ROUNDS
 from fusion.network.curve import interval_count, place_rows, slope_row, variable_count
 from fusion.network.pass_factor import PassFactor

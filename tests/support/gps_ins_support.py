@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.filters.unscented import Unscented
-from fusion.methods.gps_ins.filter import Drive, Filtered, Settings, run
-from fusion.methods.gps_ins.models import ExtendedModel, KalmanModel, Model, UnscentedModel
+from fusion.published.gps_ins.filter import Drive, Filtered, Settings, run
+from fusion.published.gps_ins.models import ExtendedModel, KalmanModel, Model, UnscentedModel
 
 KF, EKF = KalmanModel(), ExtendedModel()
 UKF = UnscentedModel(Unscented(1e-3, 2.0, -1.0))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fusion.frames import LocalProjection
-from fusion.matching.points.base import PointMatcher, PointMatches
+from fusion.published.matchers.base import PointMatcher, PointMatches
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.methods.profile.levels import prior_noise
-from fusion.methods.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
-from fusion.methods.profile.model import DRIFT_TAU_S, WANDER_TAU_S, Noise, SmootherEpochs
-from fusion.methods.profile.noise import Learned, learn
+from fusion.profile.levels import prior_noise
+from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
+from fusion.profile.model import DRIFT_TAU_S, WANDER_TAU_S, Noise, SmootherEpochs
+from fusion.profile.noise import Learned, learn
 
 SPEED_MPS = 10.0
 MOUNT_GRADE = 0.02

@@ -15,8 +15,8 @@ from app.core.db import Sessions
 from app.drives import claims
 from app.drives import store as drives
 from app.network import results as slopes
-from app.network.hearing import Hearing, hearings
 from app.network.marks import MarkedBy
+from app.network.rejections import Hearing, hearings
 from app.network.swap import solve_all_marked
 from app.roads import store as roads
 from fusion.network.curve import knot_length, slope_row

@@ -17,14 +17,14 @@ from fusion.formats import read_log
 from fusion.frames import GRAVITY_MPS2, LocalProjection
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult
-from fusion.methods.profile.inertia import set_right
-from fusion.methods.profile.levels import prior_noise
-from fusion.methods.profile.measurements import Measurements, build_measurements
-from fusion.methods.profile.method import MIN_MEASUREMENTS, ProfileOptions
-from fusion.methods.profile.model import SmootherEpochs, build_smoother_epochs
-from fusion.methods.profile.noise import Learned, learn
-from fusion.methods.profile.path import DrivenPath, find_path
 from fusion.pipeline import run_drive
+from fusion.profile.inertia import set_right
+from fusion.profile.levels import prior_noise
+from fusion.profile.measurements import Measurements, build_measurements
+from fusion.profile.method import MIN_MEASUREMENTS, ProfileOptions
+from fusion.profile.model import SmootherEpochs, build_smoother_epochs
+from fusion.profile.noise import Learned, learn
+from fusion.profile.path import DrivenPath, find_path
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.simulate.drive import SimulatedDrive, simulate_drive

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.filters import extended, kalman
-from fusion.methods.nine_state.measurements import SLOWEST_MPS
-from fusion.methods.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
-from fusion.methods.nine_state.options import NineStateOptions
-from fusion.methods.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
+from fusion.published.nine_state.measurements import SLOWEST_MPS
+from fusion.published.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
+from fusion.published.nine_state.options import NineStateOptions
+from fusion.published.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
 from fusion.types import Floats
 
 Function = Callable[[Floats], Floats]

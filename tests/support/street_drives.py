@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from factor_support import street
-from fusion.methods.profile.factors import MIN_CONFIDENCE, pass_factors, place_sigma
-from fusion.methods.profile.measurements import TERRAIN
-from fusion.methods.profile.traversals import (
+from fusion.network.pass_factor import PassFactor
+from fusion.profile.factors import MIN_CONFIDENCE, pass_factors, place_sigma
+from fusion.profile.measurements import TERRAIN
+from fusion.profile.traversals import (
     Altimeter,
     OnTraversals,
     on_traversals,
 )
-from fusion.network.pass_factor import PassFactor
 from fusion.types import DriveLog
 from profile_support import Levels, Smoothed, hills, pressure_of, street_log
 

@@ -9,7 +9,7 @@ from fastapi import Request
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.core.departures import CLIENT_GONE, has_body
+from app.core.disconnects import CLIENT_GONE, has_body
 from app.core.errors import KINDS, BodyTooLargeError, Kind, SlowClientError
 from app.core.middleware import CHANGING, UPLOAD_PATHS
 from app.core.problems import problem_response

@@ -195,7 +195,7 @@ class Drive(Base):
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
     same_as: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
-    """The drive that is heard in this one's place, for it is the same one (``app.network.twins``)."""
+    """The drive that is heard in this one's place, for it is the same one (``app.network.duplicates``)."""
     batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
     before_batch: Mapped[dict[str, Any] | None]

@@ -50,7 +50,7 @@ class DrivePass(Base):
 
 
 class PassSum(Base):
-    """Old passes over a segment added up (``fusion.network.sums``): a segment's sum is that of its rows.
+    """Old passes over a segment added up (``fusion.network.condensed``): a segment's sum is that of its rows.
 
     Rows are only added, so that nobody waits for anybody; one that takes off what a drive had said is of turned signs.
     """

@@ -122,8 +122,7 @@ def list_methods(service: ServiceDep, response: Response) -> MethodList:
 
 @lru_cache(maxsize=1)
 def _choices() -> tuple[tuple[MethodChoice, ...], tuple[Choice, ...]]:
-    from fusion.gnss import POSITIONINGS  # noqa: PLC0415 - see above
-    from fusion.methods import METHODS  # noqa: PLC0415
+    from fusion.catalogue import METHODS, POSITIONINGS  # noqa: PLC0415 - see above
 
     methods = tuple(
         MethodChoice(**_facts(method, leave_out=_OWN_WAY), needs=list(method.needs))

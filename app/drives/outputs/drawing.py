@@ -14,7 +14,7 @@ from threading import Lock
 
 from app.core.errors import NotReadyError
 from app.core.lanes import Lane
-from app.drives.outputs import draughtsman
+from app.drives.outputs import drawing_process
 from app.drives.outputs.profile import Profile
 from fusion.types import DrawnMeasurements
 
@@ -74,7 +74,9 @@ class Drawing:
         with theirs:
             end = theirs.fileno()
             self._process = subprocess.Popen(  # noqa: S603 - our own program
-                [sys.executable, "-m", draughtsman.__name__, str(end)], pass_fds=[end], start_new_session=True
+                [sys.executable, "-m", drawing_process.__name__, str(end)],
+                pass_fds=[end],
+                start_new_session=True,
             )
         self._pipe = ours
         return ours

@@ -17,8 +17,8 @@ from matplotlib.projections.polar import PolarAxes
 
 from app.drives.outputs.profile_picture import MUTED, SEGMENT, printable
 from fusion.gnss.measurements import Measurements, Solution
-from fusion.gnss.quality.law_tests import LawTest, quantile_pairs
-from fusion.gnss.quality.laws import fit_law
+from fusion.published.positioning.law_tests import LawTest, quantile_pairs
+from fusion.published.positioning.laws import fit_law
 from fusion.types import Floats
 
 SIZE_IN, DPI = (15.0, 9.0), 100

@@ -21,8 +21,8 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.map.derived import store
 from app.map.derived.store import Moment
+from app.map.drawn.cells import Redrawn, draw_above, draw_block
 from app.map.drawn.levels import ABOVE, BLOCK, FINEST, children, parent
-from app.map.drawn.squares import Redrawn, draw_above, draw_block
 from app.map.drawn.store import changed_squares, raise_drawn, replace_pieces
 from app.map.ways.store import rows_of, segments_of, write_ways
 from app.network.swap import snapshot

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from app.changes.store import changed_since_sql, parse_version, state, version_text
 from app.core.db import fetch_binary, send_binary
-from app.core.departures import client_left
+from app.core.disconnects import client_left
 from app.core.errors import BadQueryError
 from app.map.items.collections import Collection
 from app.map.items.geojson import feature_sql

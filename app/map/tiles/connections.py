@@ -18,7 +18,7 @@ from psycopg.pq import DiagnosticField, ExecStatus
 from psycopg.pq.abc import PGcancel, PGresult
 
 from app.core.db import Patience, server_options
-from app.core.departures import AGAIN_S
+from app.core.disconnects import AGAIN_S
 from app.core.settings.places import libpq_url
 
 Found = TypeVar("Found")

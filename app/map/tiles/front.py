@@ -18,7 +18,7 @@ from fastapi import Request
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.core.departures import CLIENT_GONE
+from app.core.disconnects import CLIENT_GONE
 from app.core.errors import ServiceError
 from app.core.problems import database_error, service_error
 from app.map.tiles.answers import Asked, Waiting, answer, asked_by

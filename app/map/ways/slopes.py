@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.map.ways.chains import Chains
-from fusion.network.published import PLACE_SIGMA_M
+from fusion.network.segment_slopes import PLACE_SIGMA_M
 from fusion.network.steepest import STRETCH_M
 from fusion.types import Bools, Floats, Ints
 

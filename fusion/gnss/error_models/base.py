@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from fusion.gnss.error_models.law import ErrorLaw
+from fusion.registry import Registry
 from fusion.types import Floats, Ints
 
 
@@ -64,6 +65,10 @@ class ErrorModel(Protocol):
     def track(self, series: Series, seed: int) -> tuple[Floats, Floats]:
         """Mean (m) and variance (m2) at each epoch, (n,) each, from what was seen up to it and with it."""
         ...
+
+
+ERROR_MODELS: Registry[ErrorModel] = Registry("error model")
+"""The laws by name; filled by ``fusion.catalogue``."""
 
 
 def share_within(series: Series, mean_m: Floats, variance_m2: Floats, sigmas: float) -> float:

@@ -18,9 +18,8 @@ import fusion
 from app.cli import app
 from app.map.outputs import OUTPUTS
 from app.map.segment import PROPERTIES
+from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.formats import FORMATS, read_log
-from fusion.gnss import POSITIONINGS
-from fusion.methods import METHODS
 from fusion.simulate.bundle import Bundle, write_all
 from fusion.terrain.windows import WINDOWS
 

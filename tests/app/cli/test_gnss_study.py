@@ -18,7 +18,7 @@ from app.cli.gnss_study import app
 from fusion.errors import MissingSensorError
 from fusion.gnss.measurements import Solution
 from fusion.gnss.positioning import Positioned
-from fusion.simulate.canyon.drive import rouen
+from fusion.published.canyon.drive import rouen
 from fusion.types import DriveLog, GnssFix
 
 

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli import app
-from fusion.simulate.canyon.drive import canyon_of
+from fusion.published.canyon.drive import canyon_of
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import make_town
 from fusion.simulate.write.csv_file import write_csv

@@ -21,7 +21,7 @@ from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench
 from app.network.extracts import all_roads
 from app.network.settle import settle_network
-from app.roads import attic
+from app.roads import retired
 from app.roads.documents import ImportCounts
 from fusion.roads.table import RoadTable
 from network_support import assert_same, rows_of
@@ -148,14 +148,14 @@ def test_what_is_kept_goes_with_its_time_and_with_its_drive(
         process_drive(bench, drive.id, 1)
     table = roads_of(bench)
     brought(bench, chain(3, lon=20.0), "town")
-    assert attic.prune(bench.sessions, 1.0) == 0
+    assert retired.prune(bench.sessions, 1.0) == 0
     remove_drive(bench.sessions, bench.blobs, first.id)
     with bench.sessions() as session:
         kept = set(session.execute(text("SELECT DISTINCT drive_id FROM attic_passes")).scalars())
     assert kept == {second.id}
     with bench.sessions.begin() as session:
         session.execute(text("UPDATE attic_segments SET kept_at = kept_at - interval '30 hours'"))
-    assert attic.prune(bench.sessions, 1.0) > 0
+    assert retired.prune(bench.sessions, 1.0) > 0
     assert count(bench.sessions, "attic_passes") == 0
     assert brought(bench, table, "town").restored == 0
     assert queue_touched(bench.sessions) == 1  # whose roads had gone, by what the import before noted

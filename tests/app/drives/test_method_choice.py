@@ -18,9 +18,8 @@ from app.drives.method_choice import (
     with_columns_kept,
     with_positioning,
 )
+from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.errors import BadOptionsError, UnknownNameError
-from fusion.gnss import POSITIONINGS
-from fusion.methods import METHODS
 from processing_support import HEADER
 
 CHECKED = """

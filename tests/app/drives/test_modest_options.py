@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 
 from app.drives.method_choice import check_options
+from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.errors import BadOptionsError
-from fusion.gnss import POSITIONINGS
-from fusion.methods import METHODS
 from fusion.pipeline import parse_options
 from fusion.registry import RequestMost
 

@@ -21,7 +21,7 @@ from app.drives.intake import register_upload
 from app.drives.process import Outcome, Workbench
 from app.drives.receiving.parcel import Parcel
 from fusion.formats import read_log
-from fusion.simulate.canyon.drive import canyon_of
+from fusion.published.canyon.drive import canyon_of
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.rinex_file import navigation, observations

@@ -19,9 +19,9 @@ from app.drives.documents import Drive
 from app.drives.process import Outcome, Workbench
 from app.map import store as slopes
 from app.roads import imports as road_imports
+from fusion.catalogue import METHODS
 from fusion.formats import read_log
-from fusion.gnss import Positioned
-from fusion.methods import METHODS
+from fusion.gnss.positioning import Positioned
 from fusion.methods.base import Options
 from fusion.network.combine import combine
 from fusion.pipeline import run_drive

@@ -9,9 +9,9 @@ import pytest
 
 from accuracy.constants import CHANGES, LEFT_OUT, Change, changed, module_of, places, set_to, times
 from factor_support import street
-from fusion.methods.profile import levels, traversals
-from fusion.network import published
+from fusion.network import segment_slopes
 from fusion.network.adjust import adjust
+from fusion.profile import levels, traversals
 from street_support import EVERYTHING, ride
 
 BELIEFS = ("road_beliefs", "drive_beliefs", "published", "terrain")
@@ -63,15 +63,15 @@ def test_a_change_is_felt_and_its_end_too() -> None:
 
 def test_what_nobody_looks_up_is_refused() -> None:
     with pytest.raises(LookupError, match="has no constant"):
-        places(Change("fusion.network.published", "NO_SUCH", "doubled", times(2.0)))
+        places(Change("fusion.network.segment_slopes", "NO_SUCH", "doubled", times(2.0)))
     # The module's own text is a name that no function reads.
     with pytest.raises(LookupError, match="does nothing"):
-        places(Change("fusion.network.published", "__doc__", "off", set_to("")))
+        places(Change("fusion.network.segment_slopes", "__doc__", "off", set_to("")))
 
 
 def test_a_failure_puts_the_constant_back() -> None:
-    before = published.PLACE_SIGMA_M
+    before = segment_slopes.PLACE_SIGMA_M
     (off,) = (c for c in CHANGES if c.label == "PLACE_SIGMA_M off: 0")
     with pytest.raises(RuntimeError), changed(off):
         raise RuntimeError
-    assert before == published.PLACE_SIGMA_M
+    assert before == segment_slopes.PLACE_SIGMA_M

@@ -8,8 +8,8 @@ import pytest
 from accuracy.model_draws import FAST_HZ, DrawnDrive, draw_drive
 from accuracy.road_draws import STEEPEST, DrawnRoad, draw_road
 from fusion.frames import LocalProjection
-from fusion.methods.profile.model import Noise
-from fusion.network.published import PLACE_SIGMA_M
+from fusion.network.segment_slopes import PLACE_SIGMA_M
+from fusion.profile.model import Noise
 
 
 @pytest.fixture(scope="module")

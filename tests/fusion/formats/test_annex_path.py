@@ -18,8 +18,8 @@ from fusion.formats import read_log
 from fusion.formats.receiver.ubx_messages import ESF_DATA, signed_24
 from fusion.frames import GRAVITY_MPS2
 from fusion.methods.base import DriveResult
-from fusion.methods.epochs.table import Epochs, build_epochs
 from fusion.pipeline import run_drive
+from fusion.published.epochs.table import Epochs, build_epochs
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import write_csv

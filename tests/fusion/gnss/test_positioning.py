@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fusion.catalogue import POSITIONINGS, SOLVERS
 from fusion.errors import BadOptionsError, EmptyLogError, MissingSensorError, UnknownNameError
-from fusion.gnss import POSITIONINGS, SOLVERS, positioned
-from fusion.gnss.positioning import H_FLOOR_M, V_FLOOR_M
+from fusion.gnss.positioning import H_FLOOR_M, V_FLOOR_M, positioned
+from fusion.published.canyon.drive import CanyonDrive, canyon_of
 from fusion.registry import DEFAULT_POSITIONING
 from fusion.signals import Navigation
-from fusion.simulate.canyon.drive import CanyonDrive, canyon_of
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import make_town
 from fusion.types import DriveLog, GnssFix, GnssVelocity

@@ -10,8 +10,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from fusion.catalogue import METHODS
 from fusion.errors import BadOptionsError, EmptyLogError, MissingSensorError, NoMatchError
-from fusion.methods import METHODS
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, run_drive
 from fusion.registry import DEFAULT_METHOD, METHOD_NAMES

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fusion.methods import METHODS
+from fusion.catalogue import METHODS
 from fusion.methods.base import OF_TERRAIN
 
 

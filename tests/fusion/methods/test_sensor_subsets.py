@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fusion.methods import METHODS
+from fusion.catalogue import METHODS
 from fusion.pipeline import run_drive
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem

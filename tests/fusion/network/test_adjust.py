@@ -14,7 +14,7 @@ from dense_adjustment import DenseAdjustment
 from factor_support import Sensors, block_of_streets, driven, graded, roads, street
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
-from fusion.network.published import Adjustment
+from fusion.network.segment_slopes import Adjustment
 from fusion.network.terrain import Terrain
 from fusion.roads.table import RoadTable
 from street_support import EVERYTHING, LATE, height_at, hilly, knots_m, ride, waves

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from factor_support import POSITION_SIGMA_M, Sensors, driven, graded, roads, steady, street
-from fusion.network import published
+from fusion.network import segment_slopes
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
-from fusion.network.published import Adjustment
+from fusion.network.segment_slopes import Adjustment
 from street_support import EVERYTHING, LATE, hill_of, hilly, ride, true_percent, waves
 
 
@@ -142,7 +142,7 @@ def test_copies_of_a_drive_make_sigma_smaller(monkeypatch: pytest.MonkeyPatch) -
         return np.array([adjust(table, dict.fromkeys(range(n), drive)).slope_sigma_percent for n in counts])
 
     whole = sigmas()
-    monkeypatch.setattr(published, "PLACE_SIGMA_M", 0.0)
+    monkeypatch.setattr(segment_slopes, "PLACE_SIGMA_M", 0.0)
     own = sigmas()
     assert np.all(np.diff(own, axis=0) < 0)
     assert np.all(whole >= own)

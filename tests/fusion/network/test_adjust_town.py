@@ -12,7 +12,7 @@ import pytest
 from fusion.formats import read_log
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
-from fusion.network.published import Adjustment
+from fusion.network.segment_slopes import Adjustment
 from fusion.network.terrain import Terrain
 from fusion.network.unknowns import RoadUnknowns, knot_positions
 from fusion.network.window import gap_rows

@@ -12,7 +12,7 @@ from drive_factors import PLANE, drive_along, street_east
 from fusion.errors import ControlError
 from fusion.network.adjust import adjust
 from fusion.network.control import DEFAULT_SIGMA_M, ControlPoint, place, read_control
-from fusion.network.published import Adjustment
+from fusion.network.segment_slopes import Adjustment
 from fusion.roads.table import RoadTable
 from fusion.types import Floats
 

@@ -12,8 +12,8 @@ from fusion.network.adjust import adjust
 from fusion.network.combine import NETWORK_ONLY
 from fusion.network.curve import height_rows, interval_count, variable_count
 from fusion.network.drive_beliefs import START_SIGMA_M
-from fusion.network.published import KNOWN_SIGMA_M
 from fusion.network.road_beliefs import LEVEL_SIGMA_M
+from fusion.network.segment_slopes import KNOWN_SIGMA_M
 from fusion.network.steepest import STRETCH_M, steepest
 from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions

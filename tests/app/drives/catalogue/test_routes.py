@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from fusion.gnss import POSITIONINGS
-from fusion.methods import METHODS
+from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.registry import LOG_COLUMNS
 from processing_support import HEADER
 

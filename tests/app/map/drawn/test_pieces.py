@@ -13,10 +13,10 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.map.drawn.cells import all_roads, greater_roads
 from app.map.drawn.levels import LEVELS
 from app.map.drawn.lines import Course
 from app.map.drawn.pieces import ROOM_BYTES, Piece, Stretches, cut, pieces_of
-from app.map.drawn.squares import all_roads, greater_roads
 from app.map.drawn.store import Ends, changed_squares, stretches_of
 
 NAN = math.nan

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from app.map.ways.chains import Chains
 from app.map.ways.slopes import ChainSlopes, Measured, slopes_along
-from fusion.network.published import PLACE_SIGMA_M
+from fusion.network.segment_slopes import PLACE_SIGMA_M
 from fusion.network.steepest import STRETCH_M
 
 NAN = math.nan

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from fusion.gnss.error_models import ERROR_MODELS
+from fusion.catalogue import ERROR_MODELS
 from fusion.gnss.error_models.base import Series, share_within
 from fusion.gnss.error_models.law import ErrorLaw
 from fusion.gnss.reception import LOS, NLOS

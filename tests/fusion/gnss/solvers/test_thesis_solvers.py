@@ -11,10 +11,10 @@ import pytest
 
 from fusion.gnss.measurements import Aids, Measurements, Solution, Solver, SolverOptions
 from fusion.gnss.solvers.ekf import Ekf
-from fusion.gnss.solvers.jms_gmm import JmsGmm
 from fusion.gnss.solvers.ls import LeastSquares
-from fusion.gnss.solvers.particles import ParticleFilter
-from fusion.gnss.solvers.rbpf_dpm import RbpfDpm
+from fusion.published.positioning.jms_gmm import JmsGmm
+from fusion.published.positioning.particles import ParticleFilter
+from fusion.published.positioning.rbpf_dpm import RbpfDpm
 from fusion.types import no_progress
 from gnss_scene import coverage, errors_m, horizontal_m2, keep_rows, scene
 from positioning import smartloc

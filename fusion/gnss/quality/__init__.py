@@ -1,1 +1,0 @@
-"""How good positions and error models are: errors against a truth, laws of residuals, residuals by satellite."""

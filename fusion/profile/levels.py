@@ -1,0 +1,285 @@
+"""The noise levels under which a drive's measurements are most likely: white levels and rates of drifts at once.
+
+The gradient of the likelihood comes from one pass of the smoother (Koopman and Shephard 1992). Which measurements are
+outliers, and where the drive changed suddenly, is given here and found in ``noise``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from fusion.filters.smoother import LinearModel, Smoothed, StepNoise
+from fusion.profile.measurements import (
+    ALTITUDE,
+    BARO,
+    DOPPLER,
+    FORCE,
+    PITCH,
+    SENSORS,
+    TERRAIN,
+    Measurements,
+)
+from fusion.profile.model import (
+    DRIFT_TAU_S,
+    RATES,
+    WANDER_SIGMA,
+    Jumps,
+    Noise,
+    SmootherEpochs,
+    add_noise,
+    askew_variance,
+    linear_model,
+    step_noise,
+    steps_noise,
+    variance_unit,
+    white_level,
+    white_variance,
+)
+from fusion.types import Floats
+
+STUDENT_T_FREEDOM = 5.0
+"""Degrees of freedom of the Student-t errors: springs, kerbs and reflections have heavy tails."""
+ROBUST_INFORMATION_LOSS = (STUDENT_T_FREEDOM + 3) / (STUDENT_T_FREEDOM + 1)
+"""A measurement with an error of Student's t of scale 1 tells as much as one with a Gaussian error of this variance:
+its Fisher information is (nu + 1) / (nu + 3) (Lange, Little and Taylor 1989)."""
+WHITE = {ALTITUDE: "altitude_m", DOPPLER: "doppler", PITCH: "pitch", FORCE: "force", BARO: "baro_m"}
+"""The white level of each sensor."""
+_SIGMAS = {*WHITE.values(), "wander"}
+"""Levels that are sigmas; the others are variances, for a metre or a second."""
+LOG_ROUGHNESS = (float(np.log(3e-5)), 1.5)
+"""Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
+LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
+"""... of the wander of the attitude: most vehicles are alike, and short drives can't tell it from the road's grades."""
+LOG_SPREAD, LOG_RATE_SPREAD = 1.0, 1.5
+"""Sigma of the logs of white levels and of rates about where they start: receivers differ by ten times."""
+LEAST_HEIGHT_M = 0.05
+"""No receiver's height is surer than this, however smooth a filter makes it: the decimetres that it is stated in (NMEA
+0183; 0.03 m), the body's heave on its springs (0.03 m), the place in the lane across a crossfall of 2.5 % (0.01 m)."""
+LEAST_PRESSURE_HEIGHT_M = 0.1
+"""... and no barometer's on the road: a gust of 1 m/s at 15 m/s changes the dynamic pressure by 18 Pa or 1.5 m, of
+which a sensor in a cabin feels 7 % (``barometer.USUAL_SPEED_PRESSURE``)."""
+_STEPS = 10
+_CLOSE = 0.05
+"""The optimisation ends after so many steps, or so near by its gradient, in sigmas of the levels."""
+_FARTHEST = 3.0
+"""How far a log moves in a round at most."""
+_SHARE_TOLD = 0.3
+"""Of a white level's information under known states, what is left as states are not known: scales the first step."""
+_BEND_STEP = 0.3
+"""Upward step of a log over which the bend of the likelihood is taken: as far as a level errs that makes a difference,
+and to the side where the errors that are to be expected come from."""
+MOST_UNCERTAIN = 1.0
+"""Sigma of a log that is counted at most: beyond it hardly anything but the tail of a prior would speak."""
+
+
+def _least() -> dict[str, float]:
+    return {"altitude_m": LEAST_HEIGHT_M, "baro_m": LEAST_PRESSURE_HEIGHT_M}
+
+
+def prior_noise(measured: Measurements) -> Noise:
+    """Where learning starts: what the log says about itself, in bounds, else an ordinary receiver's."""
+    stated = measured.stated_sigma[(measured.sensor == ALTITUDE) & np.isfinite(measured.stated_sigma)]
+    v_acc = float(np.clip(np.median(stated), 0.3, 12.0)) if len(stated) else 4.0
+    return Noise(
+        altitude_m=float(np.clip(v_acc / 6, 0.1, 1.5)),
+        drift=2 * v_acc**2 / DRIFT_TAU_S,
+        dem_m=_dem_sigma(measured),
+    )
+
+
+def _dem_sigma(measured: Measurements) -> float:
+    """Robust scatter of DEM heights about the altitudes; unknown datums shift both alike."""
+    terrain, altitude = measured.sensor == TERRAIN, measured.sensor == ALTITUDE
+    if not terrain.any() or not altitude.any():
+        return Noise.dem_m
+    excess = measured.value[terrain] - np.interp(
+        measured.time_s[terrain], measured.time_s[altitude], measured.value[altitude]
+    )
+    spread = 1.4826 * float(np.median(np.abs(excess - np.median(excess))))
+    return float(np.clip(spread, 3.0, 100.0))
+
+
+def gaussian_variance(measured: Measurements, noise: Noise) -> Floats:
+    """Variance (m,) of Gaussian errors that tell as much as those of the measurements, which are Student's t."""
+    return np.asarray(ROBUST_INFORMATION_LOSS * white_variance(measured, noise))
+
+
+def expected_levels(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, weight: Floats
+) -> tuple[Noise, Floats]:
+    """One step of EM on the white levels alone, and new weights (m,): rough, but it gets away from any start."""
+    variance = white_variance(measured, noise) / weight
+    smoothed = linear_model(measured, epochs, noise, variance).smooth()
+    second = _second_moment(smoothed, variance) * weight / variance_unit(measured)
+    found = {
+        name: float(np.sqrt(np.mean(second[measured.sensor == sensor])))
+        for sensor, name in WHITE.items()
+        if (measured.sensor == sensor).any()
+    }
+    found |= {name: max(found[name], least) for name, least in _least().items() if name in found}
+    noise = noise.with_(**found)
+    square = normalised_square(smoothed, variance, white_variance(measured, noise))
+    return noise, (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
+
+
+def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
+    """Expected square of each measurement's error given everything."""
+    error = variance * smoothed.residual / smoothed.residual_variance
+    return np.asarray(error**2 + variance - variance**2 / smoothed.residual_variance)
+
+
+def normalised_square(smoothed: Smoothed, variance: Floats, usual: Floats) -> Floats:
+    """Square of each measurement's error against an estimate without it, over what it should be; shape (m,).
+
+    That is by its ``usual`` variance, not by the present one, which has its robust weight in it: weights would come and
+    go from round to round.
+    """
+    return np.asarray(smoothed.residual**2 / (smoothed.residual_variance - variance + usual))
+
+
+def _prior(name: str, start: Noise) -> tuple[float, float]:
+    """Mean and sigma of the log of a level."""
+    if name == "roughness":
+        return LOG_ROUGHNESS
+    if name == "wander":
+        return LOG_WANDER
+    return float(np.log(getattr(start, name))), LOG_SPREAD if name in WHITE.values() else LOG_RATE_SPREAD
+
+
+def most_likely(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
+) -> Noise:
+    """Levels near the most likely ones, from ``noise`` on, held by weak priors about ``start``."""
+    white, rates = _learned(measured)
+    names = [*white.values(), *rates]
+    mean, sigma = np.array([_prior(n, start) for n in names]).T
+    begin = np.log([getattr(noise, n) for n in names])
+    told = [2 * np.count_nonzero(measured.sensor == sensor) for sensor in white] + [
+        len(epochs.time_s) / 8
+    ] * len(rates)
+    scale = np.sqrt(_SHARE_TOLD * np.array(told) + sigma**-2)
+    likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
+
+    def at(step: Floats) -> Noise:
+        return noise.with_(**dict(zip(names, np.exp(begin + step / scale).tolist(), strict=True)))
+
+    def loss(step: Floats) -> tuple[float, Floats]:
+        value, gradient = likelihood.at(at(step))
+        off = (begin + step / scale - mean) / sigma
+        return 0.5 * float(off @ off) - value, (off / sigma - gradient) / scale
+
+    bound = np.column_stack([-_FARTHEST * scale, _FARTHEST * scale])
+    for k, name in enumerate(names):
+        if name in _least():
+            bound[k, 0] = max(bound[k, 0], scale[k] * (np.log(_least()[name]) - begin[k]))
+    best = optimize.minimize(
+        loss,
+        np.zeros(len(names)),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bound,
+        options={"maxiter": _STEPS, "maxfun": 2 * _STEPS, "gtol": _CLOSE},
+    )
+    return at(best.x)
+
+
+def log_sigmas(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
+) -> dict[str, float]:
+    """How uncertain the logs of the levels are near the most likely ones, ``noise``; 0 where a level is the least.
+
+    The inverse of the likelihood's bend, from one more gradient a level, and of the priors' precision; never more than
+    the prior's sigma.
+    """
+    white, rates = _learned(measured)
+    names = [*white.values(), *rates]
+    sigma = np.array([_prior(n, start)[1] for n in names])
+    likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
+    here = likelihood.at(noise)[1]
+    free = [k for k, n in enumerate(names) if getattr(noise, n) > 1.01 * _least().get(n, 0.0)]
+    bend = np.zeros((len(free), len(free)))
+    for row, k in enumerate(free):
+        there = likelihood.at(noise.with_(**{names[k]: getattr(noise, names[k]) * np.exp(_BEND_STEP)}))[1]
+        bend[row] = ((here - there) / _BEND_STEP)[free]
+    sigma = sigma[free]
+    told, axes = np.linalg.eigh(0.5 * (bend + bend.T) * np.outer(sigma, sigma))
+    share = (axes**2) @ (1 / (1 + np.maximum(told, 0.0)))
+    found = dict(zip([names[k] for k in free], (sigma * np.sqrt(share)).tolist(), strict=True))
+    return {name: min(found.get(name, 0.0), MOST_UNCERTAIN) for name in names}
+
+
+def expected(noise: Noise, log_sigma: Mapping[str, float]) -> Noise:
+    """The levels of the variances that are to be expected where logs err normally: E[exp(x)] = exp(mean + sigma^2 / 2).
+
+    Of a level that is a sigma itself, twice its log is meant.
+    """
+    power = {name: 1.0 if name in _SIGMAS else 0.5 for name in log_sigma}
+    return noise.with_(
+        **{n: getattr(noise, n) * float(np.exp(p * log_sigma[n] ** 2)) for n, p in power.items()}
+    )
+
+
+def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:
+    """The white levels, by sensor, and the rates that a drive's measurements tell."""
+    white = {sensor: name for sensor, name in WHITE.items() if (measured.sensor == sensor).any()}
+    rates = ["roughness"]
+    rates += ["drift"] if ALTITUDE in white else []
+    rates += ["baro_drift"] if BARO in white else []
+    rates += ["wander"] if PITCH in white or FORCE in white else []
+    return white, rates
+
+
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """The likelihood of a drive's levels, with all that stays as it is while they are sought.
+
+    ``unit`` and ``askew`` (m,): parts of the variances, with weights; ``fixed``: of the steps' noise what is not
+    learned; ``parts``: what is, at the levels ``noise``.
+    """
+
+    measured: Measurements
+    noise: Noise
+    unit: Floats
+    askew: Floats
+    model: LinearModel
+    fixed: Floats
+    parts: dict[str, StepNoise]
+
+    @classmethod
+    def about(
+        cls, measured: Measurements, epochs: SmootherEpochs, noise: Noise, weight: Floats, jumps: Jumps
+    ) -> _Likelihood:
+        """Near the levels ``noise``."""
+        _, rates = _learned(measured)
+        unit, askew = (
+            ROBUST_INFORMATION_LOSS * v / weight for v in (variance_unit(measured), askew_variance(measured))
+        )
+        model = linear_model(measured, epochs, noise, unit, jumps)
+        others = [name for name in RATES if name not in rates]
+        fixed = steps_noise(epochs, noise, jumps, others)
+        parts = {name: step_noise(epochs, noise, name) for name in rates}
+        return cls(measured, noise, unit, askew, model, fixed, parts)
+
+    def at(self, noise: Noise) -> tuple[float, Floats]:
+        """The log-likelihood, and its derivatives by the logs of the levels, white ones and then rates."""
+        sensor = self.measured.sensor
+        variance = white_level(sensor, noise) ** 2 * self.unit + self.askew
+        total, factors = self.fixed.copy(), {}
+        for name, part in self.parts.items():
+            factors[name] = (getattr(noise, name) / getattr(self.noise, name)) ** (
+                2 if name == "wander" else 1
+            )
+            add_noise(total, {entry: factors[name] * value for entry, value in part.items()})
+        scores = self.model.at_levels(total, variance).scores()
+        white = scores.level_score(variance) * (1 - self.askew / variance)
+        by_sensor = np.bincount(sensor, white, len(SENSORS))
+        slopes = [2 * float(by_sensor[code]) for code in _learned(self.measured)[0]]
+        slopes += [
+            (2 if name == "wander" else 1) * factors[name] * scores.noise_score(part)
+            for name, part in self.parts.items()
+        ]
+        return scores.log_likelihood, np.array(slopes)

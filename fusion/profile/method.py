@@ -1,0 +1,226 @@
+"""Method ``profile``: the whole drive matched, smoothed along its path, and handed on as factors of each pass.
+
+Only the order of the work stands here, and the drive's own slopes, for which its factors are solved like the network's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from fusion.errors import MissingSensorError, NoMatchError
+from fusion.matching.drive import MatchOptions
+from fusion.methods.base import DriveResult, Options
+from fusion.network.adjust import adjust
+from fusion.network.pass_factor import PassFactor
+from fusion.network.terrain import heights_at
+from fusion.network.unknowns import knot_positions, knot_rows
+from fusion.profile.barometer import set_right_share, speed_pressure
+from fusion.profile.blocks import NOTHING, Estimate
+from fusion.profile.factors import pass_factors
+from fusion.profile.inertia import Inertia, set_right
+from fusion.profile.levels import prior_noise
+from fusion.profile.measurements import (
+    ALTITUDE,
+    BARO,
+    FORCE,
+    PITCH,
+    SENSORS,
+    Measurements,
+    build_measurements,
+    speeds,
+)
+from fusion.profile.model import SmootherEpochs, build_smoother_epochs
+from fusion.profile.noise import Learned, learn
+from fusion.profile.path import DrivenPath, find_path
+from fusion.profile.report import drive_report
+from fusion.profile.track import build_track, drawn_measurements
+from fusion.profile.traversals import Altimeter
+from fusion.roads.network import RoadNetwork
+from fusion.terrain.dem import Dem
+from fusion.types import CUES, DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
+
+USUAL_LAG_S = 1.5
+"""How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
+BAROMETRIC_DRIFT = 0.006
+"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's: between the air's pressure, 0.001
+(0.8 m in ten minutes), and the best receivers that fix no carrier phase, 0.01 (0.8 m for two minutes,
+``model.DRIFT_TAU_S``); above the middle, for what a drive learns of it is too large rather than too small. A short or
+noisy drive doesn't show it: then heights are a receiver's."""
+COMPUTER_STEP_M = 0.2
+"""Steps of heights in files of bicycle computers (FIT states altitudes in fifths of a metre), which take them from a
+barometer behind a filter, whatever they err by."""
+MIN_MEASUREMENTS = 4
+"""Fewer say nothing of a slope."""
+
+
+class ProfileOptions(Options):
+    """Options of ``profile``: which sensors to use, and how the map is matched."""
+
+    altitude: bool = Field(True, description="Use GNSS altitudes.")
+    doppler: bool = Field(True, description="Use Doppler vertical velocity over ground speed.")
+    pitch: bool = Field(True, description="Use the pitch of an attitude sensor.")
+    force: bool = Field(True, description="Use the accelerometer's forward axis beyond the change of speed.")
+    barometer: bool = Field(True, description="Use pressure.")
+    dem: bool = Field(True, description="Use the elevation model, away from bridges and tunnels.")
+    match_radius_m: float = Field(
+        50.0, gt=5, le=200, description="How far from a road a position may lie, m."
+    )
+
+    def sensors(self) -> frozenset[int]:
+        """Codes of the sensors to use (``measurements.SENSORS``)."""
+        wanted = (self.altitude, self.doppler, self.pitch, self.force, self.barometer, self.dem)
+        return frozenset(code for code, use in enumerate(wanted) if use)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """A drive on its path with its inertial data set right, and what was found wrong with them and with pressures."""
+
+    log: DriveLog
+    path: DrivenPath
+    inertia: Inertia | None
+    speed_pressure: Estimate
+
+    @classmethod
+    def of(cls, log: DriveLog, path: DrivenPath, use: frozenset[int]) -> _Drive:
+        """Of sensors that are in ``use`` alone."""
+        right, inertia = set_right(log) if use & {PITCH, FORCE} else (log, None)
+        felt = speed_pressure(log, *speeds(log, path)) if BARO in use else NOTHING
+        return cls(right, path, inertia, felt)
+
+
+@dataclass(frozen=True, eq=False)
+class _Smoothed:
+    """Everything known about a drive after smoothing."""
+
+    path: DrivenPath
+    measured: Measurements
+    epochs: SmootherEpochs
+    learned: Learned
+    altimeter: Altimeter
+
+
+class ProfileMethod:
+    """The default estimator behind the ``Method`` protocol."""
+
+    name = "profile"
+    source = "Versant; HMM matching after Newson & Krumm 2009, fixed-interval smoothing, network adjustment"
+    description = (
+        "Matches the whole drive, smooths height and grade along it with the drive's own noise levels; drives are "
+        "solved together."
+    )
+    needs = ("positions", "altitudes, Doppler velocity, pitch, acceleration or pressure: any of them")
+    cues = CUES
+    options_model = ProfileOptions
+
+    def estimate(
+        self,
+        log: DriveLog,
+        network: RoadNetwork,
+        dem: Dem | None,
+        options: ProfileOptions,
+        progress: Progress,
+    ) -> DriveResult:
+        """See ``Method.estimate``."""
+        progress("match", 0.0)
+        path = find_path(log, network, MatchOptions(radius_m=options.match_radius_m))
+        if path is None:
+            raise NoMatchError(
+                "No stretch of the log follows a road. Import the roads of that area, or check that the log's "
+                "positions are a drive's and not a parked vehicle's."
+            )
+        progress("smooth", 0.3)
+        raw = _Drive.of(log, path, options.sensors())
+        drive = _smooth(raw, dem, options, Altimeter())
+        late = _altimeter(log, drive)
+        if late.sensor >= 0:
+            drive = _smooth(raw, dem, options, late)
+        progress("factors", 0.7)
+        factors = _factors(drive, log.fix)
+        terrain = dem if options.dem else None
+        slopes = adjusted_slopes(network, factors, terrain)
+        track = build_track(path, drive.epochs, drive.learned)
+        report = drive_report(
+            log, path, drive.measured, drive.epochs, drive.learned, factors, raw.inertia, raw.speed_pressure
+        )
+        drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
+
+        def late_by(lag_s: float) -> tuple[PassFactor, ...]:
+            return _factors(_smooth(raw, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
+
+        return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
+
+
+def _factors(drive: _Smoothed, fix: GnssFix) -> tuple[PassFactor, ...]:
+    return tuple(pass_factors(drive.measured, drive.epochs, drive.learned, drive.path, drive.altimeter, fix))
+
+
+def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:
+    """Whether the heights are an altimeter's, whose filter makes them late: they err like a barometer.
+
+    A receiver's height that states its accuracy, or is above the ellipsoid, of which no altimeter knows, is its own
+    fix, and pressure is a sensor's own sample: neither is late.
+    """
+    sensors = drive.measured.sensor
+    own = log.fix.has("v_acc_m") or log.fix.has("height_ell_m")
+    steady = drive.learned.noise.drift < BAROMETRIC_DRIFT
+    if (sensors == ALTITUDE).any() and not own and (steady or _in_steps(log.fix.alt_msl_m)):
+        return Altimeter(ALTITUDE, USUAL_LAG_S)
+    return Altimeter()
+
+
+def _in_steps(height_m: Floats) -> bool:
+    """Whether heights come in the steps of a bicycle computer's files, ``COMPUTER_STEP_M``, and not in whole metres."""
+    known = height_m[np.isfinite(height_m)] / COMPUTER_STEP_M
+    off = np.abs(known - np.round(known)) > 0.01
+    whole = np.round(known) % round(1 / COMPUTER_STEP_M) == 0
+    return len(known) > 0 and bool(np.mean(off) < 0.01 and np.mean(whole) < 0.5)
+
+
+def _smooth(raw: _Drive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter) -> _Smoothed:
+    share = set_right_share(raw.speed_pressure)
+    measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s, share)
+    if len(measured) < MIN_MEASUREMENTS:
+        raise MissingSensorError(
+            f"Method 'profile' found {len(measured)} usable measurement(s) of height or grade on roads (used: "
+            f"{', '.join(SENSORS)}). Record altitudes, Doppler velocity, attitude or pressure, while driving."
+        )
+    epochs = build_smoother_epochs(measured, raw.path)
+    by_satellites = not _in_steps(raw.log.fix.alt_msl_m)
+    learned = learn(measured, epochs, prior_noise(measured), by_satellites=by_satellites)
+    return _Smoothed(raw.path, measured, epochs, learned, altimeter)
+
+
+def adjusted_slopes(
+    network: RoadNetwork, factors: tuple[PassFactor, ...], dem: Dem | None
+) -> tuple[SegmentSlope, ...]:
+    """The slopes of one drive's segments: its factors solved like the network's, alone."""
+    if not factors:
+        return ()
+    rows: Ints = np.unique([f.segment for f in factors])
+    table = network.table.subset(rows)
+    row_of = {int(row): k for k, row in enumerate(rows)}
+    passes = [f.over(row_of[f.segment]) for f in factors]
+    terrain = (
+        heights_at(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem is not None else None
+    )
+    solved = adjust(table, {0: passes}, terrain)
+    first, last = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
+    for one in passes:
+        first[one.segment] = min(first[one.segment], one.first_time_s)
+        last[one.segment] = max(last[one.segment], one.last_time_s)
+    return tuple(
+        SegmentSlope(
+            segment=int(row),
+            slope_percent=float(solved.slope_percent[k]),
+            slope_sigma_percent=float(solved.slope_sigma_percent[k]),
+            observations=int(solved.observations[k]),
+            passes=int(solved.passes[k] + solved.rejected[k]),
+            first_time_s=float(first[k]),
+            last_time_s=float(last[k]),
+        )
+        for k, row in enumerate(rows)
+    )

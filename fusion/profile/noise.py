@@ -1,0 +1,206 @@
+"""Learning a drive's noise levels from the drive itself, with its outliers and sudden changes.
+
+Receivers differ by ten times, and accuracy columns may be wrong. In rounds: the most likely levels (``levels``), then
+what lies far outside of them counts less, then what breaks with the model has changed suddenly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fusion.filters.smoother import Smoothed
+from fusion.profile.levels import (
+    LEAST_HEIGHT_M,
+    STUDENT_T_FREEDOM,
+    expected,
+    expected_levels,
+    gaussian_variance,
+    log_sigmas,
+    most_likely,
+    normalised_square,
+)
+from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
+from fusion.profile.model import (
+    JUMP_SIGMA,
+    Jumps,
+    Noise,
+    SmootherEpochs,
+    decorrelated,
+    design,
+    linear_model,
+    pitch_partner,
+    white_variance,
+)
+from fusion.profile.sampling import spaced
+from fusion.types import Bools, Floats
+
+FIRST_ROUNDS, ROUNDS = 3, 3
+"""Of rough steps from wherever the levels start, and of likely levels, weights and sudden changes after them; nothing
+tests for convergence."""
+FILTERED = 1.3
+"""Heights whose white level is found below so many times the least that is possible come out of a filter."""
+HEIGHTS_APART_S = 8.0
+"""Heights so far apart share no error of a receiver's filter, which remembers for one to three seconds."""
+TAIL_SIGMAS = 2.5
+"""Beyond this a measurement counts less while levels are learned: with the square of how far."""
+MAX_JUMPS = 4
+"""Sudden changes of one kind in a drive; each round adds one at most."""
+JUMP_SCORE = 6.0
+"""Standard deviations by which a state must break with its model to have changed suddenly."""
+JUMP_SPACING_S = 5.0
+OUTLIER_SIGMAS = 4.0
+"""A measurement that is farther off counts less with the fourth power of how far, and is reported as an outlier."""
+CORRELATED_WITHIN_S = 0.8
+"""Springs swing for about a second: errors farther apart than this are taken for independent (what is left between
+those of neighbouring seconds is mostly road that the knots have not followed)."""
+SHARED_START = 0.8
+"""The part of a pitch error in the force beside it, before anything is learned: begun at nothing, errors that both show
+are taken for road."""
+_SHARED_PRIOR_COUNT = 15.0
+"""Imaginary pairs of pitch and force whose errors have nothing in common."""
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """The most likely levels, and those of the variances that are to be expected, by which all the rest is; each
+    measurement's variance with its robust weight (m,), which are outliers (m,), the sudden changes found, and the
+    smoothed drive."""
+
+    noise: Noise
+    expected: Noise
+    variance: Floats
+    outlier: Bools
+    jumps: Jumps
+    smoothed: Smoothed
+
+
+def learn(
+    measured: Measurements, epochs: SmootherEpochs, start: Noise, *, by_satellites: bool = True
+) -> Learned:
+    """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
+    found = _levels(measured, epochs, start)
+    noise, jumps, variance, smoothed = found.noise, found.jumps, found.variance, found.smoothed
+    filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
+    every = np.ones(len(measured), bool), np.ones(len(measured))
+    heard, repeated = _apart(measured) if filtered else every
+    told = measured.take(heard), replace(epochs, of_measurement=epochs.of_measurement[heard])
+    if filtered:
+        noise = most_likely(*told, noise, start, found.weight[heard], jumps)
+        variance = gaussian_variance(measured, noise) * repeated / found.weight
+        smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+    likely = expected(noise, log_sigmas(*told, noise, start, found.weight[heard], jumps))
+    # Once the levels are known, what lies far outside of them is not merely weakened but left out.
+    usual = white_variance(measured, likely) * repeated
+    square = normalised_square(smoothed, variance, usual)
+    weight = (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
+    weight = weight * _heard(square)
+    variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
+    smoothed = linear_model(measured, epochs, likely, variance, jumps).smooth()
+    outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
+    return Learned(noise, likely, variance, outlier, jumps, smoothed)
+
+
+class _Found(NamedTuple):
+    """Levels and sudden changes; variances by the last levels but one, and the drive smoothed by them; new weights."""
+
+    noise: Noise
+    jumps: Jumps
+    variance: Floats
+    smoothed: Smoothed
+    weight: Floats
+
+
+def _levels(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> _Found:
+    """Levels, weights and sudden changes in rounds."""
+    jumps: Jumps = ()
+    paired = bool(np.any(pitch_partner(measured) >= 0))
+    noise, weight = start.with_(shared=SHARED_START if paired else 0.0), np.ones(len(measured))
+    for _ in range(FIRST_ROUNDS):
+        noise, weight = expected_levels(measured, epochs, noise, weight)
+    for _ in range(ROUNDS):
+        noise = most_likely(measured, epochs, noise, start, weight, jumps)
+        usual = gaussian_variance(measured, noise)
+        variance = usual / weight
+        smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+        jumps = _with_jump(epochs, smoothed, jumps)
+        noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
+        square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
+        weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _heard(square)
+    return _Found(noise, jumps, variance, smoothed, weight)
+
+
+def _apart(measured: Measurements) -> tuple[Bools, Floats]:
+    """Which measurements tell levels, (m,), where altitudes come out of a filter: those ``HEIGHTS_APART_S`` apart; and
+    how many share one error, (m,).
+
+    Heights that a receiver's filter has smoothed err together from epoch to epoch: that looks like no error and no
+    drift, and what they err by like road.
+    """
+    altitude = measured.sensor == ALTITUDE
+    mine = np.flatnonzero(altitude)
+    apart = mine[spaced(measured.time_s[mine], 0.95 * HEIGHTS_APART_S)]
+    heard = ~altitude
+    heard[apart] = True
+    return heard, np.where(altitude, len(mine) / max(len(apart), 1), 1.0)
+
+
+def _heard(square: Floats) -> Floats:
+    """Factor on the weight of measurements whose squared errors are so large, (m,)."""
+    return np.asarray(np.minimum(1.0, (OUTLIER_SIGMAS**2 / np.maximum(square, 1e-9)) ** 2))
+
+
+def _with_jump(epochs: SmootherEpochs, smoothed: Smoothed, jumps: Jumps) -> Jumps:
+    """The sudden changes known so far, and for each kind of state the clearest further one."""
+    found = list(jumps)
+    for state in JUMP_SIGMA:
+        known = [k for k, s in jumps if s == state]
+        if len(known) >= MAX_JUMPS:
+            continue
+        score = np.abs(smoothed.break_score[:, state])
+        score[0] = 0.0
+        for k in known:
+            score[np.abs(epochs.time_s - epochs.time_s[k]) < JUMP_SPACING_S] = 0.0
+        k = int(np.argmax(score))
+        if score[k] > JUMP_SCORE:
+            found.append((k, state))
+    return tuple(found)
+
+
+def _shared(
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, smoothed: Smoothed, variance: Floats
+) -> dict[str, float]:
+    """The share of the pitch's error in the force beside it, by regression of the errors expected given everything."""
+    partner = pitch_partner(measured)
+    force = np.flatnonzero(partner >= 0)
+    if len(force) <= 20:
+        return {}
+    pitch = partner[force]
+    error = variance * smoothed.residual / smoothed.residual_variance
+    seen = design(measured, decorrelated(measured, noise)[1])
+    covariance = smoothed.covariance[epochs.of_measurement[force]]
+    both = error[force] * error[pitch] + np.einsum("mi,mij,mj->m", seen[force], covariance, seen[pitch])
+    alone = error[pitch] ** 2 + np.einsum("mi,mij,mj->m", seen[pitch], covariance, seen[pitch])
+    # The force holds what is left after ``shared`` of the pitch was taken off.
+    left = float(np.sum(both) / (np.sum(alone) + _SHARED_PRIOR_COUNT * noise.pitch**2))
+    return {"shared": float(np.clip(noise.shared + left, 0.0, 0.9))}
+
+
+def _correlation_inflation(measured: Measurements, smoothed: Smoothed, variance: Floats) -> Floats:
+    """Factor on the variance of sensors whose neighbouring errors repeat: (1 + r) / (1 - r) of lag one, at least 1."""
+    out = np.ones(len(measured))
+    error = smoothed.residual / smoothed.residual_variance * np.sqrt(variance)
+    for sensor in (DOPPLER, PITCH, FORCE, BARO):
+        mine = np.flatnonzero(measured.sensor == sensor)
+        if len(mine) < 30:
+            continue
+        near = np.diff(measured.time_s[mine]) < CORRELATED_WITHIN_S
+        first, second = np.clip(error[mine[:-1][near]], -3, 3), np.clip(error[mine[1:][near]], -3, 3)
+        if len(first) < 20:
+            continue
+        r = float(np.sum(first * second) / max(np.sqrt(np.sum(first**2) * np.sum(second**2)), 1e-12))
+        r = float(np.clip(r, 0.0, 0.8))
+        out[mine] = (1 + r) / (1 - r)
+    return out

@@ -1,0 +1,214 @@
+"""What a drive's report says about how its profile was made, and what its driver can do better.
+
+Nothing is estimated here; the smoother runs again only to show what each sensor was worth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from fusion.filters.smoother import Smoothed
+from fusion.network.dem_outliers import displaced
+from fusion.network.pass_factor import PassFactor
+from fusion.profile.barometer import set_right_share
+from fusion.profile.blocks import Estimate
+from fusion.profile.factors import MIN_CONFIDENCE
+from fusion.profile.inertia import Inertia
+from fusion.profile.measurements import (
+    ALTITUDE,
+    BARO,
+    DEM_SPACING_M,
+    DOPPLER,
+    FORCE,
+    PITCH,
+    SENSORS,
+    TERRAIN,
+    Measurements,
+)
+from fusion.profile.model import DRIFT, GRADE, HEIGHT, MOUNT, SmootherEpochs, linear_model
+from fusion.profile.noise import Learned
+from fusion.profile.path import DrivenPath, ground_speed
+from fusion.types import DriveLog, Floats
+
+WHOLE_SHARE = 0.98
+"""A segment counts as driven whole from this share on."""
+FEW_MATCHED = 0.8
+"""A smaller share of positions on known roads is worth a warning."""
+WRONG_ACCURACY = 3.0
+"""... and stated accuracies that are wrong by so many times."""
+MANY_OUTLIERS = 0.05
+"""... and a larger share of outliers in a sensor."""
+LOOSE_MOUNT = 0.01
+"""... and a mount pitch that is known less well than this, rad."""
+
+
+def drive_report(
+    log: DriveLog,
+    path: DrivenPath,
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    learned: Learned,
+    factors: Sequence[PassFactor],
+    inertia: Inertia | None,
+    speed_pressure: Estimate,
+) -> dict[str, Any]:
+    """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds.
+
+    ``inertia`` and ``speed_pressure``, the share of the dynamic pressure, are what was found before sensors were used.
+    """
+    match, lengths = path.match, path.network.table.length_m
+    without = {
+        code: _without(measured, epochs, learned, code) for code in np.unique(measured.sensor).tolist()
+    }
+    whole = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segment] for f in factors]
+    report = {
+        "matched_share": float(np.mean(path.matched)),
+        "breaks": [{"time_s": float(b.time_s), "reason": b.reason} for b in match.breaks],
+        "passes": len(factors),
+        "passes_of_part_of_a_segment": len(factors) - int(np.sum(whole)),
+        "passes_dropped_as_uncertain": int(np.count_nonzero(match.confidence < MIN_CONFIDENCE)),
+        "noise": asdict(learned.noise),
+        "own_speed_scale": ground_speed(log)[2],
+        "mount": _mount(measured, epochs, learned),
+        "inertia": _inertia(inertia, measured),
+        "speed_pressure": _speed_pressure(speed_pressure, measured),
+        "height_jumps_s": [float(epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
+        "sensors": _contributions(measured, learned, without),
+    }
+    said = _elevation_model(path, measured, epochs, without.get(TERRAIN))
+    return {**report, "warnings": [*_warnings(log, measured, report), *said]}
+
+
+def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> dict[str, Any] | None:
+    """Mount pitch at the end of the drive, and when it changed; None without pitch and specific force."""
+    if not np.isin(measured.sensor, (PITCH, FORCE)).any():
+        return None
+    grade = learned.smoothed.mean[-1, MOUNT]
+    sigma = float(np.sqrt(learned.smoothed.covariance[-1, MOUNT, MOUNT]))
+    moves = []
+    for k in sorted(k for k, state in learned.jumps if state == MOUNT):
+        before, after = learned.smoothed.mean[[k - 1, k], MOUNT]
+        moves.append(
+            {"time_s": float(epochs.time_s[k]), "change_deg": float(np.degrees(np.arctan(after - before)))}
+        )
+    return {
+        "pitch_deg": float(np.degrees(np.arctan(grade))),
+        "sigma_deg": float(np.degrees(sigma)),
+        "moves": moves,
+    }
+
+
+def _inertia(inertia: Inertia | None, measured: Measurements) -> dict[str, Any] | None:
+    """How late inertial data are against GNSS, and the yaw of their sensor; None without pitch and specific force.
+
+    What was set right, which is 0 where it is not clear, and what was found (None where nothing shows it).
+    """
+    if inertia is None or not np.isin(measured.sensor, (PITCH, FORCE)).any():
+        return None
+    return {
+        "imu_lag_s": inertia.lag_s,
+        "found_imu_lag_s": _found(inertia.lag),
+        "mount_yaw_deg": float(np.degrees(inertia.yaw_rad)),
+        "found_mount_yaw_deg": _found(inertia.yaw, 180 / np.pi),
+    }
+
+
+def _speed_pressure(share: Estimate, measured: Measurements) -> dict[str, Any] | None:
+    """The share of the dynamic pressure that a barometer feels, likewise; None without pressure."""
+    if not (measured.sensor == BARO).any():
+        return None
+    return {"share": set_right_share(share), "found_share": _found(share)}
+
+
+def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:
+    known = np.isfinite(estimate.sigma)
+    return {"value": unit * estimate.value, "sigma": unit * estimate.sigma} if known else None
+
+
+def _without(measured: Measurements, epochs: SmootherEpochs, learned: Learned, sensor: int) -> Smoothed:
+    """The drive without a sensor: as if its errors were beyond all measure. The epochs stay the same."""
+    variance = np.where(measured.sensor == sensor, 1e12, learned.variance)
+    return linear_model(measured, epochs, learned.expected, variance, learned.jumps).smooth()
+
+
+def _contributions(
+    measured: Measurements, learned: Learned, without: Mapping[int, Smoothed]
+) -> dict[str, dict[str, float]]:
+    """For each sensor: measurements, outliers, and the median sigma of the grade with all and without this one."""
+    everything = _grade_sigma(learned.smoothed.covariance)
+    return {
+        SENSORS[code]: {
+            "measurements": int(np.count_nonzero(measured.sensor == code)),
+            "outliers": int(learned.outlier[measured.sensor == code].sum()),
+            "grade_sigma_percent": everything,
+            "grade_sigma_percent_without": _grade_sigma(smoothed.covariance),
+        }
+        for code, smoothed in without.items()
+    }
+
+
+def _elevation_model(
+    path: DrivenPath, measured: Measurements, epochs: SmootherEpochs, without: Smoothed | None
+) -> list[str]:
+    """Where the elevation model stands out, by the drive's own heights; nothing where it has none."""
+    if without is None or not np.isin(measured.sensor, (ALTITUDE, BARO)).any():
+        return []
+    mine = np.flatnonzero(measured.sensor == TERRAIN)
+    above = measured.value[mine] - without.mean[epochs.of_measurement[mine], HEIGHT]
+    found = displaced(above, np.full(len(mine), DEM_SPACING_M))
+    if found is None:
+        return []
+    row, _ = path.match.position_on(measured.along_m[mine[found.where][:1]])
+    table, segment = path.network.table, int(path.match.segment[row[0]])
+    return [found.said(float(table.lat0_deg[segment]), float(table.lon0_deg[segment]))]
+
+
+def _grade_sigma(covariance: Floats) -> float:
+    return 100 * float(np.sqrt(np.median(covariance[:, GRADE, GRADE])))
+
+
+def _warnings(log: DriveLog, measured: Measurements, report: dict[str, Any]) -> list[str]:
+    """Sentences that a driver can act on."""
+    said = []
+    if report["matched_share"] < FEW_MATCHED:
+        said.append(
+            f"Only {report['matched_share']:.0%} of the positions lie on known roads. Import a newer map, or check "
+            "the antenna's view of the sky."
+        )
+    factor = report["noise"]["doppler"]
+    if (measured.sensor == DOPPLER).any() and not 1 / WRONG_ACCURACY < factor < WRONG_ACCURACY:
+        wrong = "better" if factor < 1 else "worse"
+        said.append(
+            f"Vertical velocities are {max(factor, 1 / factor):.1f} times {wrong} than the accuracy that the log "
+            "states (s_acc_mps); what they show was used. Check the column's unit."
+        )
+    mount = report["mount"]
+    for move in mount["moves"] if mount else ():
+        said.append(
+            f"The sensor's mount moved by {move['change_deg']:+.1f} degrees at {_clock(move['time_s'])}. "
+            "Fix it firmly to the vehicle."
+        )
+    if mount and np.radians(mount["sigma_deg"]) > LOOSE_MOUNT:
+        said.append(
+            f"The mount's tilt is known to {mount['sigma_deg']:.1f} degrees only, so pitch told little. Drive for "
+            "longer, or record velocities and altitudes as well."
+        )
+    said += [
+        f"The GNSS height jumped at {_clock(t)}; slopes do not follow it." for t in report["height_jumps_s"]
+    ]
+    for name, sensor in report["sensors"].items():
+        if sensor["outliers"] > MANY_OUTLIERS * sensor["measurements"]:
+            said.append(
+                f"{sensor['outliers']} of {sensor['measurements']} measurements of '{name}' are far off and "
+                "were given little weight."
+            )
+    return said
+
+
+def _clock(time_s: float) -> str:
+    return datetime.fromtimestamp(time_s, UTC).strftime("%H:%M:%S UTC")

@@ -1,0 +1,141 @@
+"""A drive's measurements brought to its traversals: what each sees of the road, of the drive and of the pass.
+
+How they are summed is not known here (``likelihood``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fusion.network.curve import (
+    grade_variance,
+    grade_weights,
+    height_variance,
+    height_weights,
+    knot_length,
+)
+from fusion.profile.levels import ROBUST_INFORMATION_LOSS
+from fusion.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN, Measurements
+from fusion.profile.model import (
+    BIAS,
+    GRADE,
+    MOUNT,
+    SQUAT,
+    SmootherEpochs,
+    decorrelated,
+    design,
+)
+from fusion.profile.noise import Learned
+from fusion.profile.path import DrivenPath
+from fusion.types import Floats, Ints
+
+PLACE_SIGMA_M = 5.0
+"""Error of a pass's place along the road where the log states none: an ordinary receiver's (spec 7)."""
+_BEND_OVER_M = 10.0
+"""Changes of grade with place are taken over so far to either side."""
+
+
+@dataclass(frozen=True)
+class Altimeter:
+    """The sensor of height that may be late: its code (-1: none is), and how late it was taken for, s."""
+
+    sensor: int = -1
+    lag_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class OnTraversals:
+    """The m measurements on a drive's traversals in the order of driving, ready to be summed; columns of shape (m,).
+
+    ``variable`` and ``weights`` (m, 4): the first of four knot variables in each and their weights. ``constants``
+    (m, 6): what each sees of ``fusion.network.pass_factor.CONSTANTS``; ``passing`` (m, 2): of the mount's wander and of
+    the place along the road, in units of one sigma, each of the pass alone.
+    ``height_sensor``: 0 or 1 for those of ``HEIGHT_SENSORS``, else -1. ``variance`` has robust weights in it and
+    what the knots leave open. ``first`` (n + 1,): where each traversal's measurements begin.
+    """
+
+    variable: Ints
+    weights: Floats
+    constants: Floats
+    passing: Floats
+    height_sensor: Ints
+    value: Floats
+    variance: Floats
+    time_s: Floats
+    first: Ints
+
+
+def on_traversals(
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    learned: Learned,
+    path: DrivenPath,
+    altimeter: Altimeter,
+    place_sigma_m: Floats,
+    common_place_m: Floats,
+) -> OnTraversals:
+    """Bring a drive's measurements to its traversals; terrain heights stay out, as the network has the DEM itself.
+
+    ``place_sigma_m`` (n,) is how far the place of each traversal errs by itself, ``common_place_m`` (n, 2) how far it
+    lies farther along the road for one sigma of the position's error to the east and to the north.
+    """
+    clean, beyond = decorrelated(measured, learned.noise)
+    traversal, distance = path.match.position_on(measured.along_m)
+    keep = np.flatnonzero((measured.sensor != TERRAIN) & (traversal >= 0))
+    keep = keep[np.lexsort((measured.time_s[keep], traversal[keep]))]
+    sensor, traversal, share = measured.sensor[keep], traversal[keep], beyond[keep]
+    length, scale = segment_lengths(path)
+    length, distance = length[traversal], distance[keep] * scale[traversal]
+    is_height = np.isin(sensor, (ALTITUDE, BARO))
+    forward = np.where(path.match.forward[traversal], 1.0, -1.0)
+    variable, height = height_weights(distance, length)
+    _, grade = grade_weights(distance, length)
+    q = learned.expected.roughness
+    seen = design(measured, beyond)[keep]
+    # A height that is late by tau, taken for late by lag_s: y = H - climb (tau - lag_s). The unknown is tau.
+    smoothed, along = learned.smoothed.mean[:, GRADE], measured.along_m[keep]
+    grades = smoothed[epochs.of_measurement[keep]]
+    before, after = (np.interp(along + d, epochs.along_m, smoothed) for d in (-_BEND_OVER_M, _BEND_OVER_M))
+    bend = (after - before) / (2 * _BEND_OVER_M)
+    climb = grades * measured.speed_mps[keep]
+    late = np.where(sensor == altimeter.sensor, -climb, 0.0)
+    farther = np.where(is_height, grades, (1 - share) * bend)
+    return OnTraversals(
+        variable=variable,
+        weights=np.where(is_height[:, None], height, (forward * (1 - share))[:, None] * grade),
+        constants=np.column_stack(
+            [
+                seen[:, MOUNT],
+                seen[:, BIAS],
+                seen[:, SQUAT],
+                late,
+                farther[:, None] * common_place_m[traversal],
+            ]
+        ),
+        passing=np.column_stack(
+            [
+                learned.expected.wander
+                * np.select([sensor == PITCH, sensor == FORCE], [1.0, 1 - share], 0.0),
+                place_sigma_m[traversal] * farther,
+            ]
+        ),
+        height_sensor=np.select([sensor == ALTITUDE, sensor == BARO], [0, 1], -1),
+        value=clean.value[keep] + late * altimeter.lag_s,
+        variance=ROBUST_INFORMATION_LOSS * learned.variance[keep]
+        + np.where(
+            is_height,
+            height_variance(distance, length, q),
+            (1 - share) ** 2 * grade_variance(distance, length, q),
+        ),
+        time_s=measured.time_s[keep],
+        first=np.searchsorted(traversal, np.arange(len(path.match) + 1)),
+    )
+
+
+def segment_lengths(path: DrivenPath) -> tuple[Floats, Floats]:
+    """For each traversal the length that the knots assume, m, and that length over the network's; shape (n,)."""
+    segment = path.match.segment
+    length = knot_length(path.network.table.length_m[segment])
+    return length, length / np.maximum(path.network.length_m[segment], 1e-9)

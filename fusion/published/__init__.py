@@ -1,0 +1,9 @@
+"""The estimators of the source documents, by paper, and what their experiments need; ours is ``fusion.profile``.
+
+* ``particle``: Al Assaad 2020, the particle filter of chapters 2 and 3, and ``ukf_dem``, which it is compared with;
+* ``matchers``: the map matchers of the survey in Al Assaad 2020, 1.3.1;
+* ``odometer_map``: Lahrech 2005;
+* ``gps_ins``: Saadaoui 2011;
+* ``positioning``: Viandier 2011, filters and laws of pseudorange errors, and ``canyon``, the street they are tried in;
+* ``nine_state``: the state that ``particle``, ``odometer_map`` and ``ukf_dem`` share.
+"""

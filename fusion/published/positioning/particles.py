@@ -1,0 +1,110 @@
+"""Particle filters under one normal law of errors: bootstrap, and FPLL with a Kalman filter's proposal.
+
+Viandier 2011, 2.2.3: Algorithms 4 to 8. Both are for comparison: nine unknowns are many for two hundred points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from fusion.gnss.measurements import Aids, Measurements, Solution
+from fusion.published.positioning.particles_bank import Bank, ParticleOptions, Step, rows_of, run
+from fusion.published.positioning.particles_each import correct_each, draw_each, predict_each, weigh_each
+from fusion.types import Floats, Ints, Progress
+
+
+class ParticleFilterOptions(ParticleOptions):
+    """Which proposal draws the particles."""
+
+    proposal: Literal["bootstrap", "fpll"] = Field(
+        "fpll",
+        description="bootstrap: the motion alone (Algorithm 7). fpll: a Kalman step by the epoch (Algorithm 8).",
+    )
+    regularised: bool = Field(True, description="Draw particles apart after resampling (Algorithm 6).")
+
+
+class ParticleFilter:
+    """Points that are moved, weighed and drawn again."""
+
+    name = "pf"
+    source = "Viandier 2011, 2.2.3, Algorithms 6, 7 and 8"
+    description = (
+        "A particle filter that takes every error for white noise; proposes blindly, or by a Kalman step."
+    )
+    options_model = ParticleFilterOptions
+
+    def solve(
+        self,
+        measured: Measurements,
+        aids: Aids,
+        options: ParticleFilterOptions,
+        seed: int,
+        progress: Progress,
+    ) -> Solution:
+        """Positions of all epochs from the first that can be solved; aids are not needed."""
+        model = (_Fpll if options.proposal == "fpll" else _Bootstrap)(options.regularised)
+        return run(measured, rows_of(measured), model, options, seed, progress)
+
+
+@dataclass(frozen=True)
+class _Bootstrap:
+    """Proposes by the motion, weighs by the measurements."""
+
+    smooth: bool
+
+    def scattered(self) -> bool:
+        return True
+
+    def guarded(self) -> bool:
+        return True
+
+    def predict(self, bank: Bank, step: Step) -> None:
+        predict_each(bank.means, bank.covariances, step.moves, step.noise)
+        bank.scatter()
+
+    def correct(self, bank: Bank, step: Step, variance_m2: Floats) -> tuple[Floats, Floats]:
+        weigh_each(
+            step.rows,
+            step.epoch,
+            bank.means,
+            np.zeros((1, len(variance_m2))),
+            variance_m2[None],
+            bank.log_weights,
+        )
+        return variance_m2, np.full(len(variance_m2), np.nan)
+
+    def resampled(self, bank: Bank, ancestors: Ints) -> None:
+        if self.smooth:
+            regularise(bank)
+
+
+class _Fpll(_Bootstrap):
+    """Proposes by motion and measurements, from the particle's point."""
+
+    def predict(self, bank: Bank, step: Step) -> None:
+        predict_each(bank.means, bank.covariances, step.moves, step.noise)
+
+    def correct(self, bank: Bank, step: Step, variance_m2: Floats) -> tuple[Floats, Floats]:
+        correct_each(
+            step.rows, step.epoch, bank.means, bank.covariances, np.zeros((1, len(variance_m2))), variance_m2[None],
+            bank.log_weights,
+        )  # fmt: skip
+        bank.scatter()
+        return variance_m2, np.full(len(variance_m2), np.nan)
+
+
+def regularise(bank: Bank) -> None:
+    """Draw copies apart, in place, without making the cloud wider (Algorithm 6).
+
+    The thesis gives no width. Taken is the best one for a normal law, (4 / (N (n + 2)))^(1 / (n + 4)) of the cloud's
+    covariance (Silverman 1986), and the cloud is drawn together by as much first (West 1993).
+    """
+    count, n = bank.means.shape
+    width = min((4.0 / (count * (n + 2))) ** (1.0 / (n + 4)), 1.0)
+    mean, covariance, _ = bank.estimate()
+    bank.means[:] = mean + np.sqrt(1.0 - width**2) * (bank.means - mean)
+    draw_each(bank.means, np.broadcast_to(width**2 * covariance, (count, n, n)).copy(), bank.rng)

@@ -1,0 +1,229 @@
+"""One drive that is there twice is one witness, whichever came first."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from sqlalchemy import text
+
+from app.core.blobs import BlobStore
+from app.core.db import Sessions
+from app.drives import claims, publishing
+from app.drives import store as drives
+from app.network import duplicates
+from app.network.settle import settle_network
+from fusion.network import duplicates as same_drives
+from fusion.network.duplicates import Witness, same_drive
+from fusion.roads.table import RoadTable
+from fusion.types import Ints
+from network_support import (
+    Rows,
+    assert_settled,
+    delete,
+    drive_over,
+    new_drive,
+    pass_over,
+    passes_of,
+    publish,
+    rows_of,
+    verdicts_of,
+)
+
+Chain = Callable[..., RoadTable]
+ROWS = range(6)
+BEGIN_S = 1_700_000_000.0
+
+
+def same_as(sessions: Sessions, drive: uuid.UUID) -> uuid.UUID | None:
+    with sessions() as session:
+        found = drives.get_drive(session, drive)
+    assert found is not None
+    return found.same_as
+
+
+def drive(
+    sessions: Sessions,
+    table: RoadTable,
+    ids: Ints,
+    rows: int,
+    apart_s: float = 0.0,
+    first: int = 0,
+    epoch_s: Sequence[float] = (),
+) -> uuid.UUID:
+    """A drive over all rows from ``first`` on, of so many measurements a pass, so much later than others."""
+    said = dict.fromkeys(ROWS, (2.0, 0.5))
+    made = passes_of(table, said, begin_s=BEGIN_S + apart_s, rows=rows)
+    one = new_drive(sessions)
+    publish(sessions, one, ids, made[first:], epoch_s)
+    return one
+
+
+@pytest.fixture
+def alone(sessions: Sessions, chain: Chain, segment_ids: Ints) -> Rows:
+    """What the better of two logs of a drive publishes, alone."""
+    one = drive(sessions, chain(), segment_ids, 9)
+    settle_network(sessions)
+    found = rows_of(sessions)
+    delete(sessions, one)
+    return found
+
+
+@pytest.mark.parametrize("better_first", [True, False])
+def test_the_log_with_more_measurements_is_heard(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, better_first: bool
+) -> None:
+    made = {
+        n: drive(sessions, chain(), segment_ids, n, n / 100) for n in ((9, 5) if better_first else (5, 9))
+    }
+    assert same_as(sessions, made[5]) == made[9]
+    assert same_as(sessions, made[9]) is None
+    assert {heard for (one, _), heard in verdicts_of(sessions).items() if one == made[5]} == {False}
+    assert {row[2] for row in rows_of(sessions).values()} == {1}
+    delete(sessions, made[9])
+    assert same_as(sessions, made[5]) is None
+    assert set(verdicts_of(sessions).values()) == {True}
+    assert {row[2] for row in rows_of(sessions).values()} == {1}
+    delete(sessions, made[5])
+    assert rows_of(sessions) == {}
+
+
+def test_who_is_heard_does_not_depend_on_the_order(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, alone: Rows
+) -> None:
+    for n in (5, 9, 7):
+        drive(sessions, chain(), segment_ids, n)
+    settle_network(sessions)
+    assert_settled(alone, rows_of(sessions))
+
+
+def test_the_report_of_the_one_that_is_not_heard_says_so(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
+    weak, strong = (drive(sessions, chain(), segment_ids, n) for n in (5, 9))
+    for one in (weak, strong):
+        with sessions.begin() as session:
+            claims.mark_publishing(
+                session,
+                one,
+                report={"warnings": ["first"]},
+                bounds=(8.5, 49.0, 8.51, 49.0),
+                epochs=5,
+                distance_m=100.0,
+                drive_time=None,
+            )
+    publishing.finish(sessions, BlobStore("memory://blobs"))
+    with sessions() as session:
+        told = {one: drives.get_drive(session, one) for one in (weak, strong)}
+    first, second = told[weak].report["warnings"]  # type: ignore[union-attr, index]
+    assert first == "first"
+    assert f"the same drive as {strong}" in second
+    assert told[strong].report["warnings"] == ["first"]  # type: ignore[union-attr, index]
+
+
+@pytest.mark.parametrize(("apart_s", "first", "same"), [(0.09, 0, True), (0.11, 0, False), (0.0, 4, True)])
+def test_moments_of_entering_decide(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, apart_s: float, first: int, same: bool
+) -> None:
+    one = drive(sessions, chain(), segment_ids, 9)
+    other = drive(sessions, chain(), segment_ids, 5, apart_s, first)
+    assert same_as(sessions, other) == (one if same else None)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "phase_s", "apart_s", "same"),
+    [(1.0, 0.0, 0.05, True), (1.0, 0.4, 0.0, False), (10.0, 0.0, 0.9, True), (60.0, 0.0, 3.1, False)],
+)
+def test_epochs_decide_too(
+    sessions: Sessions,
+    chain: Chain,
+    segment_ids: Ints,
+    period_s: float,
+    phase_s: float,
+    apart_s: float,
+    same: bool,
+) -> None:
+    """Between positions far apart entries are less sure, to a bound; other epochs are another receiver's."""
+    every_s = BEGIN_S + np.arange(200)
+    one = drive(sessions, chain(), segment_ids, 9, epoch_s=every_s)
+    other = drive(sessions, chain(), segment_ids, 5, apart_s, epoch_s=every_s[:: int(period_s)] + phase_s)
+    assert same_as(sessions, other) == (one if same else None)
+
+
+def test_a_log_of_the_last_lap_is_of_the_drive(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
+    table = chain()
+    laps = [
+        pass_over(table, row, 2.0, 0.5, begin_s=BEGIN_S, sequence=10 * lap + row)
+        for lap in range(3)
+        for row in ROWS
+    ]
+    whole, last = new_drive(sessions), new_drive(sessions)
+    publish(sessions, last, segment_ids, laps[12:])
+    publish(sessions, whole, segment_ids, laps)
+    assert (same_as(sessions, whole), same_as(sessions, last)) == (None, whole)
+
+
+def test_three_quarters_of_a_drive_in_common_is_two_drives(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
+    table = chain()
+    one = drive_over(sessions, table, segment_ids, dict.fromkeys((0, 1, 2, 3), (2.0, 0.5)), begin_s=BEGIN_S)
+    other = new_drive(sessions)
+    made = passes_of(table, dict.fromkeys((0, 1, 2, 9), (2.0, 0.5)), begin_s=BEGIN_S)
+    publish(sessions, other, segment_ids, made)
+    assert same_as(sessions, one) is same_as(sessions, other) is None
+
+
+def test_another_run_decides_anew(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
+    table = chain()
+    weak, strong = (drive(sessions, table, segment_ids, n) for n in (5, 9))
+    said = dict.fromkeys(ROWS, (2.0, 0.5))
+    publish(sessions, weak, segment_ids, passes_of(table, said, begin_s=BEGIN_S, rows=20))
+    assert (same_as(sessions, weak), same_as(sessions, strong)) == (None, weak)
+    publish(sessions, weak, segment_ids, passes_of(table, said, begin_s=BEGIN_S + 900, rows=20))
+    assert (same_as(sessions, weak), same_as(sessions, strong)) == (None, None)
+    assert {row[2] for row in rows_of(sessions).values()} == {2}
+    publish(sessions, weak, segment_ids, [])
+    assert {row[2] for row in rows_of(sessions).values()} == {1}
+
+
+COPIES = 12
+
+
+@pytest.mark.parametrize("better", [False, True])
+def test_the_cost_of_a_copy_does_not_grow_with_the_square_of_their_number(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch, better: bool
+) -> None:
+    for k in range(COPIES):
+        drive(sessions, chain(), segment_ids, 5, k / 1000)
+    compared = []
+
+    def counted(one: Witness, other: Witness) -> bool:
+        compared.append(1)
+        return same_drive(one, other)
+
+    monkeypatch.setattr(duplicates, "same_drive", counted)
+    monkeypatch.setattr(same_drives, "same_drive", counted)
+    last = drive(sessions, chain(), segment_ids, 9 if better else 5, COPIES / 1000)
+    assert (same_as(sessions, last) is None) == better
+    assert len(compared) <= (3 * COPIES if better else 2)
+
+
+def test_what_is_decided_one_by_one_is_what_is_decided_at_once(
+    sessions: Sessions, chain: Chain, segment_ids: Ints
+) -> None:
+    """Copies, better and worse ones in any order, and parts of them that are the same as some only."""
+    rng = np.random.default_rng(7)
+    said = [(n, first, apart) for n in (4, 6, 9, 9) for first in (0, 2) for apart in (0.0, 0.06, 0.12)]
+    for k in rng.permutation(len(said)):
+        rows, first, apart_s = said[k]
+        drive(sessions, chain(), segment_ids, rows, apart_s, first)
+    with sessions() as session:
+        every = set(session.execute(text("SELECT id FROM drives")).scalars())
+        rows_, again = duplicates._decided(session, duplicates._together(session, every))
+        assert {row.id for row in rows_} == every
+        named = {row.id: rows_[again[k]].id if k in again else None for k, row in enumerate(rows_)}
+        assert {row.id: row.same_as for row in rows_} == named
+    assert len(set(named.values())) > 2
