@@ -10,7 +10,7 @@ outage is bridged by prediction, with a spread that grows, and without positions
 sigma of a slope comes from the filter's own spread and from how long its errors hang together, fitted once for each method on many kinds of drives (receivers, roads, the simulated town). The textbook parts (Kalman, extended, unscented,
 particle filter, resampling, smoother) stand once, without any model, in <code>fusion/filters/</code>.</p>
 <h3 id="profile-a-drive-smoothed-along-its-path-ours-and-the-default"><a class="self" href="#profile-a-drive-smoothed-along-its-path-ours-and-the-default"><code>profile</code>: a drive smoothed along its path, ours and the default</a></h3>
-<p>The whole drive at once: matched to a path, smoothed along it with noise levels that the drive itself shows, and handed on as one small likelihood a pass, so that all drives can be solved together. Code: <code>fusion/methods/profile/</code>; the
+<p>The whole drive at once: matched to a path, smoothed along it with noise levels that the drive itself shows, and handed on as one small likelihood a pass, so that all drives can be solved together. Code: <code>fusion/profile/</code>; the
 order of the work is in <code>method.py</code>. How drives are solved together is <code>fusion/network/</code> and has <a href="/docs/network">its own page</a>. Grades and their sigmas are pure numbers here (0.01 = 1 %), slopes of segments are percent.</p>
 <h4 id="the-path"><a class="self" href="#the-path">The path</a></h4>
 <p><code>path.py</code>. Positions are thinned to one in 0.5 s, and where they are missing for more than 3 s (an outage) the times of the speeds stand in for them, so that the matcher knows how far it is to where the positions come back. The matcher
@@ -83,7 +83,7 @@ T  DEM's error       T exp(-ds/120 m)                variance dem_m^2 (1 - exp(-
 <p>q is the roughness of the road, the variance of the grade's change per metre. At a node the grade may change by more, sigma^2 = straight^2 + (turn (1 - cos))^2 + structure^2 (<code>fusion/network/joints.py</code>): 0.001 where a road merely goes on
 and 0.003 at a junction, 0.02 and 0.06 for a right angle, 0.03 where a bridge or tunnel begins or ends. Where the path begins anew height and grade are as good as unknown. The smoother is the disturbance form
 (<code>fusion/filters/smoother.py</code>): it inverts nothing, and gives the leave-one-out residual of every measurement on the way.</p>
-<p>That the mount pitch is a state is what sets <code>profile</code> apart from the filters, which go forwards and need it before they start: they take off one number (<code>fusion/methods/epochs/levelling.py</code>).</p>
+<p>That the mount pitch is a state is what sets <code>profile</code> apart from the filters, which go forwards and need it before they start: they take off one number (<code>fusion/published/epochs/levelling.py</code>).</p>
 <h4 id="what-is-learned-from-the-log"><a class="self" href="#what-is-learned-from-the-log">What is learned from the log</a></h4>
 <p><code>noise.py</code>, six rounds. Learning starts from what the log states: with v_acc (bounded to 0.3 to 12 m; 4 m where there is none) <code>altitude_m</code> = v_acc / 6, bounded to 0.1 to 1.5 m, and r = 2 v_acc^2 / 120 s, so that D has the stated sigma.
 <code>dem_m</code> is the robust spread of the DEM about the altitudes (3 to 100 m) and stays.</p>

@@ -57,7 +57,7 @@ epochs, 75 windows), 11 ms for 400 s of the town. The loop itself takes 5 micros
 mount together 1.3 ms a drive, slopes 37 microseconds each. Beside 100,000 particles in the same
 run (3.6 ms an epoch there) the whole method was 75 (09), 79 (10) and 126 (town) times faster, the filter alone 136, 175 and 249 times.</p>
 <h2 id="how-it-is-made"><a class="self" href="#how-it-is-made">How it is made</a></h2>
-<p><code>fusion/methods/particle/kalman_loop.py</code> is one compiled loop over the epochs, with the textbook's prediction and corrections by one number after another from
+<p><code>fusion/published/particle/kalman_loop.py</code> is one compiled loop over the epochs, with the textbook's prediction and corrections by one number after another from
 <code>fusion/filters/kalman.py</code>; it returns to Python only where it meets a segment whose terrain it does not know. <code>DriveRun</code> leads the engines that are not compiled
 whole (cloud, unscented filter, odometers). Tests hold the loop equal to <code>DriveRun</code> with filters written from the textbook's functions and numerical
 derivatives, to 1e-6 m and rad over whole drives: outages, wild fixes, pauses, missing sensors, every option.</p>

@@ -1,5 +1,5 @@
 var e=`<h1 id="the-model-of-the-network">The model of the network</h1>
-<p>Heights of the roads, and what every drive carries along, as one sparse least-squares problem: geodesy's network adjustment. Code: <code>fusion/network/</code>; how a drive becomes factors is <code>fusion/methods/profile/</code> (<a href="/docs/methods">methods.md</a>). Grades
+<p>Heights of the roads, and what every drive carries along, as one sparse least-squares problem: geodesy's network adjustment. Code: <code>fusion/network/</code>; how a drive becomes factors is <code>fusion/profile/</code> (<a href="/docs/methods">methods.md</a>). Grades
 and their sigmas are pure numbers here (0.01 = 1 %), slopes of segments are percent.</p>
 <h2 id="unknowns"><a class="self" href="#unknowns">Unknowns</a></h2>
 <div class="wide" tabindex="0"><table>
@@ -70,7 +70,7 @@ anew until it stands (<code>LAG_ROUNDS</code>). Lags are normal about a mean tha
 <h2 id="what-a-drive-learns-by-itself"><a class="self" href="#what-a-drive-learns-by-itself">What a drive learns by itself</a></h2>
 <p>Noise levels, rates and robust weights are the drive's own (<code>methods/profile/levels.py</code>, <code>noise.py</code>) and stay as they are, so that the order of arrival changes nothing. Three rough steps of EM lead away from any start; then, three times, the <strong>most likely levels</strong> are sought, white ones, rates
 of drifts, roughness and the wander of the attitude at once (the gradient of the likelihood from one pass of the smoother, Koopman and Shephard 1992; L-BFGS on logs with weak priors), outliers are weighed down, and states that break with the model are let jump. A measurement with errors of Student's t tells less than one
-with Gaussian errors: variances count (nu + 3) / (nu + 1) times, in learning and in factors. On drives drawn from the model all levels come out within 10 % (<code>tests/fusion/methods/profile/test_levels.py</code>). A receiver's heights that seem less noisy than is possible come
+with Gaussian errors: variances count (nu + 3) / (nu + 1) times, in learning and in factors. On drives drawn from the model all levels come out within 10 % (<code>tests/fusion/profile/test_levels.py</code>). A receiver's heights that seem less noisy than is possible come
 out of its filter: levels are then sought from heights eight seconds apart, and the others count as often as they are new (<code>FILTERED</code>, <code>HEIGHTS_APART_S</code>).</p>
 <h2 id="which-drives-and-which-part-of-the-network"><a class="self" href="#which-drives-and-which-part-of-the-network">Which drives, and which part of the network</a></h2>
 <ul>
@@ -82,7 +82,7 @@ passes say of them (<code>SHARE_ELSEWHERE</code>), heights with nothing. A sum i
 <li><strong>Blocks</strong> (<code>blocks.py</code>): interiors are eliminated onto their borders and borders solved together (Helmert), each block a pure function that another process can do; the result is that of one system.</li>
 </ul>
 <h2 id="old-passes"><a class="self" href="#old-passes">Old passes</a></h2>
-<p>If every solution read all passes over its roads, it would take longer with each drive. So a segment with more than 2 <code>JURY</code> of them gets a <strong>sum</strong>, made by the solver that has just published its square, in a short transaction of its own (<code>app/network/sums.py</code>): whole drives, the oldest first, until at most <code>JURY</code> passes are left. A row of
+<p>If every solution read all passes over its roads, it would take longer with each drive. So a segment with more than 2 <code>JURY</code> of them gets a <strong>sum</strong>, made by the solver that has just published its square, in a short transaction of its own (<code>app/network/condensed.py</code>): whole drives, the oldest first, until at most <code>JURY</code> passes are left. A row of
 <code>drive_passes</code> gets its <code>summed_weight</code> (0: rejected) in the transaction in which its part is added to <code>pass_sums</code>; rows of that are only added, and put together by who sums. A drive that goes, says something else or turns out to be there twice is taken off: its parts are computed again from its factors and <code>drive_constants</code>, as they were, and
 added with their signs turned. Whoever sums leaves out drives that are being changed just then (<code>SKIP LOCKED</code>), whoever changes one waits for the end of that transaction: each pass is in the jury or in the sum, and whoever dies leaves it where it was. Verdicts stand beside (<code>rejected_passes</code>): turning one rewrites no pass.</p>
 <p>What a sum leaves out: errors of heights that a drive carries from segment to segment, and that all passes of a drive share its constants. What is left of a constant's error is so taken for independent from segment to segment, and would be averaged away over them; hence only half of what is said elsewhere is believed, and less of short drives. A pass of the jury

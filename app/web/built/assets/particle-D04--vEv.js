@@ -104,7 +104,7 @@ survive.</li>
 <li><strong>Memory</strong> is not the bound yet: an epoch moves 252 bytes a particle, which one core could copy in 1.0 ms for 100,000.</li>
 </ul>
 <h2 id="single-precision"><a class="self" href="#single-precision">Single precision</a></h2>
-<p>The cloud is kept in 32 bits about a point that moves along with it, so that a position of 100 m has a rounding of 1e-5 m; weights and sums that decide anything are in 64 bits. <code>tests/fusion/methods/particle/test_filter.py</code> holds it to the exact
+<p>The cloud is kept in 32 bits about a point that moves along with it, so that a position of 100 m has a rounding of 1e-5 m; weights and sums that decide anything are in 64 bits. <code>tests/fusion/published/particle/test_filter.py</code> holds it to the exact
 Kalman posterior in the linear case, and to the same numbers on any number of threads. On a drive over karlsruhe 09, sixteen clouds of 100,000 particles had a mean RMSE of 0.839 %
 where the filter in double precision had 0.841 %, with 0.03 % from one cloud to another.</p>
 `;export{e as default};

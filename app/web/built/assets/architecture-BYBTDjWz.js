@@ -22,7 +22,7 @@ memory, and the limit applies before the body's end. What is no log is refused f
 from which <code>/v1/drives/{id}/events</code> tells it. A run belongs to a <em>generation</em> of its drive: whoever was deleted or asked for anew meanwhile finds that out when it wants to say something, and discards its result.</li>
 <li><strong>Log</strong> (<code>fusion/formats/</code>). The format is recognised by content. Every format yields a <code>DriveLog</code> (<code>fusion/types.py</code>): one table per sensor at its own rate, SI units, NaN where nothing was measured, and what was skipped or repaired.
 Several files of one drive are joined (<code>together.py</code>); a phone's inertial sensors are turned into the vehicle's axes, or left out (<code>phones/mounting.py</code>). Where a log has raw signals, <code>fusion/gnss/</code> makes positions of them first (stage <code>positioning</code>; <code>fusion/gnss/positioning.py</code> says which are taken).</li>
-<li><strong>Estimate</strong> (<code>fusion/pipeline.py</code>). The roads near the log are projected to a plane around it (<code>fusion/roads/</code>), and the method asked for does its work. <code>profile</code> (<code>fusion/methods/profile/</code>) matches the whole drive
+<li><strong>Estimate</strong> (<code>fusion/pipeline.py</code>). The roads near the log are projected to a plane around it (<code>fusion/roads/</code>), and the method asked for does its work. <code>profile</code> (<code>fusion/profile/</code>) matches the whole drive
 (<code>fusion/matching/drive.py</code>), smooths height and grade along the path, and yields a <code>DriveResult</code>: a track, slopes, a report, and a <strong>pass factor</strong> (<code>fusion/network/pass_factor.py</code>) for each passage over a segment.</li>
 <li><strong>Say</strong> (<code>app/network/results.py</code>). One short transaction stores what the drive says (<code>passes.py</code>), decides which of two logs of one drive is heard (<code>twins.py</code>), and <strong>marks</strong> the squares of the map that this touches (<code>marks.py</code>): tiles
 of zoom 14 (<code>cells.py</code>). The drive waits, stage <code>publishing</code>.</li>
@@ -230,8 +230,8 @@ the names that <code>import fusion</code> offers.</p>
 </tr>
 <tr>
 <td>a matcher of positions</td>
-<td>a class in <code>fusion/matching/points/</code></td>
-<td><code>fusion/matching/points/__init__.py</code></td>
+<td>a class in <code>fusion/published/matchers/</code></td>
+<td><code>fusion/published/matchers/__init__.py</code></td>
 <td></td>
 </tr>
 <tr>
@@ -337,7 +337,7 @@ only what was measured, over the road's heights and over what the drive carries 
 by advisory locks that end with their connection, and look at the versions of the squares before they write, so two that overlap cannot undo each other. Drives and solvers share the network for milliseconds; imports of roads own it for a tenth of a second at a time, and changes of the
 elevation rasters piece by piece: a short transaction names the new set and where heights are to be renewed, then these follow ten thousand segments at a time, computed outside of any lock. Drives of the same hours come one
 after the other, since of two logs of one drive each has to see the other.</p>
-<p><strong>Who is answered goes first.</strong> API, workers, imports and PostgreSQL often share two cores. What computes in the background stands back (<code>app/core/standing_back.py</code>), on a server of the same machine its connections' processes too; the
+<p><strong>Who is answered goes first.</strong> API, workers, imports and PostgreSQL often share two cores. What computes in the background stands back (<code>app/core/background.py</code>), on a server of the same machine its connections' processes too; the
 API loads no estimator unless options of one are to be checked, draws in a process beside, and looks for cycles of dead objects only when requests have left some (<code>app/core/middleware.py</code>): a look at all objects takes a quarter of a
 second, in which nothing is answered. <code>benchmarks/load.py</code> shows what that is worth.</p>
 <p><strong>Done without a square.</strong> A drive is done when its slopes are published. One square that cannot be solved, for lack of memory say, would keep all drives through it from ever being done, and whoever waits for them, for the sake of
@@ -345,15 +345,15 @@ slopes that are a small part of what they yield. So they are done without it aft
 means that nothing of it is shown.</p>
 <p><strong>Changes are noted by triggers.</strong> Drives, solvers, imports, elevation and people with a console change what is shown; who follows the map must miss none of it, so the database itself notes each segment with the number of its transaction (seven percent of the processor time of a first import). What is told ends
 where every transaction has ended, and a version names the database whose numbers it counts by (<a href="/docs/changes">following the map</a>). Messages to webhooks are rows that commit with what they tell, and no jobs: a lane would wait for strangers while drives wait for the lane.</p>
-<p><strong>Roads stay in memory.</strong> Until an import changes those of a square they are the same (<code>app/network/road_states.py</code>), and reading those of a window took as long as solving it. Every worker keeps the squares that it read last (<code>app/network/road_squares.py</code>, 200,000 segments, some 20 MB), for drives and solvers; what is driven and published there is asked for each time.</p>
+<p><strong>Roads stay in memory.</strong> Until an import changes those of a square they are the same (<code>app/network/road_states.py</code>), and reading those of a window took as long as solving it. Every worker keeps the squares that it read last (<code>app/network/cell_roads.py</code>, 200,000 segments, some 20 MB), for drives and solvers; what is driven and published there is asked for each time.</p>
 <p><strong>A jury and sums.</strong> A solution reads the newest 48 to 96 passes over a segment and one sum of all others, however many there are (<a href="/docs/network#old-passes">network.md</a>). The passes stay: a sum can be taken apart again, drive by drive, so deletion and reprocessing leave nothing behind. They lie in sixteen parts by a hash of their region, the tile
 of zoom 6 around their square, so that a window looks into one or two of them; <code>drive_constants</code> says in which regions a drive has passes. Here a region is that tile: passes of a segment that an import moves into another one are written anew.</p>
 <p><strong>Roads change step by step.</strong> An import copies the file's roads beside the stored ones and compares them (<code>app/roads/comparing.py</code>, <code>fusion/roads/changes.py</code>) without a lock: only imports move roads, one at a time. The plan is all that a trial run prints. Then each change is a short
 transaction (<code>app/roads/changing.py</code>, <code>steps.py</code>): what comes and what is only called otherwise shares the network; what touches evidence owns it, in pieces measured to take a tenth of a second, with as long a pause after each. A step raises the number of the squares whose roads it changes,
 so a drive that was estimated beside it sees that its roads are others and is estimated again, and an import elsewhere repeats nothing; it marks what is to be solved, and names the drives that lost something (<code>touched_drives</code>), which a worker queues as a batch once the import is over.
 An import that dies leaves every step whole; the next one finds the rest.</p>
-<p><strong>What was measured belongs to the road, not to the number.</strong> A segment that moved by less than the tolerance, or is called or drawn otherwise, keeps its passes: their factors are taken over the knots of the new course by a linear map that keeps grades (<code>fusion/network/carrying.py</code>), and sums are
-made anew from them. What does not hold any more goes into an attic (<code>app/roads/attic.py</code>) with the road's nodes and course, and is put back when a road with these comes again, for drives that were not computed anew since; the others are computed once more.</p>
+<p><strong>What was measured belongs to the road, not to the number.</strong> A segment that moved by less than the tolerance, or is called or drawn otherwise, keeps its passes: their factors are taken over the knots of the new course by a linear map that keeps grades (<code>fusion/network/transfer.py</code>), and sums are
+made anew from them. What does not hold any more goes into an attic (<code>app/roads/retired.py</code>) with the road's nodes and course, and is put back when a road with these comes again, for drives that were not computed anew since; the others are computed once more.</p>
 <p><strong>Synchronous database access, one style.</strong> Handlers run in threads, SQL is text with a name and a reason beside the subject that owns it. Another style has to show in a benchmark what it buys. Vector tiles have shown it: a warm tile is a look of
 thirty microseconds and bytes from memory, and the way through middlewares, a thread and a session costs ten times as much. So they alone are answered by the event loop itself, on connections that it waits on (<code>app/map/tiles/connections.py</code>). One look with the driver's own cursors took
 57 microseconds of the process's time, past them 13; uvloop saves a tenth of the whole.</p>
@@ -366,7 +366,7 @@ of binary ones depends on its order and a rounding would look like a restart. Ro
 <p><strong>Compiled loops by numba.</strong> The library needs loops over a million particles or candidates, and stays Python. Code is compiled once and kept on disk, known to be fresh by the content of every file that it was made from
 (<code>fusion/compiled.py</code>).</p>
 <p><strong>An embedded PostGIS.</strong> <code>versant up</code>, the demo and the tests start a private cluster on a Unix socket: no test mocks the database, and a newcomer needs one command. No wheel brings PostGIS, so the binaries are the system's.</p>
-<p><strong>Said when it is read.</strong> Which other drives contradict a drive, or are the same, changes as they come and go. So its document is completed with these warnings when somebody asks for it (<code>app/drives/documents.py</code>, <code>app/network/hearing.py</code>), and
+<p><strong>Said when it is read.</strong> Which other drives contradict a drive, or are the same, changes as they come and go. So its document is completed with these warnings when somebody asks for it (<code>app/drives/documents.py</code>, <code>app/network/rejections.py</code>), and
 nothing of it is stored that would be wrong tomorrow.</p>
 <p><strong>Unknown is null.</strong> NaN in arrays, NULL in tables, null in JSON; never 0. A sensor that a log does not have is an empty table, and a method says in one sentence what it cannot do without.</p>
 <h2 id="derived-from-segments"><a class="self" href="#derived-from-segments">Derived from segments</a></h2>
