@@ -18,8 +18,8 @@ from app.core.db import Bounds
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
-from app.network.cells import square_name
-from app.network.rejections import Hearing
+from app.network.cells import cell_name
+from app.network.rejections import Rejections
 from fusion.report import with_contradiction, with_duplicate
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
@@ -40,7 +40,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "started_at": "2026-11-20T09:12:44.661Z",
     "finished_at": "2026-11-20T09:13:02.004Z",
     "drive_time": "2026-11-20T07:55:10.000Z",
-    "same_as": None,
+    "duplicate_of": None,
     "unsolved": [],
     "epochs": 549,
     "distance_m": 6240.3,
@@ -95,7 +95,7 @@ class Drive(BaseModel):
     started_at: Moment | None
     finished_at: Moment | None
     drive_time: Moment | None = Field(description="When the recording begins.")
-    same_as: uuid.UUID | None = Field(
+    duplicate_of: uuid.UUID | None = Field(
         description="The drive that is heard in this one's place, for it was at the same places at the same times and "
         "holds more measurements; null as a rule."
     )
@@ -131,15 +131,15 @@ class Drive(BaseModel):
                 stage=columns["stage"],
                 where=columns["failure_where"],
             )
-        unsolved = [square_name(cell) for cell in columns["unsolved_cells"]]
-        report = _as_it_is_now(columns["report"], columns["hearing"], columns["same_as"], unsolved)
+        unsolved = [cell_name(cell) for cell in columns["unsolved_cells"]]
+        report = _as_it_is_now(columns["report"], columns["hearing"], columns["duplicate_of"], unsolved)
         return cls.model_validate({**columns, "failure": failure, "unsolved": unsolved, "report": report})
 
 
 def _as_it_is_now(
     report: dict[str, Any] | None,
-    hearing: Hearing | None,
-    same_as: uuid.UUID | None,
+    hearing: Rejections | None,
+    duplicate_of: uuid.UUID | None,
     unsolved: Sequence[str],
 ) -> dict[str, Any] | None:
     """The report with what changes as other drives come and go, and is therefore said when it is read.
@@ -148,10 +148,10 @@ def _as_it_is_now(
     """
     if report is None:
         return None
-    segments, rejected = hearing or Hearing(0, 0)
+    segments, rejected = hearing or Rejections(0, 0)
     warnings = with_contradiction(report.get("warnings", ()), rejected, segments)
-    if same_as is not None:
-        warnings = with_duplicate(warnings, str(same_as))
+    if duplicate_of is not None:
+        warnings = with_duplicate(warnings, str(duplicate_of))
     if unsolved:
         warnings.append(_unsolved_warning(unsolved))
     return {**report, "rejected_segments": rejected, "warnings": warnings}

@@ -20,7 +20,7 @@ from app.map.pages import PAGE, all_segments
 from app.map.segment import Segment
 from app.map.store import count_segments
 from app.map.tiles.store import mvt
-from app.network.cells import ZOOM, square_bounds
+from app.network.cells import ZOOM, cell_bounds
 from app.roads.regions import Region
 
 PARTS_APART = 1000
@@ -134,7 +134,7 @@ class Source(StoredSource):
         return {
             (square >> ZOOM >> shift, (square & (1 << ZOOM) - 1) >> shift)
             for square in squares
-            if self.bbox is None or _meet(square_bounds(square), self.bbox)
+            if self.bbox is None or _meet(cell_bounds(square), self.bbox)
         }
 
     def _counted(self, *, gaps: bool, driven: bool) -> Iterator[Segment]:

@@ -173,10 +173,10 @@ _OBSERVATIONS = text(
         SELECT e.drive_id, e.first_at, h.accepted,
                CASE WHEN h.accepted OR NOT e.in_network THEN e.slope_sigma_percent ^ -2 ELSE 0 END AS information
         FROM shown AS e
-        LEFT JOIN (SELECT p.drive_id, d.same_as IS NULL AND p.passes > coalesce(r.passes, 0) AS accepted
+        LEFT JOIN (SELECT p.drive_id, d.duplicate_of IS NULL AND p.passes > coalesce(r.passes, 0) AS accepted
                    FROM (SELECT drive_id, count(*) AS passes FROM drive_passes
                          WHERE segment_id = :id
-                             AND region = (SELECT versant_region(cell) FROM segments WHERE id = :id)
+                             AND partition = (SELECT versant_partition(cell) FROM segments WHERE id = :id)
                          GROUP BY drive_id) AS p
                    JOIN drives AS d ON d.id = p.drive_id
                    LEFT JOIN (SELECT drive_id, count(*) AS passes FROM rejected_passes WHERE segment_id = :id
@@ -239,9 +239,9 @@ _OF_DRIVE = _statement(
     FROM drive_segments AS e
     JOIN segments AS s ON s.id = e.segment_id
     LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
-    LEFT JOIN (SELECT p.segment_id, bool_and(d.same_as IS NULL) AND count(*) > count(r.pass_id) AS accepted
+    LEFT JOIN (SELECT p.segment_id, bool_and(d.duplicate_of IS NULL) AND count(*) > count(r.pass_id) AS accepted
                FROM drives AS d JOIN drive_constants AS c ON c.drive_id = d.id
-               JOIN drive_passes AS p ON p.drive_id = d.id AND p.region = ANY(c.regions)
+               JOIN drive_passes AS p ON p.drive_id = d.id AND p.partition = ANY(c.partitions)
                LEFT JOIN rejected_passes AS r ON r.segment_id = p.segment_id AND r.pass_id = p.id
                WHERE d.id = :drive_id GROUP BY p.segment_id) AS h ON h.segment_id = s.id
     WHERE e.drive_id = :drive_id AND (CAST(:after_first_at AS timestamptz) IS NULL

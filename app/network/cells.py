@@ -173,9 +173,9 @@ def last_change(session: Session) -> datetime | None:
     return moment
 
 
-def regions_around(cells: Ints) -> list[int]:
-    """The tiles of zoom 6 in which squares lie, as ``versant_region`` numbers them: passes are parted by them."""
-    return [int(region) for region in np.unique(cells >> 22 << 6 | (cells & (_SIDE - 1)) >> 8)]
+def partitions_around(cells: Ints) -> list[int]:
+    """The tiles of zoom 6 in which squares lie, as ``versant_partition`` numbers them: passes are parted by them."""
+    return [int(partition) for partition in np.unique(cells >> 22 << 6 | (cells & (_SIDE - 1)) >> 8)]
 
 
 def beside(cell: int) -> Iterable[int]:
@@ -184,12 +184,12 @@ def beside(cell: int) -> Iterable[int]:
     return ((x + dx) << ZOOM | (y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy)
 
 
-def square_name(cell: int) -> str:
+def cell_name(cell: int) -> str:
     """The square as a path of tiles has it: z/x/y."""
     return f"{ZOOM}/{cell >> ZOOM}/{cell & (_SIDE - 1)}"
 
 
-def square_bounds(cell: int) -> Bounds:
+def cell_bounds(cell: int) -> Bounds:
     """West, south, east, north, degrees."""
     x, y = cell >> ZOOM, cell & (_SIDE - 1)
     west, east = (360 * column / _SIDE - 180 for column in (x, x + 1))

@@ -20,26 +20,26 @@ _WITH_REJECTED = text(
 _HEARD = text(
     """
     SELECT drive_id, count(*) AS segments, count(*) FILTER (WHERE NOT heard) AS rejected
-    FROM (SELECT p.drive_id, bool_or(r.pass_id IS NULL OR d.same_as IS NOT NULL) AS heard
+    FROM (SELECT p.drive_id, bool_or(r.pass_id IS NULL OR d.duplicate_of IS NOT NULL) AS heard
           FROM drive_passes AS p
           JOIN drives AS d ON d.id = p.drive_id
           LEFT JOIN rejected_passes AS r ON r.segment_id = p.segment_id AND r.pass_id = p.id
-          WHERE p.drive_id = ANY(CAST(:ids AS uuid[])) AND p.region = ANY(ARRAY(
-              SELECT DISTINCT unnest(regions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[]))))
+          WHERE p.drive_id = ANY(CAST(:ids AS uuid[])) AND p.partition = ANY(ARRAY(
+              SELECT DISTINCT unnest(partitions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[]))))
           GROUP BY p.drive_id, p.segment_id) AS one
     GROUP BY drive_id
     """
 )
 
 
-class Hearing(NamedTuple):
+class Rejections(NamedTuple):
     """On how many segments a drive has passes, and on how many of them none is heard."""
 
     segments: int
     rejected: int
 
 
-def hearings(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Hearing]:
+def rejections_of(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Rejections]:
     """How far each of these drives agrees with the others over the same segments.
 
     Drives of which no pass is rejected are left out.
@@ -48,4 +48,4 @@ def hearings(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UU
         return {}
     ids = list(session.execute(_WITH_REJECTED, {"ids": list(drive_ids)}).scalars())
     found = session.execute(_HEARD, {"ids": ids}) if ids else ()
-    return {row.drive_id: Hearing(row.segments, row.rejected) for row in found}
+    return {row.drive_id: Rejections(row.segments, row.rejected) for row in found}

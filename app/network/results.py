@@ -20,7 +20,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import plain_json
-from app.network.duplicates import choose_witnesses, drives_that_name
+from app.network.duplicates import decide_duplicates, duplicates_of
 from app.network.locks import own_hours, share_network
 from app.network.marks import MarkedBy, append_marks
 from app.network.passes import moments_of, replace_passes
@@ -48,7 +48,7 @@ class RunProvenance:
 # what it said in a former model. What it says to the network is heard by its passes.
 _DELETE_ESTIMATES = text("DELETE FROM drive_segments WHERE drive_id = :drive_id RETURNING segment_id")
 _DELETE_PROVENANCE = text("DELETE FROM provenances WHERE drive_id = :drive_id")
-_IS_HEARD = text("SELECT same_as IS NULL FROM drives WHERE id = :drive_id")
+_IS_HEARD = text("SELECT duplicate_of IS NULL FROM drives WHERE id = :drive_id")
 
 _INSERT_PROVENANCE = text(
     """
@@ -130,7 +130,7 @@ def _exchange(
     """Exchange the drive's passes; the segments around which this changes what is heard."""
     was_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
     changed = replace_passes(session, drive_id, factors, epoch_s)
-    others = choose_witnesses(session, {drive_id, *drives_that_name(session, drive_id)})
+    others = decide_duplicates(session, {drive_id, *duplicates_of(session, drive_id)})
     is_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
     return {*(changed if was_heard or is_heard else ()), *others}
 

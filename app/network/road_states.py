@@ -62,7 +62,7 @@ def state_of(version_id: int, step: int) -> int:
     return version_id << STEP_BITS | min(step, LAST_STEP)
 
 
-def squares_met(session: Session, segment_ids: Collection[int]) -> set[int]:
+def cells_met(session: Session, segment_ids: Collection[int]) -> set[int]:
     """The squares in which segments are read, perhaps ``WIDE``."""
     values = {"ids": list(segment_ids), "wide": _WIDE_SQUARES, "every": WIDE}
     return set(session.execute(_MET, values).scalars())

@@ -17,15 +17,15 @@ from app.core.db import Sessions
 from app.core.telemetry.measures import SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, take_unsettled, unsettle, unsettled, versions_of
 from app.network.locks import cell_claims
-from app.network.solve import settle_square
+from app.network.solve import settle_cell
 from app.network.swap import (
     BusyError,
     Found,
+    condense_old_passes,
+    log_solution,
     shown_cells,
     snapshot,
-    sum_old_passes,
     swap,
-    tell_solution,
 )
 from fusion.types import Progress, no_progress
 
@@ -36,7 +36,7 @@ _TRIES = 100
 # is looked at, however many there were.
 _DRIVEN = """
     SELECT s.id AS segment_id FROM segments AS s, LATERAL (
-        SELECT FROM drive_passes WHERE segment_id = s.id AND region = versant_region(s.cell)
+        SELECT FROM drive_passes WHERE segment_id = s.id AND partition = versant_partition(s.cell)
         ORDER BY entered_s LIMIT 1) AS any_pass
     {where}
 """
@@ -116,8 +116,8 @@ def _settle(sessions: Sessions, cell: int) -> None:
                 if claims.take(cell):
                     found = _find(sessions, cell)
                     if swap(sessions, found, 0.0, settled=True):
-                        tell_solution("settled", found, 1, time.monotonic() - started_s, attempt + 1)
-                        sum_old_passes(sessions, found)
+                        log_solution("settled", found, 1, time.monotonic() - started_s, attempt + 1)
+                        condense_old_passes(sessions, found)
                         return
                     SWAP_CONFLICTS.count("settled")
                 time.sleep(_WAIT_S)
@@ -136,7 +136,7 @@ def _find(sessions: Sessions, cell: int) -> Found:
         if not ids:
             versions = versions_of(session, cells_over(session, published))
             return Found([], published, None, np.zeros(0, bool), versions)
-        solution = settle_square(session, ids)
+        solution = settle_cell(session, ids)
         around = solution.around
         others = np.unique(around.cell[around.driven | (around.drives >= 0)])
         shown = solution.window.published & ((around.cell == cell) | ~np.isin(around.cell, others))

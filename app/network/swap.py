@@ -22,10 +22,10 @@ from app.core.db import Sessions
 from app.core.telemetry.logs import tell
 from app.core.telemetry.measures import SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
-from app.network.condensed import AT_ONCE, made_sums, portions, sum_up
+from app.network.condensed import AT_ONCE, condense, condensed_by_drive, portions
 from app.network.locks import CellClaims, cell_claims, try_share_network
 from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
-from app.network.passes import regions_of, set_verdicts
+from app.network.passes import partitions_of, set_accepted
 from app.network.publish import refresh_aggregates
 from app.network.slopes import clear_slopes, write_slopes
 from app.network.solve import Solution, solve_around
@@ -108,9 +108,9 @@ def publish_cells(
         with snapshot(sessions) as session:
             found = _find(session, marked_in(session, cells))
         if swap(sessions, found):
-            tell_solution("marked", found, len(cells), time.monotonic() - started_s, attempt + 1)
+            log_solution("marked", found, len(cells), time.monotonic() - started_s, attempt + 1)
             published()
-            sum_old_passes(sessions, found)
+            condense_old_passes(sessions, found)
             return
         SWAP_CONFLICTS.count("marked")
         logger.debug("%d squares changed while they were solved; again", len(cells))
@@ -119,7 +119,7 @@ def publish_cells(
     raise BusyError(f"{_TRIES} times others wrote in the same squares first")
 
 
-def tell_solution(kind: str, found: Found, squares: int, took_s: float, tries: int) -> None:
+def log_solution(kind: str, found: Found, squares: int, took_s: float, tries: int) -> None:
     """Count and log what was solved and written; which squares it was is nobody's business: somebody drove there."""
     SOLVE_S.observe(took_s, kind)
     SQUARES_SOLVED.count(kind, by=squares)
@@ -212,7 +212,7 @@ def swap(
     return True
 
 
-def sum_old_passes(sessions: Sessions, found: Found) -> None:
+def condense_old_passes(sessions: Sessions, found: Found) -> None:
     """After a swap: what the solution had beyond the juries of its segments goes into their sums, as it counted there.
 
     Where others are in the way it is left to the next solution, which reads that much more.
@@ -222,13 +222,13 @@ def sum_old_passes(sessions: Sessions, found: Found) -> None:
         return
     try:
         with sessions() as session:
-            made = made_sums(session, old)
-            regions = regions_of(session, {p.factor.segment for p in old})
+            made = condensed_by_drive(session, old)
+            partitions = partitions_of(session, {p.factor.segment for p in old})
         for portion in portions(old, AT_ONCE):
             with sessions.begin() as session:
                 session.execute(_LOCK_WAIT)
                 if try_share_network(session):
-                    sum_up(session, portion, made, regions)
+                    condense(session, portion, made, partitions)
     except OperationalError as error:
         if getattr(error.orig, "sqlstate", None) not in _OTHERS_WRITE:
             raise
@@ -277,8 +277,8 @@ def _write(session: Session, solution: Solution, shown: Bools, tolerance_sigmas:
     mine = set(around.ids[shown].tolist())
     heard = [(p, good) for p, good in solution.heard() if p.factor.segment in mine]
     turned = [(p, good) for p, good in heard if p.accepted != good]
-    set_verdicts(session, [p for p, good in turned if good], [p for p, good in turned if not good])
-    drives = solution.drives_heard()
+    set_accepted(session, [p for p, good in turned if good], [p for p, good in turned if not good])
+    drives = solution.accepted_drives()
     ids = around.ids[rows].tolist()
     counts = [drives[segment] for segment in ids]
     changed = write_slopes(session, ids, counts, result, usable, tolerance_sigmas)

@@ -15,7 +15,7 @@ from app.core.db import Bounds
 from app.core.http import ServiceDep, problems
 from app.core.text import Moment
 from app.drives.documents import DriveStatus
-from app.network.cells import data_version, square_bounds, square_name
+from app.network.cells import cell_bounds, cell_name, data_version
 from app.ops import store
 from app.roads.store import current_road_version
 
@@ -172,8 +172,8 @@ def _unsolved(row: Row[Any]) -> UnsolvedSquare:
         "that lies here (versant drives delete ID), or processing it again, lets them try at once."
     )
     return UnsolvedSquare(
-        square=square_name(row.cell),
-        bbox=square_bounds(row.cell),
+        square=cell_name(row.cell),
+        bbox=cell_bounds(row.cell),
         solvers=row.solvers,
         since=row.since,
         next_at=row.next_at,

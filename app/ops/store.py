@@ -91,9 +91,9 @@ _SQUARES = text(
 # ends of indexes.
 _BEHIND = text(
     """
-    SELECT (SELECT count(*) FROM squares_to_draw) AS squares,
+    SELECT (SELECT count(*) FROM cells_to_draw) AS squares,
            extract(epoch FROM clock_timestamp() - least(
-               (SELECT min(since) FROM squares_to_draw),
+               (SELECT min(since) FROM cells_to_draw),
                (SELECT (SELECT c.changed_at FROM segment_changes AS c
                         WHERE (c.xid, c.segment_id) > (u.xid, u.segment_id)
                         ORDER BY c.xid, c.segment_id LIMIT 1) FROM derived_upto AS u))) AS behind_s

@@ -21,7 +21,7 @@ from app.network.extracts import (
     segment_ids_in,
 )
 from app.network.locks import own_heights, own_network
-from app.network.road_states import road_states, squares_met
+from app.network.road_states import cells_met, road_states
 from app.terrain.store import (
     DemSet,
     PendingHeights,
@@ -139,7 +139,7 @@ def _renew(
     """Write what the active rasters say of these segments; what is left then, None where it is to be asked anew."""
     with sessions() as session:
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
-        active, squares = current_dem(session, dem_dir), squares_met(session, ids.tolist())
+        active, squares = current_dem(session, dem_dir), cells_met(session, ids.tolist())
         states = road_states(session, squares)
         if pending_heights(session) != pending:
             return None

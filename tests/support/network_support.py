@@ -16,7 +16,7 @@ from app.drives import claims
 from app.drives import store as drives
 from app.network import results as slopes
 from app.network.marks import MarkedBy
-from app.network.rejections import Hearing, hearings
+from app.network.rejections import Rejections, rejections_of
 from app.network.swap import solve_all_marked
 from app.roads import store as roads
 from fusion.network.curve import knot_length, slope_row
@@ -118,13 +118,13 @@ def append(
 
 def publish(
     sessions: Sessions, drive: uuid.UUID, ids: Ints, made: Sequence[Made], epoch_s: Sequence[float] = ()
-) -> Hearing:
+) -> Rejections:
     """``append`` and solve."""
     append(sessions, drive, ids, made, epoch_s)
     solve_all_marked(sessions)
     segments = len({factor.segment for factor, _ in made})
     with sessions() as session:
-        found = hearings(session, [drive]).get(drive, Hearing(segments, 0))
+        found = rejections_of(session, [drive]).get(drive, Rejections(segments, 0))
     assert found.segments == segments
     return found
 
@@ -151,7 +151,7 @@ def verdicts_of(sessions: Sessions) -> dict[tuple[uuid.UUID, int], bool]:
         rows = session.execute(
             text(
                 """
-            SELECT p.drive_id, p.segment_id, d.same_as IS NULL AND r.pass_id IS NULL
+            SELECT p.drive_id, p.segment_id, d.duplicate_of IS NULL AND r.pass_id IS NULL
             FROM drive_passes AS p JOIN drives AS d ON d.id = p.drive_id
             LEFT JOIN rejected_passes AS r ON r.pass_id = p.id
             """

@@ -173,7 +173,7 @@ def _of_drive(document: Mapping[str, Any]) -> dict[str, Any]:
         "progress": _percent(document.get("progress")) if under_way else None,
         "method": document["method"],
         "options": options,
-        "same drive as": document.get("same_as"),
+        "duplicate of": document.get("duplicate_of"),
         "squares not solved": ", ".join(document.get("unsolved") or ()),
     }
 

@@ -194,7 +194,7 @@ class Drive(Base):
     epochs: Mapped[int | None]
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
-    same_as: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
+    duplicate_of: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
     """The drive that is heard in this one's place, for it is the same one (``app.network.duplicates``)."""
     batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
@@ -222,7 +222,7 @@ class Drive(Base):
             postgresql_include=["status", "distance_m"],
             postgresql_where=text("finished_at IS NOT NULL"),
         ),
-        Index("ix_drives_same_as", "same_as", postgresql_where=text("same_as IS NOT NULL")),
+        Index("ix_drives_duplicate_of", "duplicate_of", postgresql_where=text("duplicate_of IS NOT NULL")),
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
         Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
         Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),

@@ -91,7 +91,7 @@ class DrawnPiece(Base):
     __tablename__ = "drawn_pieces"
 
     level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
-    square: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    cell: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     segment_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
     """One of its segments, which no other piece of the level has."""
     rank: Mapped[int] = mapped_column(SmallInteger)
@@ -144,11 +144,11 @@ class DerivedSegment(Base):
     cell: Mapped[int]
 
 
-class SquareToDraw(Base):
+class CellToDraw(Base):
     """A square of a level whose pieces are to be derived anew."""
 
-    __tablename__ = "squares_to_draw"
+    __tablename__ = "cells_to_draw"
 
     level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
-    square: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    cell: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     since: Mapped[datetime] = mapped_column(server_default=func.now())

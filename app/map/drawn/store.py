@@ -38,15 +38,15 @@ _CLASSES = text(
 )
 _COLUMNS = ", ".join(Piece._fields)
 _PIECES = f"""
-    SELECT square, {_COLUMNS} FROM drawn_pieces
-    WHERE level = %(level)s AND square = ANY(%(squares)s::bigint[]) ORDER BY segment_id
+    SELECT cell, {_COLUMNS} FROM drawn_pieces
+    WHERE level = %(level)s AND cell = ANY(%(squares)s::bigint[]) ORDER BY segment_id
 """  # noqa: S608 - constants
 _DELETE = """
     DELETE FROM drawn_pieces AS p USING unnest(%(square)s::bigint[], %(id)s::bigint[]) AS gone (square, id)
-    WHERE p.level = %(level)s AND p.square = gone.square AND p.segment_id = gone.id
+    WHERE p.level = %(level)s AND p.cell = gone.square AND p.segment_id = gone.id
 """
 _INSERT = f"""
-    INSERT INTO drawn_pieces (level, square, {_COLUMNS})
+    INSERT INTO drawn_pieces (level, cell, {_COLUMNS})
     SELECT %(level)s, square, segment_id, rank, highway, oneway, slope, sigma, drives, length, ST_GeomFromEWKB(geom)
     FROM unnest(%(square)b::bigint[], %(segment_id)b::bigint[], %(rank)b::bigint[], %(highway)b::text[],
                 %(oneway)b::bigint[], %(slope_percent)b::float8[], %(slope_sigma_percent)b::float8[],

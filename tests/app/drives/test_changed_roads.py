@@ -128,7 +128,7 @@ def test_what_a_mistaken_import_took_is_back_at_once_with_the_right_one(
     table, before, passes = roads_of(bench), rows_of(bench.sessions), count(bench.sessions, "drive_passes")
     ids = ids_of(bench.sessions, table)
     assert brought(bench, chain(3, lon=20.0), "town").measured_lost == len(before)
-    assert (count(bench.sessions, "drive_passes"), count(bench.sessions, "attic_passes")) == (0, passes)
+    assert (count(bench.sessions, "drive_passes"), count(bench.sessions, "retired_passes")) == (0, passes)
     assert drive_now(bench, drive.id).status == "done"
     counts = brought(bench, table, "town")
     assert counts.restored >= len({*before}) - 2  # but for gaps, which nobody drove
@@ -137,7 +137,7 @@ def test_what_a_mistaken_import_took_is_back_at_once_with_the_right_one(
     )
     settle_network(bench.sessions)
     assert_same(before, rows_of(bench.sessions))
-    assert (count(bench.sessions, "drive_passes"), count(bench.sessions, "attic_passes")) == (passes, 0)
+    assert (count(bench.sessions, "drive_passes"), count(bench.sessions, "retired_passes")) == (passes, 0)
 
 
 def test_what_is_kept_goes_with_its_time_and_with_its_drive(
@@ -151,12 +151,12 @@ def test_what_is_kept_goes_with_its_time_and_with_its_drive(
     assert retired.prune(bench.sessions, 1.0) == 0
     remove_drive(bench.sessions, bench.blobs, first.id)
     with bench.sessions() as session:
-        kept = set(session.execute(text("SELECT DISTINCT drive_id FROM attic_passes")).scalars())
+        kept = set(session.execute(text("SELECT DISTINCT drive_id FROM retired_passes")).scalars())
     assert kept == {second.id}
     with bench.sessions.begin() as session:
-        session.execute(text("UPDATE attic_segments SET kept_at = kept_at - interval '30 hours'"))
+        session.execute(text("UPDATE retired_segments SET retired_at = retired_at - interval '30 hours'"))
     assert retired.prune(bench.sessions, 1.0) > 0
-    assert count(bench.sessions, "attic_passes") == 0
+    assert count(bench.sessions, "retired_passes") == 0
     assert brought(bench, table, "town").restored == 0
     assert queue_touched(bench.sessions) == 1  # whose roads had gone, by what the import before noted
     assert process_drive(bench, second.id, 2) is Outcome.DONE

@@ -80,7 +80,7 @@ def served(bench: Workbench, logs: Logs) -> dict[str, str]:
         )
         assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
         ids[drive.id] = name
-    found = {name: drive_now(bench, drive_id).same_as for drive_id, name in ids.items()}
+    found = {name: drive_now(bench, drive_id).duplicate_of for drive_id, name in ids.items()}
     return {name: ids[other] for name, other in found.items() if other is not None}
 
 

@@ -188,7 +188,7 @@ def test_a_square_that_no_solver_can_solve_keeps_no_drive_for_ever(
     early = shown(sessions, drive)
     assert (early.status, early.stage) == ("running", "publishing")
     (square,) = early.unsolved
-    assert square in {cells.square_name(cell) for cell in waiting}
+    assert square in {cells.cell_name(cell) for cell in waiting}
     assert early.report is not None
     assert early.report["warnings"][0] == "w"
     assert square in early.report["warnings"][1]

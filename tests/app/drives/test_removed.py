@@ -94,9 +94,9 @@ def test_every_part_is_404_from_the_answer_on_whatever_runs(town_web: Web, drive
 def test_a_drive_says_no_more_that_a_removed_one_is_heard_in_its_place(filled: Web) -> None:
     heard, not_heard = (add_drive(filled.sessions, [0, 1]) for _ in range(2))
     with filled.sessions.begin() as session:
-        same = "UPDATE drives SET same_as = :heard WHERE id = :id"
+        same = "UPDATE drives SET duplicate_of = :heard WHERE id = :id"
         session.execute(text(same), {"heard": heard, "id": not_heard})
-    assert filled.client.get(f"/v1/drives/{not_heard}").json()["same_as"] == str(heard)
+    assert filled.client.get(f"/v1/drives/{not_heard}").json()["duplicate_of"] == str(heard)
     filled.client.delete(f"/v1/drives/{heard}")
     assert str(heard) not in filled.client.get(f"/v1/drives/{not_heard}").text
 

@@ -138,13 +138,13 @@ def test_logs_and_rasters_that_are_lost(
 
 
 def test_what_is_derived_and_far_behind(settings: Settings, sessions: Sessions) -> None:
-    execute(sessions, "INSERT INTO squares_to_draw (level, square) VALUES (12, 5)")
+    execute(sessions, "INSERT INTO cells_to_draw (level, cell) VALUES (12, 5)")
     waits = found(settings, sessions)["ways and low zooms"]
     assert (waits.state, waits.found) == (
         "ok",
         "They are 0 s behind the segments; 1 squares are to be drawn.",
     )
-    execute(sessions, "UPDATE squares_to_draw SET since = since - interval '1 hour'")
+    execute(sessions, "UPDATE cells_to_draw SET since = since - interval '1 hour'")
     assert found(settings, sessions)["ways and low zooms"].state == "warn"
 
 

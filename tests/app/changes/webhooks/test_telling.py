@@ -78,7 +78,7 @@ def test_a_follower_of_a_part_is_told_of_that_part(told: Web) -> None:
         assert send_due(told) == 1
         change(told, 1)
         with told.sessions() as session:
-            versions = {tuple(one.bbox or ()): one.told for one in store.list_webhooks(session)}
+            versions = {tuple(one.bbox or ()): one.reported_version for one in store.list_webhooks(session)}
         assert versions[tuple(GRID)] == versions[tuple(ELSEWHERE)], (
             "who was not concerned goes on from there as well"
         )

@@ -139,7 +139,7 @@ def test_a_square_that_a_solver_has_is_left_until_later(followed: Sessions, segm
         solver.execute(text("SELECT id FROM cells FOR UPDATE"))
         following.follow(followed, 0.1)
         assert value(followed, "SELECT count(slope_percent) FROM drawn_pieces") == 0
-        assert value(followed, "SELECT count(*) FROM squares_to_draw") == 1
+        assert value(followed, "SELECT count(*) FROM cells_to_draw") == 1
         # Nobody who holds squares waits for this one.
         solver.execute(text("SET LOCAL lock_timeout = '100ms'"))
         solver.execute(text("UPDATE segment_slopes SET drives = 2"))
