@@ -17,11 +17,11 @@ from app.changes import events as change_events
 from app.changes import routes as changes
 from app.changes.live import Live
 from app.changes.webhooks import routes as webhooks
+from app.core.admission import MORE_CONNECTIONS, Admission, RequestClass, Turnstile, make_request_classes
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.disconnects import EndWithClient
 from app.core.http import Service
-from app.core.lanes import MORE_CONNECTIONS, Lane, Lanes, Turnstile, make_lanes
 from app.core.middleware import (
     CollectAfterRequests,
     Compressed,
@@ -129,7 +129,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     """
     chosen = settings or get_settings()
     metrics = Metrics(lambda: _gauges(app))
-    lanes = make_lanes(chosen.db_pool_size)
+    request_classes = make_request_classes(chosen.db_pool_size)
     app = FastAPI(
         title="Versant",
         summary="Slopes of roads from vehicle logs",
@@ -141,9 +141,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,
-        middleware=_middleware(chosen, metrics, lanes),
+        middleware=_middleware(chosen, metrics, request_classes),
     )
-    app.state.settings, app.state.metrics, app.state.lanes = chosen, metrics, lanes
+    app.state.settings, app.state.metrics, app.state.request_classes = chosen, metrics, request_classes
     install_error_handlers(app)
     for router in ROUTERS:
         app.include_router(router)
@@ -151,7 +151,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     return app
 
 
-def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane]) -> list[Middleware]:
+def _middleware(
+    settings: Settings, metrics: Metrics, request_classes: Mapping[str, RequestClass]
+) -> list[Middleware]:
     """The outermost first."""
     return [
         Middleware(Forwarded, proxies=settings.proxies),
@@ -166,7 +168,7 @@ def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane])
         Middleware(EndWithClient),
         Middleware(EarlyAnswers),
         Middleware(Bodies, body_timeout_s=settings.body_timeout_s, upload_stall_s=settings.upload_stall_s),
-        Middleware(Lanes, lanes=lanes),
+        Middleware(Admission, request_classes=request_classes),
         Middleware(SameOriginWrites, public_url=settings.public_url),
         # It leaves event streams and pictures alone, and compresses large answers in a thread.
         Middleware(Compressed, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
@@ -192,7 +194,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         engine,
         session_factory(engine),
         BlobStore(settings.blob_store_url),
-        app.state.lanes,
+        app.state.request_classes,
         session_factory(probing),
         CapacityLimiter(2),
     )
@@ -201,7 +203,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     app.state.feed = Feed(
         url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
     )
-    app.state.tiles = Tiles(url, settings, app.state.lanes)
+    app.state.tiles = Tiles(url, settings, app.state.request_classes)
     app.state.live = Live(WatchedMap(app.state.tiles.watch), streams)
     running = (app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
     beside = [asyncio.create_task(one) for one in running]

@@ -9,7 +9,7 @@ from typing import Any
 
 from app.cli.console import Console
 from app.core import migrate
-from app.core.background import stand_back
+from app.core.background import lower_priority
 from app.core.databases import require_reachable
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings, load_settings
@@ -39,11 +39,11 @@ def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[
     see_to_cluster(chosen, embedded, make)
     with database(chosen, embedded=embedded) as settings:
         assert settings.database_url is not None  # noqa: S101 - what the block above is for
-        stand_back()
+        lower_priority()
         if settings.model_fields_set & {"log_level", "log_format"}:
             begin_logging(settings, "command")
         begin_tracing(settings, "command")
-        engine = make_engine(settings.database_url, pool_size=1, behind=True)
+        engine = make_engine(settings.database_url, pool_size=1, background=True)
         try:
             with counting(session_factory(engine), "command"):
                 yield settings, session_factory(engine)
@@ -69,8 +69,8 @@ def as_it_is(
             settings = settings.model_copy(update={"database_url": cluster.url})
         assert settings.database_url is not None  # noqa: S101 - what the lines above are for
         require_reachable(settings.database_url)
-        stand_back()
-        engine = make_engine(settings.database_url, pool_size=1, behind=True)
+        lower_priority()
+        engine = make_engine(settings.database_url, pool_size=1, background=True)
         stack.callback(engine.dispose)
         yield settings, session_factory(engine)
 

@@ -35,7 +35,7 @@ from app.cli.children import (
     stop_with_parent,
 )
 from app.cli.console import Console
-from app.core.background import stand_back
+from app.core.background import lower_priority
 from app.core.settings import Settings
 from app.core.telemetry.logs import begin_logging
 from app.core.telemetry.tracing import begin_tracing, end_tracing
@@ -145,7 +145,7 @@ class Lanes(Children):
             process = f"worker {number}"
             begin_logging(self.settings, process)
             stop_with_parent()
-            stand_back()
+            lower_priority()
             self.prepare(self.settings)
             begin_tracing(self.settings, process)
             again = run_worker(self.settings, with_chores=number == 1, process=process, renewed=True)
@@ -193,7 +193,7 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
 
     ``prepare`` is what a lane does first; it raises where there is nothing to work on.
     """
-    stand_back()
+    lower_priority()
     watch, kept = ParentWatch(), compiling.can_be_kept()
     if kept and not compiling.is_compiled(first=True):
         console.note("The numerical code is compiled, once: the first drives wait a minute for it.")

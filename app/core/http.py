@@ -16,11 +16,11 @@ from pydantic import BaseModel, Field
 from sqlalchemy import Engine
 from sqlalchemy.orm import Session
 
+from app.core.admission import RequestClass
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
 from app.core.disconnects import ending_with_client
 from app.core.errors import NotFoundError
-from app.core.lanes import Lane
 from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
 from app.core.text import GEO_JSON, geojson_text
@@ -40,7 +40,7 @@ class Service:
     engine: Engine
     sessions: Sessions
     blobs: BlobStore
-    lanes: Mapping[str, Lane]
+    request_classes: Mapping[str, RequestClass]
     probes: Sessions
     """On a connection of their own: a service that has much to do is ready."""
     probe_threads: CapacityLimiter

@@ -84,7 +84,7 @@ def run_worker(
         raise ValueError("the worker needs settings.database_url")
     if renewed:
         limit_growth(settings.lane_memory_bytes)
-    engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, behind=True)
+    engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, background=True)
     try:
         bench = Workbench.of(settings, session_factory(engine))
         worker = Worker(settings, engine, bench.sessions, tasks_of(bench, settings))

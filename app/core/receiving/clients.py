@@ -1,4 +1,4 @@
-"""Who the client of a request is: one answer for lanes, event streams, the audit, links and logs.
+"""Who the client of a request is: one answer for admission, event streams, the audit, links and logs.
 
 It is who the connection comes from, unless that is a proxy that the settings name. From such a one alone
 ``X-Forwarded-For`` and ``X-Forwarded-Proto`` are believed. ``X-Forwarded-Host`` and ``Forwarded`` are believed from

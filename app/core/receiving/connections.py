@@ -2,7 +2,7 @@
 
 uvicorn bounds none of it: a socket that sends nothing, or a head without an end, would stay for ever, and a thousand of
 them take all descriptors of the process, ``/healthz`` with them. Here is what holds before there is a request; what
-requests have to share is for ``app.core.lanes``.
+requests have to share is for ``app.core.admission``.
 """
 
 from __future__ import annotations

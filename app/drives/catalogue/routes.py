@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.core.http import ServiceDep
 from app.drives.method_choice import default_method
-from app.drives.receiving.bundles import MAX_FILES
+from app.drives.receiving.zips import MAX_FILES
 from fusion.registry import DEFAULT_POSITIONING, LOG_COLUMNS
 
 KEPT = "max-age=300"

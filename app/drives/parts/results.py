@@ -11,6 +11,7 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
+from app.core.admission import PARTS
 from app.core.http import (
     JSON,
     BaseUrl,
@@ -24,7 +25,6 @@ from app.core.http import (
     with_query,
 )
 from app.core.http import link_documents as documents
-from app.core.lanes import PARTS
 from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON, columns_text
 from app.drives import store as drives
@@ -170,12 +170,12 @@ async def get_profile(
     """
     form = form_of(f, request.headers.get("accept"), PROFILES)
     if form != "png":
-        async with service.lanes[PARTS].place():
+        async with service.request_classes[PARTS].place():
             return await run_in_threadpool(_profile_text, service, drive_id, form, points)
     picture = await run_in_threadpool(_kept_picture, service, drive_id)
     if picture is None:
         drawing: Drawing = request.app.state.drawing
-        async with drawing.lane.place():
+        async with drawing.request_class.place():
             picture = await run_in_threadpool(_picture, service, drawing, drive_id)
     return Response(picture, media_type=PNG, headers={"Vary": "Accept"})
 

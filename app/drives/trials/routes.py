@@ -12,10 +12,10 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from app.core.admission import PARTS
 from app.core.errors import NotDoneError, NotFoundError
 from app.core.http import JSON, BaseUrl, Service, ServiceDep, found, geojson_answer, link, problems
 from app.core.http import link_documents as documents
-from app.core.lanes import PARTS
 from app.core.text import GEO_JSON, columns_text, dumps
 from app.drives import store as drives
 from app.drives import tracks
@@ -181,7 +181,7 @@ async def trial_profile(
 ) -> Response:
     """As `/v1/drives/{drive_id}/profile`, with the trial's heights, grades and slopes. 409 until it is done."""
     form = form_of(f, request.headers.get("accept"), PROFILES)
-    async with service.lanes[PARTS].place():
+    async with service.request_classes[PARTS].place():
         return await run_in_threadpool(_profile_answer, service, drive_id, trial_id, form, points)
 
 
@@ -201,7 +201,7 @@ async def trial_measurements(
     drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
 ) -> Response:
     """As `/v1/drives/{drive_id}/measurements`: what is taken off each depends on the method. 409 until it is done."""
-    async with service.lanes[PARTS].place():
+    async with service.request_classes[PARTS].place():
         return await run_in_threadpool(_measurements_answer, service, drive_id, trial_id, points)
 
 

@@ -98,24 +98,24 @@ async def answer(
     asked: Iterable[tuple[bytes, bytes]],
     wait: Waiting = to_its_end,
     *,
-    in_lane: bool = False,
+    is_admitted: bool = False,
 ) -> Answer:
     """The tile, 204 where it holds nothing, or 304 where the client has it.
 
     ``asked``: the request's headers; ``wait``: how to wait for a tile that is not in memory;
-    ``in_lane``: the request has a place in the tile's lane already.
+    ``is_admitted``: the request has a place in its class already.
     """
     tiles.count(at)
     known, takes_gzip = _wishes(asked)
     etag, tile = await tiles.etag(at), None
     if etag is None:
-        tile = await wait(tiles.made(at, in_lane=in_lane))
+        tile = await wait(tiles.made(at, is_admitted=is_admitted))
         etag = tile.etag
     headers = [(b"etag", etag.encode()), *_policy(tiles.settings)]
     if known is not None and _is_known(etag, known):
         return Answer(304, headers, b"")
     if tile is None:
-        tile = tiles.at_hand(at, etag) or await wait(tiles.get(at, etag, in_lane=in_lane))
+        tile = tiles.at_hand(at, etag) or await wait(tiles.get(at, etag, is_admitted=is_admitted))
     if not tile.body:
         return Answer(204, headers, b"")
     headers.append((b"content-type", MVT.encode()))

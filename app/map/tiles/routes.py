@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
+from app.core.admission import class_of_request
 from app.core.http import (
     REVALIDATE,
     BaseUrl,
@@ -21,7 +22,6 @@ from app.core.http import (
     problems,
     with_query,
 )
-from app.core.lanes import kind_of_request
 from app.core.settings import Settings
 from app.core.text import GEO_JSON
 from app.map.attribution import attribution, attribution_html
@@ -133,9 +133,9 @@ async def mvt_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, ser
 
 async def vector_tile(request: Request, at: Address) -> Response:
     """The answer of a route to a request for a vector tile."""
-    # Addresses that have a lane got their place before the route (``app.core.lanes``).
-    in_lane = kind_of_request("GET", request.url.path) is not None
-    found = await answer(request.app.state.tiles, at, request.scope["headers"], in_lane=in_lane)
+    # Requests that have a class got their place before the route (``app.core.admission``).
+    is_admitted = class_of_request("GET", request.url.path) is not None
+    found = await answer(request.app.state.tiles, at, request.scope["headers"], is_admitted=is_admitted)
     response = Response(found.body, found.status)
     response.raw_headers = found.headers
     return response

@@ -1,8 +1,8 @@
-"""Several files as one: a zip that is written while they come, and what a zip unpacks to, whoever wrote it.
+"""Several files as one zip: written while they come, and read whoever wrote it.
 
-Files that belong together, as observations and navigation data, are kept as one blob; so all that follows knows one
-key, one size and one identity. That identity is of the files' contents, in whatever order, form or zip they came.
-Knows no store and no log. A zip comes from strangers: it is read with bounds, and never unpacked to a disk.
+Files that belong together, as observations and navigation data, are kept as one blob. So all that follows knows one
+key, one size and one identity, which is of the files' contents, in whatever order, form or zip they came. Knows no
+store and no log. A zip may come from a stranger: it is read within bounds and never unpacked to a disk.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def content_of_files(contents: Iterable[str]) -> str:
     return hashlib.sha256(_KIND + bytes.fromhex("".join(files))).hexdigest()
 
 
-class BundleWriter:
+class ZipWriter:
     """Files into one zip, piece by piece: ``begin`` and ``write`` each, then ``finish``, or ``drop`` to give up.
 
     They are stored as they are (what is worth compressing came gzipped), with safe names, each once, and without times:
@@ -127,9 +127,9 @@ class BundleWriter:
             raise BadRequestError(
                 f"The file {name!r} is empty. Leave it out, or send it whole.", field=_FIELD
             )
-        if (twin := self._contents.setdefault(content, name)) != name:
+        if (other := self._contents.setdefault(content, name)) != name:
             raise BadRequestError(
-                f"The files {twin!r} and {name!r} hold the same. Send each file of the drive once.",
+                f"The files {other!r} and {name!r} hold the same. Send each file of the drive once.",
                 field=_FIELD,
             )
 
@@ -157,9 +157,9 @@ class _Sink:
 def _own_name(name: str, taken: Iterable[str]) -> str:
     """``name`` without leading dots, and with a number where it is taken in whatever case."""
     path = PurePosixPath(name.lstrip(".") or "file")
-    known = {other.lower() for other in taken}
+    names = {other.lower() for other in taken}
     own, number = path.name, 1
-    while own.lower() in known:
+    while own.lower() in names:
         number += 1
         own = f"{path.stem}-{number}{path.suffix}"
     return own
@@ -242,18 +242,18 @@ def _check(members: list[zipfile.ZipInfo], packed: int, max_bytes: int) -> None:
 
 
 def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, max_bytes: int, look: FirstLook | None) -> str:
-    told, first = ContentHash(max_bytes), True
+    content, first = ContentHash(max_bytes), True
     if look is not None:
         look.begin()
     with archive.open(info) as member:
         while piece := member.read(CHUNK_BYTES):
             if first and is_zip(piece):
                 raise _nested(_shown(info))
-            told.update(piece)
+            content.update(piece)
             if look is not None:
                 look.feed(piece)
             first = False
-    return told.content_sha256()
+    return content.content_sha256()
 
 
 def _shown(info: zipfile.ZipInfo) -> str:

@@ -19,7 +19,7 @@ from app.core.errors import BadRequestError, StorageFullError
 from app.core.receiving.body import Piece
 from app.drives.intake import register_upload
 from app.drives.process import Outcome, Workbench
-from app.drives.receiving.parcel import Parcel
+from app.drives.receiving.upload_bundle import UploadBundle
 from fusion.formats import read_log
 from fusion.published.canyon.drive import canyon_of
 from fusion.simulate.drive import simulate_drive
@@ -145,12 +145,12 @@ def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> BlobStore:
     return BlobStore(url)
 
 
-def parcel(blobs: BlobStore) -> Parcel:
-    return Parcel(blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 20)
+def bundle_in(blobs: BlobStore) -> UploadBundle:
+    return UploadBundle(blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 20)
 
 
 def test_every_store_keeps_files_and_zips_and_forgets_what_is_refused(blobs: BlobStore) -> None:
-    several, single, refused = parcel(blobs), parcel(blobs), parcel(blobs)
+    several, single, refused = bundle_in(blobs), bundle_in(blobs), bundle_in(blobs)
     several.take([Piece(k, name, data) for k, (name, data) in enumerate(NAMED)])
     single.take([Piece(0, "all.zip", zipped(NAMED))])
     refused.take([Piece(0, "all.zip", zipped(NAMED)[:300])])
@@ -168,7 +168,7 @@ def test_every_store_keeps_files_and_zips_and_forgets_what_is_refused(blobs: Blo
 def test_a_disk_that_fills_up_in_the_middle_of_a_zip_leaves_nothing(
     blobs: BlobStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    broken = parcel(blobs)
+    broken = bundle_in(blobs)
     broken.take([Piece(0, "a.obs", OBS), Piece(1, "a.nav", NAV)])
     monkeypatch.setattr("app.core.blobs.free_bytes", lambda fs, root: 10)
     broken._writer._keep_free_bytes = 1
@@ -181,7 +181,7 @@ def test_a_disk_that_fills_up_in_the_middle_of_a_zip_leaves_nothing(
 def test_a_worker_reads_files_that_came_apart_as_one_log(bench: Workbench, files: Path) -> None:
     header, *rows = (files / "1.csv").read_text().splitlines(keepends=True)
     halves = ["".join([header, *part]).encode() for part in (rows[: len(rows) // 2], rows[len(rows) // 2 :])]
-    several = parcel(bench.blobs)
+    several = bundle_in(bench.blobs)
     several.take([Piece(1 - k, f"{k}.csv.gz", gzip.compress(halves[k])) for k in (1, 0)])
     blob, name = several.finish()
     drive, _ = register_upload(bench.sessions, bench.blobs, blob, filename=name, method="raw")
@@ -197,7 +197,7 @@ def test_observations_and_navigation_that_came_apart_are_positioned_and_fused(
 ) -> None:
     raw = canyon_of(simulate_drive(town, 7, 120.0)).raw()
     texts = {"brdc.rnx": navigation(raw.navigation), "drive.rnx": observations(raw.signals)}
-    sent = Parcel(bench.blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 24)
+    sent = UploadBundle(bench.blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 24)
     sent.take([Piece(k, name, text.encode()) for k, (name, text) in enumerate(texts.items())])
     blob, name = sent.finish()
     drive, _ = register_upload(bench.sessions, bench.blobs, blob, filename=name, method="profile")

@@ -9,8 +9,15 @@ import httpx
 import pytest
 from starlette.types import Receive, Scope, Send
 
+from app.core.admission import (
+    MORE_CONNECTIONS,
+    Admission,
+    RequestClass,
+    Turnstile,
+    class_of_request,
+    make_request_classes,
+)
 from app.core.errors import BusyError
-from app.core.lanes import MORE_CONNECTIONS, Lane, Lanes, Turnstile, kind_of_request, make_lanes
 from problem_support import check
 from server_support import Gate, asked_at_once, holding, wait_until
 
@@ -36,14 +43,17 @@ QUICK = ("/healthz", "/readyz", "/v1/drives", "/v1/segments/999")
         ("GET", "/readyz", None),
     ],
 )
-def test_each_kind_has_its_lane(method: str, path: str, kind: str | None) -> None:
-    assert kind_of_request(method, path) == kind
-    assert kind is None or kind in make_lanes(5)
+def test_each_request_has_its_class(method: str, path: str, kind: str | None) -> None:
+    assert class_of_request(method, path) == kind
+    assert kind is None or kind in make_request_classes(5)
 
 
-def test_the_lanes_leave_connections_for_what_is_quick() -> None:
+def test_the_classes_leave_connections_for_what_is_quick() -> None:
     for connections in (1, 5, 100):
-        needed = sum(lane.places + lane.for_others for lane in make_lanes(connections).values())
+        needed = sum(
+            request_class.places + request_class.for_others
+            for request_class in make_request_classes(connections).values()
+        )
         assert needed <= connections + MORE_CONNECTIONS - 3
 
 
@@ -98,7 +108,7 @@ def test_sixty_deletions_keep_nobody_else_waiting(reading: Any, monkeypatch: pyt
 def test_life_and_readiness_need_no_thread_that_others_use(
     reading: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """More requests than there are threads, of a kind that has no lane."""
+    """More requests than there are threads, of no class."""
     gate = Gate(lambda *_, **__: [])
     monkeypatch.setattr("app.drives.routes.drives.list_drives", gate)
     with asked_at_once(reading, ["/v1/drives"] * 50) as answers:
@@ -113,15 +123,15 @@ def test_life_and_readiness_need_no_thread_that_others_use(
 
 def test_who_comes_when_too_many_wait_is_sent_away() -> None:
     async def scenario() -> None:
-        lane = Lane(places=1, most_waiting=1, longest_wait_s=0.05)
-        async with lane.place():
-            waiting = asyncio.create_task(lane.place().__aenter__())
+        request_class = RequestClass(places=1, most_waiting=1, longest_wait_s=0.05)
+        async with request_class.place():
+            waiting = asyncio.create_task(request_class.place().__aenter__())
             await asyncio.sleep(0)
             with pytest.raises(BusyError, match="wait already"):
-                await lane.place().__aenter__()
+                await request_class.place().__aenter__()
             with pytest.raises(BusyError, match="took more than"):
                 await waiting
-        async with lane.place():
+        async with request_class.place():
             pass
 
     asyncio.run(scenario())
@@ -132,10 +142,10 @@ def test_being_sent_away_is_a_503_that_says_when_to_come_again() -> None:
         raise AssertionError("nothing of a request begins before it has a place")
 
     async def scenario() -> httpx.Response:
-        lane = Lane(places=1, most_waiting=0)
-        app = Lanes(route, {"tiles": lane})
+        request_class = RequestClass(places=1, most_waiting=0)
+        app = Admission(route, {"tiles": request_class})
         async with (
-            lane.place(),
+            request_class.place(),
             httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost") as client,
         ):
             return await client.get("/tiles/14/1/1.mvt")
@@ -170,15 +180,15 @@ def test_a_client_that_reads_slowly_holds_no_place() -> None:
         await send({"type": "http.response.body", "body": b""})
 
     async def scenario() -> None:
-        lane = Lane(places=1)
+        request_class = RequestClass(places=1)
 
         async def slow(message: Any) -> None:
             if message["type"] == "http.response.body":
-                async with lane.place():
+                async with request_class.place():
                     sent.set()
 
         scope = {"type": "http", "method": "GET", "path": "/tiles/14/1/1.mvt", "query_string": b""}
-        await Lanes(route, {"tiles": lane})(scope, None, slow)  # type: ignore[arg-type]
+        await Admission(route, {"tiles": request_class})(scope, None, slow)  # type: ignore[arg-type]
 
     asyncio.run(scenario())
     assert sent.is_set()
@@ -213,7 +223,7 @@ def test_streams_that_come_by_the_hundred_let_others_pass() -> None:
     ],
 )
 def test_searches_keep_no_plain_page_waiting(query: str, kind: str) -> None:
-    assert kind_of_request("GET", "/collections/segments/items", query.encode()) == kind
+    assert class_of_request("GET", "/collections/segments/items", query.encode()) == kind
 
 
 @pytest.mark.parametrize("path", ["/v1/exports", "/v1/drives/00000000-0000-0000-0000-000000000000/reprocess"])

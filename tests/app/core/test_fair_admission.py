@@ -1,4 +1,4 @@
-"""Clients share a lane: none takes it all, whatever it asks for."""
+"""Clients share a class of requests: none takes it all, whatever it asks for."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from app.core.admission import RequestClass
 from app.core.errors import BusyError
-from app.core.lanes import Lane
 from app.core.receiving.clients import _current, present_client
 from app.map.items import store
 from server_support import Gate, asking_from, holding, wait_until
@@ -32,12 +32,12 @@ async def settled() -> None:
 
 def test_one_client_leaves_places_to_others_and_is_served_in_turn() -> None:
     async def scenario() -> None:
-        lane = Lane(places=2, for_others=2, longest_wait_s=60)
+        request_class = RequestClass(places=2, for_others=2, longest_wait_s=60)
         inside: list[str] = []
         ends: list[tuple[str, asyncio.Event]] = []
 
         async def stay() -> None:
-            async with lane.place():
+            async with request_class.place():
                 client, end = present_client(), asyncio.Event()
                 inside.append(client)
                 ends.append((client, end))
@@ -69,7 +69,7 @@ def test_one_client_leaves_places_to_others_and_is_served_in_turn() -> None:
             await settled()
         await asyncio.gather(*tasks)
         assert inside == []
-        async with lane.place():
+        async with request_class.place():
             pass
 
     asyncio.run(scenario())
@@ -77,13 +77,13 @@ def test_one_client_leaves_places_to_others_and_is_served_in_turn() -> None:
 
 def test_one_client_fills_half_of_the_waiting_room() -> None:
     async def scenario() -> None:
-        lane = Lane(places=1, most_waiting=10, longest_wait_s=60)
+        request_class = RequestClass(places=1, most_waiting=10, longest_wait_s=60)
 
         async def enter() -> None:
-            async with lane.place():
+            async with request_class.place():
                 pass
 
-        async with lane.place():
+        async with request_class.place():
             waiting = [as_client("a", enter) for _ in range(20)]
             await settled()
             refused = [one for one in waiting if one.done()]
@@ -99,19 +99,19 @@ def test_one_client_fills_half_of_the_waiting_room() -> None:
 
 def test_who_gives_up_waiting_leaves_nothing_behind() -> None:
     async def scenario() -> None:
-        lane = Lane(places=1, longest_wait_s=60)
+        request_class = RequestClass(places=1, longest_wait_s=60)
 
         async def enter() -> str:
-            async with lane.place():
+            async with request_class.place():
                 return present_client()
 
-        async with lane.place():
+        async with request_class.place():
             first, second = as_client("a", enter), as_client("a", enter)
             await settled()
             first.cancel()
             await settled()
         assert await second == "a"
-        held = lane.place()
+        held = request_class.place()
         await held.__aenter__()
         both = as_client("a", enter)
         await settled()

@@ -1,6 +1,6 @@
-"""The files of one upload become one blob: a single one as it came, several as a zip of them.
+"""Upload bundles: the files of one upload become one blob, a single file as it came, several as a zip.
 
-Knows no request and no log; its calls block, so they run in threads.
+Knows no request and no log. Its calls block, so they run in threads.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from collections.abc import Iterable
 from app.core.blobs import BlobStore, BlobWriter, StoredBlob
 from app.core.errors import BadRequestError
 from app.core.receiving.body import FILENAME_LENGTH, Piece, joined
-from app.drives.receiving.bundles import MAGIC_BYTES, BundleWriter, content_of_zip, is_zip
 from app.drives.receiving.first_look import FirstLook
+from app.drives.receiving.zips import MAGIC_BYTES, ZipWriter, content_of_zip, is_zip
 
 COPY_BYTES = 1 << 20
 
 
-class Parcel:
+class UploadBundle:
     """Take the pieces of an upload, then ``finish`` it, or ``discard`` it: nothing of it stays then.
 
-    That there are several files is known when the second one begins. So the first is written as if it were alone, and
-    copied into the zip then; the others go there as they come.
+    Only when a second file begins it is known that there are several. The first is then copied into the zip, and the
+    others go there as they come.
     """
 
     def __init__(
@@ -42,19 +42,19 @@ class Parcel:
         self._max_content_bytes = max_content_bytes
         self._names: list[str] = []
         self._head = b""
-        self._bundle: BundleWriter | None = None
+        self._zip: ZipWriter | None = None
         self._writer = self._new_writer(expected_bytes)
         self._single = self._writer
 
     def take(self, pieces: Iterable[Piece]) -> None:
-        """Write the next pieces; raises what ``BlobWriter`` and ``BundleWriter`` raise."""
+        """Write the next pieces; raises what ``BlobWriter`` and ``ZipWriter`` raise."""
         for piece in joined(pieces):
             if piece.file == len(self._names):
                 self._begin(piece.name)
             if self._look is not None:
                 self._look.feed(piece.data)
-            if self._bundle is not None:
-                self._bundle.write(piece.data)
+            if self._zip is not None:
+                self._zip.write(piece.data)
                 continue
             if len(self._head) < MAGIC_BYTES:
                 self._head += piece.data[:MAGIC_BYTES]
@@ -67,8 +67,8 @@ class Parcel:
         ``FirstLook`` does of files among which no log is.
         """
         names = ", ".join(self._names)[:FILENAME_LENGTH]
-        if self._bundle is not None:
-            content: str | None = self._bundle.finish()
+        if self._zip is not None:
+            content: str | None = self._zip.finish()
             self._check()
             return self._writer.finish(content), names
         if not self._writer.size_bytes:
@@ -82,8 +82,8 @@ class Parcel:
     def discard(self) -> None:
         """Forget what was written."""
         try:
-            if self._bundle is not None:
-                self._bundle.drop()
+            if self._zip is not None:
+                self._zip.drop()
         finally:
             for writer in {self._single, self._writer}:
                 writer.discard()
@@ -100,21 +100,21 @@ class Parcel:
 
     def _begin(self, name: str) -> None:
         if len(self._names) == 1:
-            self._bundle_up()
+            self._begin_zip()
         self._names.append(name)
         if self._look is not None:
             self._look.begin()
-        if self._bundle is not None:
-            self._bundle.begin(name)
+        if self._zip is not None:
+            self._zip.begin(name)
 
-    def _bundle_up(self) -> None:
+    def _begin_zip(self) -> None:
         """Begin the zip with the file that came first."""
         self._writer = self._new_writer(0)
-        self._bundle = BundleWriter(self._writer.write, self._max_content_bytes)
-        self._bundle.begin(self._names[0])
+        self._zip = ZipWriter(self._writer.write, self._max_content_bytes)
+        self._zip.begin(self._names[0])
         with self._single.reopened() as file:
             while data := file.read(COPY_BYTES):
-                self._bundle.write(data)
+                self._zip.write(data)
         self._single.discard()
 
     def _new_writer(self, expected_bytes: int) -> BlobWriter:

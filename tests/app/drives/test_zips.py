@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from app.core.content import ContentHash
 from app.core.errors import BadRequestError, BodyTooLargeError, ServiceError, UnsupportedBodyError
-from app.drives.receiving.bundles import BundleWriter, content_of_files, content_of_zip
+from app.drives.receiving.zips import ZipWriter, content_of_files, content_of_zip
 
 MAX_BYTES = 80 << 20
 FILES = {"a.obs": b"observations " * 400, "a.nav": b"navigation " * 300, "imu.csv": b"1,2,3\n" * 500}
@@ -36,7 +36,7 @@ def zipped(
 def bundled(files: Mapping[str, bytes], piece: int = 1000) -> tuple[bytes, str]:
     """The zip that is written of files, and what it says is their content."""
     out = bytearray()
-    writer = BundleWriter(out.extend, MAX_BYTES)
+    writer = ZipWriter(out.extend, MAX_BYTES)
     try:
         for name, data in files.items():
             writer.begin(name)
@@ -128,7 +128,7 @@ def test_a_zip_that_is_written_holds_what_was_sent(files: list[bytes], piece: in
 
 def test_names_are_unique_and_safe() -> None:
     out = bytearray()
-    writer = BundleWriter(out.extend, MAX_BYTES)
+    writer = ZipWriter(out.extend, MAX_BYTES)
     for k, name in enumerate(["a.obs", "A.obs", "a.obs", ".hidden.csv", "..", "ü.nav"]):
         writer.begin(name)
         writer.write(b"%d" % k)

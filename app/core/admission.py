@@ -1,9 +1,9 @@
-"""Lanes: requests of one kind wait for each other and for nobody else.
+"""Admission control: requests of one class wait for each other and for nobody else.
 
-All threads and connections are shared, so whatever is slow and asked for often would use them up, and a look at one
-drive would wait behind sixty deletions. A kind that can be slow has a lane: so many of it are worked on at once, so
-many more wait, without a thread, and all others are told to come again. What has no lane is quick. Which path is of
-which kind stands here, sizes in ``make_lanes``.
+Threads and connections are shared. A slow kind of request that is asked for often would use them up, and one drive's
+page would wait behind sixty deletions. So each kind that can be slow is a request class: a fixed number is worked on at
+once, a fixed number waits without a thread, and the rest is answered 503. A request without a class is quick.
+``class_of_request`` tells the class of a path, ``make_request_classes`` the sizes.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from app.core.problems import problem_response
 from app.core.receiving.clients import Shares, present_client
 
 LONGEST_WAIT_S = 10.0
-"""Then a client is better told to come again."""
+"""A client that would wait longer is told to come again."""
 MOST_WAITING = 400
-"""In each lane, of one client half as many: a map asks for some sixty tiles at once."""
+"""In each class, of one client half as many: a map asks for some sixty tiles at once."""
 FOR_OTHERS = 2
-"""Places of each lane that only clients get who have none in it."""
+"""Places of each class that only clients get who have none in it."""
 MORE_CONNECTIONS = 24
-"""To the database, beside those that a process keeps open: as many as the lanes may need, and three."""
+"""To the database, beside those that a process keeps open: as many as the classes may need, and three."""
 WIDE_ZOOM = 12
-"""Tiles of lower zooms have a lane of their own."""
+"""Tiles of lower zooms have a class of their own."""
 CHANGES = "changes"
 SEARCHES = "searches"
 PARTS = "parts"
@@ -48,7 +48,7 @@ _KINDS = (
     ),
     ("figures", re.compile(r"/v1/admin/.*|/metrics")),
 )
-"""The first pattern that the whole path of a request that reads fits says of which kind it is."""
+"""A reading request is of the first class whose pattern fits its whole path."""
 _ITEMS = re.compile(r"/collections/[^/]+/items")
 _WITHOUT_SEARCH = frozenset(
     {"bbox", "bbox-crs", "limit", "after", "f", "crs", "properties", "skipGeometry", "gaps"}
@@ -57,12 +57,12 @@ _WITHOUT_SEARCH = frozenset(
 _STREAM = re.compile(r"/v1/drives/[^/]+/events")
 
 
-class Lane:
-    """Requests of one kind: ``places`` at once, others wait their turn, ``for_others`` more for who has none.
+class RequestClass:
+    """Requests of one class: ``places`` at once and ``for_others`` more for clients that hold none; others wait.
 
-    Fair among clients (``app.core.receiving.clients``): one that holds all places, however long, leaves those for
-    others to them. Of who waits, the client that holds fewest comes first, of equals the one that was served longest
-    ago; and one client fills at most half of the waiting room.
+    Fair among clients (``app.core.receiving.clients``). A client that holds all ``places`` cannot take those
+    ``for_others``. Among those that wait, the client that holds fewest is next, of equals the one that was served
+    longest ago. One client fills at most half of the waiting room.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class Lane:
             self._serve(min(waiting, key=self._held.__getitem__))
 
     def _serve(self, client: str) -> None:
-        """The client's next one that still waits has a place; the client goes behind the others."""
+        """Give a place to the client's next request that still waits, and move the client behind the others."""
         turns = self._turns.pop(client)
         while turns:
             turn = turns.popleft()
@@ -139,26 +139,25 @@ class Lane:
             self._turns[client] = turns
 
 
-def tile_lane(z: int) -> str:
-    """The name of the lane of a tile of a zoom: what shows much of the map may be slow."""
+def class_of_tile(z: int) -> str:
+    """The class of a tile of zoom ``z``: one that shows much of the map may be slow."""
     return "wide tiles" if z < WIDE_ZOOM else "tiles"
 
 
-def make_lanes(connections: int) -> dict[str, Lane]:
-    """The lanes of a process that keeps ``connections`` to its database open and may open ``MORE_CONNECTIONS``.
+def make_request_classes(connections: int) -> dict[str, RequestClass]:
+    """The classes, by name, of a process that keeps ``connections`` open and may open ``MORE_CONNECTIONS`` more.
 
-    Together they leave three for what is quick.
+    Together they leave three connections for quick requests.
     """
     places = {"tiles": connections, "wide tiles": 2, SEARCHES: 2, PARTS: 2, CHANGES: 2, "figures": 1}
-    return {name: Lane(size, for_others=FOR_OTHERS) for name, size in places.items()}
+    return {name: RequestClass(size, for_others=FOR_OTHERS) for name, size in places.items()}
 
 
 class Turnstile:
     """Begins one request after the other, and lets probes pass between them.
 
-    Six hundred requests that come at once would else be begun at once: half a second in which nothing is answered.
-    Event streams come so many at once when a service has been away, and nobody waits for one as for an answer: of all
-    that wait, one has a turn among the others.
+    Six hundred requests begun at once would keep the event loop busy for half a second. Event streams reconnect by the
+    hundred after a restart, and nobody waits for one as for an answer: all that wait share one turn among the others.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -180,12 +179,12 @@ class Turnstile:
             await asyncio.sleep(0)
 
 
-class Lanes:
-    """Lets each request into its lane before anything of it begins, until its answer does."""
+class Admission:
+    """Holds a place of the request's class from before its route begins until its answer does."""
 
-    def __init__(self, app: ASGIApp, lanes: Mapping[str, Lane]) -> None:
+    def __init__(self, app: ASGIApp, request_classes: Mapping[str, RequestClass]) -> None:
         self.app = app
-        self.lanes = lanes
+        self._classes = request_classes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Wait for a place, or answer 503."""
@@ -193,29 +192,29 @@ class Lanes:
         name = (
             None
             if scope["type"] != "http"
-            else kind_of_request(scope["method"], scope["path"], scope["query_string"])
+            else class_of_request(scope["method"], scope["path"], scope["query_string"])
         )
         if name is None:
             await self.app(scope, receive, send)
             return
         async with AsyncExitStack() as held:
             try:
-                await held.enter_async_context(self.lanes[name].place())
+                await held.enter_async_context(self._classes[name].place())
             except BusyError as error:
                 await problem_response(Request(scope), kind_of(error), str(error))(scope, receive, send)
                 return
 
-            async def leaving(message: Message) -> None:
-                # A client may take its answer slowly: that is nobody else's time.
+            async def send_and_leave(message: Message) -> None:
+                # A client may take its answer slowly: others need not wait for that.
                 if message["type"] == "http.response.start":
                     await held.aclose()
                 await send(message)
 
-            await self.app(scope, receive, leaving)
+            await self.app(scope, receive, send_and_leave)
 
 
-def kind_of_request(method: str, path: str, query: bytes = b"") -> str | None:
-    """The name of the lane of a request; None for what is quick, and for uploads, which go at the client's pace."""
+def class_of_request(method: str, path: str, query: bytes = b"") -> str | None:
+    """The class of a request; None if it is quick, or an upload, which goes at the client's pace."""
     if method not in {"GET", "HEAD", "OPTIONS"}:
         return None if path in UPLOAD_PATHS else CHANGES
     if _ITEMS.fullmatch(path):
