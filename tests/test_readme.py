@@ -20,9 +20,9 @@ from app.cli import COMMANDS
 from app.cli import app as cli
 from app.core.settings import ENV_PREFIX, Settings
 from app.core.telemetry.measures import MEASURES
-from app.exports.formats import FORMATS as EXPORTS
+from app.exports.formats.handovers import HANDOVERS
+from app.exports.formats.registry import FORMATS as EXPORTS
 from app.main import create_app
-from app.map.handover import HANDOVERS
 from app.map.segment import PROPERTIES
 from app.ops.metrics import LABELS, Gauges, Metrics
 from app.ops.store import Squares

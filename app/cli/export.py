@@ -77,10 +77,10 @@ def export(
     """
     from app.cli.database import sessions
     from app.core.text import whole_file
+    from app.exports.formats.outputs import write_beside
     from app.exports.making import make_file
     from app.exports.source import snapshot
     from app.map.attribution import attribution
-    from app.map.outputs import write_beside
     from app.terrain.coverage import rasters_over
     from app.terrain.store import current_dem
 
@@ -109,7 +109,7 @@ def export(
                 console.note(f"{out}: {note}")
             said.append(f"{out}: {made.count} {asked.format.holds}.")
         if map_file is not None:
-            from app.map.map_file import map_of_store
+            from app.map.picture.files import map_of_store
 
             terrain = current_dem(session, settings.dem_dir)
             source = attribution(rasters_over(session, terrain, bbox=box, driven=driven))
@@ -135,7 +135,7 @@ def _asked(
     gaps: bool,
 ) -> Request | None:
     """What is to be written; refuses, before any work, names that say nothing, and options that there are not."""
-    from app.exports.formats import format_for
+    from app.exports.formats.registry import format_for
     from app.exports.making import request_of
 
     if out is None:

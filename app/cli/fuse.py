@@ -113,9 +113,9 @@ def fuse(
     Gives the service's numbers for the same logs. A log that fails is reported, and the others go on.
     """
     from app.cli.fuse_files import Fusion
+    from app.exports.formats.geojson import collection_chunks
+    from app.exports.formats.outputs import stated, write
     from app.map.attribution import attribution
-    from app.map.outputs import stated, write
-    from app.map.outputs.geojson import collection_chunks
     from fusion.network.control import read_control
     from fusion.roads.osm import read_roads
     from fusion.terrain.dem import Dem
@@ -172,7 +172,7 @@ def _usable(
     method: str, named: dict[str, Any], option: list[str], gnss: str, gnss_option: list[str], out: Path | None
 ) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
-    from app.map.outputs import output_for
+    from app.exports.formats.outputs import output_for
     from fusion.catalogue import METHODS, POSITIONINGS
     from fusion.gnss.positioning import options_of
     from fusion.pipeline import parse_options
@@ -228,7 +228,7 @@ def _tell(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]], co
 
 
 def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, scale: float | None) -> None:
-    from app.map.map_file import map_of_segments
+    from app.map.picture.files import map_of_segments
 
     count = len(fusion.fused)
     title = f"Slopes from {fusion.fused[0].source.short_name if count == 1 else f'{count} drives'}"
@@ -245,7 +245,7 @@ def _pictures(
     from app.drives.outputs.profile_picture import printable, profile_figure, written
     from app.drives.outputs.track import track_chunks
     from app.map.attribution import attribution
-    from app.map.slope_map import picture_format
+    from app.map.picture.slope_map import picture_format
 
     estimated = one.result.track
     if profile is not None:

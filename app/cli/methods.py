@@ -44,7 +44,7 @@ def methods(
 
 def catalogue() -> dict[str, Any]:
     """Every registry's names; methods with source, needs and options."""
-    from app.map.outputs import OUTPUTS
+    from app.exports.formats.outputs import OUTPUTS
     from fusion.catalogue import METHODS, POSITIONINGS
     from fusion.filters.resampling import RESAMPLERS
     from fusion.filters.triggers import TRIGGERS

@@ -15,11 +15,11 @@ from app.core.errors import BadRequestError
 from app.core.settings import Settings
 from app.core.text import dumps
 from app.core.version import code_version
-from app.exports.formats import FORMATS, Format, check_filters, checked_options
+from app.exports.formats.base import NoOptions
+from app.exports.formats.outputs import Stated
+from app.exports.formats.registry import FORMATS, Format, check_filters, checked_options
 from app.exports.provenance import State, data_state, provenance, stated_of
 from app.exports.source import Query, Source, Told
-from app.map.handover.base import NoOptions
-from app.map.outputs import Stated
 from app.roads.regions import known_region
 from fusion.errors import BadOptionsError, FusionError
 

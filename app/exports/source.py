@@ -13,9 +13,9 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
 from app.core.settings.places import FilePlace
-from app.map.handover.source import StoredSource
-from app.map.outputs.layer import WAY_COLUMNS, Way
-from app.map.outputs.pmtiles import Tile, tile_number
+from app.exports.stored_source import StoredSource
+from app.exports.writing.layers import WAY_COLUMNS, Way
+from app.exports.writing.pmtiles_archive import Tile, tile_number
 from app.map.pages import PAGE, all_segments
 from app.map.segment import Segment
 from app.map.store import count_segments

@@ -2,7 +2,7 @@
 
 Each field says by which expression it is read, of which type its column is in a file and with how many digits it is
 written; the columns of queries, the properties and the schemas of files follow from that. Nothing here knows the
-statements (``app.map.store``) or the files (``app.map.outputs``).
+statements (``app.map.store``) or the files (``app.exports.formats.outputs``).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from typer.testing import CliRunner, Result
 
 import fusion
 from app.cli import app
-from app.map.outputs import OUTPUTS
+from app.exports.formats.outputs import OUTPUTS
 from app.map.segment import PROPERTIES
 from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.formats import FORMATS, read_log

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli import app
-from app.map.outputs import OUTPUTS
+from app.exports.formats.outputs import OUTPUTS
 from fusion.formats import read_log
 from fusion.report import with_twin
 from fusion.simulate.bundle import Bundle, write_all

@@ -25,11 +25,11 @@ from app.core import databases
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
-from app.exports.formats import FORMATS, format_for
+from app.exports.formats.handovers import HANDOVERS
+from app.exports.formats.outputs import OUTPUTS
+from app.exports.formats.registry import FORMATS, format_for
 from app.exports.making import Made, make_file, request_of
 from app.exports.source import snapshot
-from app.map.handover import HANDOVERS
-from app.map.outputs import OUTPUTS
 from app.map.tiles.store import mvt
 from app.roads.imports import import_roads
 from drawn_support import draw
