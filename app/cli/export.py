@@ -77,7 +77,7 @@ def export(
     """
     from app.cli.database import sessions
     from app.core.text import whole_file
-    from app.exports.formats.outputs import write_beside
+    from app.exports.formats import write_companions
     from app.exports.making import make_file
     from app.exports.source import snapshot
     from app.map.attribution import attribution
@@ -102,7 +102,7 @@ def export(
             progress = bars.work(out.name)
             with whole_file(out) as partial:
                 made = make_file(session, settings, asked, partial, lambda share: progress("writing", share))
-            write_beside(asked.format.companions(out, made.stated))
+            write_companions(asked.format.companions(out, made.stated))
             figures |= {"file": str(out), "format": asked.format.name, asked.format.holds: made.count}
             figures |= {"data_version": made.state.version, "notes": list(made.notes)}
             for note in made.notes:
@@ -135,7 +135,7 @@ def _asked(
     gaps: bool,
 ) -> Request | None:
     """What is to be written; refuses, before any work, names that say nothing, and options that there are not."""
-    from app.exports.formats.registry import format_for
+    from app.exports.formats import format_for
     from app.exports.making import request_of
 
     if out is None:

@@ -134,7 +134,7 @@ def list_exports(
 def list_formats() -> ExportFormats:
     """What can be asked for, with the options of each. Options that name files are for `versant export` alone."""
     # Some formats stand on large libraries: an API that nobody asks for files does without them.
-    from app.exports.formats.registry import FORMATS  # noqa: PLC0415
+    from app.exports.formats import FORMATS  # noqa: PLC0415
 
     return ExportFormats(
         formats=[

@@ -2,14 +2,15 @@
 
 Each field says by which expression it is read, of which type its column is in a file and with how many digits it is
 written; the columns of queries, the properties and the schemas of files follow from that. Nothing here knows the
-statements (``app.map.store``) or the files (``app.exports.formats.outputs``).
+statements (``app.map.store``) or the files (``app.exports``).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, get_origin, get_type_hints
 
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS, rounded, utc_text
 
@@ -33,8 +34,50 @@ class Column:
     """Decimal places in every output, for fractions."""
 
 
+class Record:
+    """A row with properties and a line: a frozen dataclass whose fields but the line are annotated by a ``Column``."""
+
+    columns: ClassVar[Mapping[str, Column]]
+    """By the property's name, in the order of the fields."""
+    _digits: ClassVar[Mapping[str, int]]
+    id: int | None
+    updated_at: datetime | None
+    """When what is published of it last changed; aware."""
+    coordinates: tuple[Position, ...]
+
+    def __init_subclass__(cls) -> None:
+        hints = get_type_hints(cls, include_extras=True)
+        cls.columns = {name: h.__metadata__[0] for name, h in hints.items() if get_origin(h) is Annotated}
+        cls._digits = {name: c.digits for name, c in cls.columns.items() if c.digits is not None}
+
+    def properties(self) -> dict[str, Any]:
+        """The properties in their order, rounded, JSON-serialisable; unknown and NaN are None."""
+        values = {name: getattr(self, name) for name in self.columns}
+        for name, digits in self._digits.items():
+            values[name] = rounded(values[name], digits)
+        values["updated_at"] = utc_text(self.updated_at)
+        return values
+
+    def geometry(self) -> dict[str, Any]:
+        """The GeoJSON LineString, from_node first."""
+        return {"type": "LineString", "coordinates": [list(p) for p in self.rounded_coordinates()]}
+
+    def rounded_coordinates(self) -> list[Position]:
+        """The coordinates at the resolution that files carry."""
+        return [
+            (round(lon, COORDINATE_DIGITS), round(lat, COORDINATE_DIGITS)) for lon, lat in self.coordinates
+        ]
+
+    def geojson(self) -> dict[str, Any]:
+        """The GeoJSON Feature (RFC 7946); without an ``id`` member where there is no number."""
+        feature: dict[str, Any] = {"type": "Feature"}
+        if self.id is not None:
+            feature["id"] = self.id
+        return feature | {"geometry": self.geometry(), "properties": self.properties()}
+
+
 @dataclass(frozen=True)
-class Segment:
+class Segment(Record):
     """A segment and its slope. Unknown is None or NaN here and null in every output, never 0.
 
     An undriven segment has neither slope nor heights nor ``updated_at``, and counts 0; a gap between driven ones, where
@@ -85,38 +128,7 @@ class Segment:
             raise ValueError("a segment that comes from no database has no number")
         return self.id
 
-    def properties(self) -> dict[str, Any]:
-        """The properties of the contract in its order, rounded, JSON-serialisable; NaN is None."""
-        values = {name: getattr(self, name) for name in PROPERTIES}
-        for name, digits in _DIGITS.items():
-            values[name] = rounded(values[name], digits)
-        values["updated_at"] = utc_text(self.updated_at)
-        return values
 
-    def geometry(self) -> dict[str, Any]:
-        """The GeoJSON LineString, from_node first."""
-        return {"type": "LineString", "coordinates": [list(p) for p in self.rounded_coordinates()]}
-
-    def rounded_coordinates(self) -> list[Position]:
-        """The coordinates at the resolution that outputs carry."""
-        return [
-            (round(lon, COORDINATE_DIGITS), round(lat, COORDINATE_DIGITS)) for lon, lat in self.coordinates
-        ]
-
-    def geojson(self) -> dict[str, Any]:
-        """The GeoJSON Feature (RFC 7946); without an ``id`` member where there is no number."""
-        feature: dict[str, Any] = {"type": "Feature"}
-        if self.id is not None:
-            feature["id"] = self.id
-        return feature | {"geometry": self.geometry(), "properties": self.properties()}
-
-
-def _columns() -> dict[str, Column]:
-    hints = get_type_hints(Segment, include_extras=True)
-    return {name: hint.__metadata__[0] for name, hint in hints.items() if get_origin(hint) is Annotated}
-
-
-COLUMNS = _columns()
+COLUMNS = Segment.columns
 """The segment properties of the contract, in its order: all fields but the line."""
 PROPERTIES = tuple(COLUMNS)
-_DIGITS = {name: column.digits for name, column in COLUMNS.items() if column.digits is not None}

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
+from app.exports.format import Stated, TableFormat
 from app.exports.writing.layers import SEGMENTS
 from app.exports.writing.qgis_style import style_beside
-from app.map.segment import Segment
+from app.map.segment import Record
 
 
-class FlatGeobufOutput:
+class FlatGeobuf(TableFormat):
     """One layer with a packed Hilbert R-tree, whose features are in its order."""
 
     name = "flatgeobuf"
-    suffix = ".fgb"
+    suffixes = (".fgb",)
     media_type = "application/vnd.flatgeobuf"
     description = "FlatGeobuf with a spatial index, layer segments, WGS 84"
 
-    def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
+    def write_records(self, records: Iterable[Record], path: Path, stated: Stated) -> int:
         """Write the layer; what is ``stated`` is in its header, whose data it is as its description.
 
         GDAL keeps some 100 bytes a segment for the index; the segments themselves go through a file beside ``path``.
@@ -26,10 +27,14 @@ class FlatGeobufOutput:
         # Imported where a file is written: every command that only names the outputs would wait for it.
         from app.exports.writing.arrow import write_by_gdal  # noqa: PLC0415
 
-        said = dict(stated)
-        options = {"SPATIAL_INDEX": "YES", "TITLE": SEGMENTS.title, "DESCRIPTION": said.pop("attribution")}
-        return write_by_gdal(segments, path, "FlatGeobuf", SEGMENTS, metadata=said, options=options)
+        metadata = dict(stated)
+        options = {
+            "SPATIAL_INDEX": "YES",
+            "TITLE": SEGMENTS.title,
+            "DESCRIPTION": metadata.pop("attribution"),
+        }
+        return write_by_gdal(records, path, "FlatGeobuf", SEGMENTS, metadata=metadata, options=options)
 
-    def companions(self, path: Path, stated: Mapping[str, str]) -> dict[Path, str]:
+    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
         """The style for QGIS."""
         return style_beside(path)

@@ -6,29 +6,30 @@ The metadata are written here, not by geopandas, which would need all segments i
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from app.exports.writing.layers import SEGMENTS, WAYS, Layer, Record
+from app.exports.format import WAY_FILTERS, Stated, TableFormat
+from app.exports.writing.layers import WAYS
 from app.exports.writing.qgis_style import style_beside
+from app.map.segment import Record
 from fusion.types import Floats
 
 NO_BOUNDS = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
 
-class GeoParquetOutput:
+class GeoParquet(TableFormat):
     """One Parquet file with a WKB geometry column; no stated CRS means longitude, latitude on WGS 84."""
 
     name = "geoparquet"
-    suffix = ".parquet"
+    suffixes = (".parquet",)
     media_type = "application/vnd.apache.parquet"
     description = "GeoParquet 1.1, WKB lines, WGS 84"
-    layer: Layer = SEGMENTS
 
-    def write(self, segments: Iterable[Record], path: Path, stated: Mapping[str, str]) -> int:
+    def write_records(self, records: Iterable[Record], path: Path, stated: Stated) -> int:
         """Write the file with what is ``stated`` among its metadata."""
         # Imported where a file is written: every command that only names the outputs would wait for it.
         import pyarrow.parquet as pq  # noqa: PLC0415
@@ -43,7 +44,7 @@ class GeoParquetOutput:
 
         count, bounds = 0, NO_BOUNDS
         with pq.ParquetWriter(path, schema_of(self.layer), compression="zstd") as writer:
-            for table in arrow_tables(segments, ROWS_PER_GROUP, self.layer):
+            for table in arrow_tables(records, ROWS_PER_GROUP, self.layer):
                 writer.write_table(table)
                 count += len(table)
                 bounds = _grown(bounds, bounds_deg(table))
@@ -51,17 +52,19 @@ class GeoParquetOutput:
             writer.add_key_value_metadata({"geo": geo, **stated})
         return count
 
-    def companions(self, path: Path, stated: Mapping[str, str]) -> dict[Path, str]:
+    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
         """The style for QGIS."""
         return style_beside(path)
 
 
-class WayParquetOutput(GeoParquetOutput):
+class WayParquet(GeoParquet):
     """The same of whole ways."""
 
     name = "ways-parquet"
     description = "GeoParquet 1.1 of whole ways: mean slope by length, steepest 20 m and where"
     layer = WAYS
+    holds = WAYS.name
+    filters = WAY_FILTERS
 
 
 def _grown(bounds: Floats, more: Floats) -> Floats:

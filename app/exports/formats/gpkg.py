@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from app.core.text import utc_text
+from app.exports.format import Stated, TableFormat
 from app.exports.writing.layers import SEGMENTS
 from app.exports.writing.qgis_style import STYLE_DESCRIPTION, STYLE_NAME, qml
-from app.map.segment import Segment
+from app.map.segment import Record
 
 STYLES = "layer_styles"
 GEOMETRY_COLUMN = "geom"
 """As the standard's examples and GDAL call it; a style is found by it."""
 
 
-class GeoPackageOutput:
+class GeoPackage(TableFormat):
     """One layer, ``segments``, and a table without geometries that holds its style for QGIS."""
 
     name = "gpkg"
-    suffix = ".gpkg"
+    suffixes = (".gpkg",)
     media_type = "application/geopackage+sqlite3"
     description = "OGC GeoPackage, layer segments, WGS 84, with its style for QGIS"
 
-    def write(self, segments: Iterable[Segment], path: Path, stated: Mapping[str, str]) -> int:
+    def write_records(self, records: Iterable[Record], path: Path, stated: Stated) -> int:
         """Write the layer with what is ``stated`` among its metadata, whose data it is as its description.
 
         A GeoPackage says when its tables changed: when the data did, where that is stated.
@@ -40,14 +41,14 @@ class GeoPackageOutput:
         moment = datetime.fromisoformat(stated["changed_at"]) if "changed_at" in stated else datetime.now(UTC)
         with _dated(moment):
             options = {"GEOMETRY_NAME": GEOMETRY_COLUMN}
-            count = write_by_gdal(segments, path, "GPKG", SEGMENTS, metadata=metadata, options=options)
+            count = write_by_gdal(records, path, "GPKG", SEGMENTS, metadata=metadata, options=options)
             # Listed beside the segments, as an attributes table: QGIS finds a style in no other.
             pyogrio.write_arrow(
                 _style_table(moment), path, layer=STYLES, driver="GPKG", layer_options={"FID": "id"}
             )
         return count
 
-    def companions(self, path: Path, stated: Mapping[str, str]) -> dict[Path, str]:
+    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
         """None: the file holds everything."""
         return {}
 

@@ -17,13 +17,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 from app.core.version import code_version
-from app.exports.formats.base import Source, Stated
+from app.exports.format import Format, Stated
 from app.exports.writing.inclines import InclineOptions, Section, proposals
 from app.exports.writing.osm_files import OsmNode, OsmWay
+
+if TYPE_CHECKING:
+    from app.exports.source import Source
 
 _UNKNOWN_VERSION = 1
 _BESIDE_DEG = 3e-5
@@ -40,14 +43,17 @@ class Piece:
     section: Section | None
 
 
-class Josm:
+class Josm(Format):
     """Split ways with proposed tags."""
 
     name = "josm"
     consumer = "JOSM (OSM XML with upload=never)"
     suffixes = (".osm",)
     media_type = "application/vnd.openstreetmap.data+xml"
-    description = "Proposals of incline=* for people to review, never an edit: ways split where it is steep"
+    description = (
+        "Proposals of incline=* for people to review, never an edit: ways split where it is steep "
+        f"({consumer})"
+    )
     options = InclineOptions
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:

@@ -14,15 +14,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from app.core.text import COORDINATE_DIGITS, dumps
-from app.exports.formats.base import Source, Stated
+from app.exports.format import Format, Stated
 from app.exports.writing.inclines import InclineOptions, Section, proposals
 from app.exports.writing.osm_files import OsmNode
 from app.map.attribution import OSM_ATTRIBUTION
+
+if TYPE_CHECKING:
+    from app.exports.source import Source
 
 RECORD = "\x1e"
 
@@ -40,14 +43,16 @@ class TaskOptions(InclineOptions):
     kind: Tasks = Field(Tasks.TAGS, description="tags: whole ways, as tag fixes; split: parts of ways.")
 
 
-class MapRoulette:
+class MapRoulette(Format):
     """Tasks, one a line."""
 
     name = "maproulette"
     consumer = "MapRoulette (line-by-line GeoJSON, cooperative tag fixes)"
     suffixes = (".geojsonl", ".geojson")
     media_type = "application/geo+json-seq"
-    description = "Proposals of incline=* for people to review, never an edit: a MapRoulette challenge"
+    description = (
+        f"Proposals of incline=* for people to review, never an edit: a MapRoulette challenge ({consumer})"
+    )
     options = TaskOptions
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:

@@ -15,13 +15,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from app.core.text import dumps, rounded
-from app.exports.formats.base import NoOptions, Source, Stated
+from app.exports.format import Format, NoOptions, Stated
 from app.map.segment import Segment
+
+if TYPE_CHECKING:
+    from app.exports.source import Source
 
 SCHEMA = "https://sidewalks.washington.edu/opensidewalks/0.3/schema.json"
 KINDS = frozenset(
@@ -46,14 +49,16 @@ class SidewalkOptions(NoOptions):
     measured: bool = Field(False, description="Only edges whose slope was measured.")
 
 
-class OpenSidewalks:
+class OpenSidewalks(Format):
     """Edges of roads with their inclines, and the nodes between them."""
 
     name = "opensidewalks"
     consumer = "OpenSidewalks schema 0.3"
     suffixes = (".geojson",)
     media_type = "application/geo+json"
-    description = "Roads as edges of a walking network with their incline, and the nodes between them"
+    description = (
+        f"Roads as edges of a walking network with their incline, and the nodes between them ({consumer})"
+    )
     options = SidewalkOptions
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:

@@ -14,14 +14,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import osmium
 from pydantic import Field
 
 from app.core.version import code_version
-from app.exports.formats.base import NoOptions, Source, Stated
+from app.exports.format import Format, NoOptions, Stated
 from app.exports.writing.osm_files import FORMATS, RoadNodes, damage_told, merged, only, read_nodes, writing
 from app.map.segment import HEIGHT_DATUM, Segment
 from fusion.errors import BadOptionsError, RoadsError
@@ -29,6 +29,9 @@ from fusion.frames import METRES_PER_DEGREE
 from fusion.roads.node_heights import NodeHeights, node_heights
 from fusion.roads.osm import file_format
 from fusion.types import Floats
+
+if TYPE_CHECKING:
+    from app.exports.source import Source
 
 DIGITS = 2
 MOVED_M = 20.0
@@ -45,21 +48,21 @@ class EleOptions(NoOptions):
     )
 
 
-class OsmEle:
+class OsmEle(Format):
     """Roads with heights, or a whole file with heights on its roads."""
 
     name = "osm-ele"
     consumer = "openrouteservice, OpenTripPlanner, SUMO (node tag ele)"
     suffixes = (".osm.pbf", ".osm", ".osm.gz")
     media_type = "application/octet-stream"
-    description = "OpenStreetMap file with the height of the road, ele, on every node of a road"
+    description = f"OpenStreetMap file with the height of the road, ele, on every node of a road ({consumer})"
     options = EleOptions
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write the file; the number of nodes with ``ele``. ``RoadsError`` where no height is known at all."""
         if (form := FORMATS.get(path.suffix.lower())) is None:
             raise BadOptionsError(f"{path.name}: {self.name} writes {', '.join(self.suffixes)}.", where="out")
-        files = source.road_files() if options.osm is None else (options.osm,)
+        files = source.road_files if options.osm is None else (options.osm,)
         nodes = read_nodes(
             files, source.bbox if options.osm is None else None, roads_only=options.osm is None
         )

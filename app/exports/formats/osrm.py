@@ -15,14 +15,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from app.exports.formats.base import NoOptions, Source, Stated
+from app.exports.format import Format, NoOptions, Stated
 from app.exports.writing.best_slope import Unmeasured, directions, slope_of
 from app.exports.writing.vehicles import VEHICLES, Kind, Vehicle
 from app.map.segment import Segment
+
+if TYPE_CHECKING:
+    from app.exports.source import Source
 
 
 class SpeedOptions(NoOptions):
@@ -59,14 +62,14 @@ class SpeedOptions(NoOptions):
         )
 
 
-class OsrmSpeeds:
+class OsrmSpeeds(Format):
     """A line for each segment and direction that may be driven."""
 
     name = "osrm-speeds"
     consumer = "OSRM (--segment-speed-file, as of src/updater/csv_source.cpp)"
     suffixes = (".csv",)
     media_type = "text/csv"
-    description = "Speeds of a vehicle on every segment and in each direction, from its slope"
+    description = f"Speeds of a vehicle on every segment and in each direction, from its slope ({consumer})"
     options = SpeedOptions
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:

@@ -22,17 +22,20 @@ from contextlib import ExitStack, contextmanager
 from enum import StrEnum
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from app.exports.formats.base import NoOptions, Source, Stated
+from app.exports.format import Format, NoOptions, Stated
 from app.exports.formats.osm_ele import heights_of
 from app.exports.writing.best_slope import Unmeasured, directions, slope_of
 from app.exports.writing.osm_files import read_nodes
 from fusion.errors import BadOptionsError
 from fusion.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from app.exports.source import Source
 
 GRADES = "edges-grade-enumerated.txt.gz"
 _FILES = {
@@ -69,14 +72,16 @@ class GradeOptions(NoOptions):
     vertices: Path | None = Field(None, description="Your vertices-mapping.csv.gz, which goes with it.")
 
 
-class RouteeGrades:
+class RouteeGrades(Format):
     """The grades of edges, one a line."""
 
     name = "routee-grades"
     consumer = "RouteE Compass (grade_table_input_file)"
     suffixes = (".zip", ".txt.gz")
     media_type = "application/zip"
-    description = "Grade of each edge in the order of the edges: of a network of its own, or of yours"
+    description = (
+        f"Grade of each edge in the order of the edges: of a network of its own, or of yours ({consumer})"
+    )
     options = GradeOptions
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
@@ -178,7 +183,7 @@ def _grades_of(source: Source, edges: Path, vertices: Path) -> Floats:
             f"{edges.name}: edge_id does not count from 0 without gaps, so no line of a list can be an edge's.",
             where="edges",
         )
-    nodes = read_nodes(source.road_files(), source.bbox)
+    nodes = read_nodes(source.road_files, source.bbox)
     height = np.append(heights_of(source, nodes).height_m, np.nan)  # -1: not among the roads
     by_vertex = dict(zip(vertex.tolist(), height[nodes.rows(node.astype(np.int64))].tolist(), strict=True))
     ends = [

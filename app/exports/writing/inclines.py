@@ -13,13 +13,17 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
 
-from app.exports.formats.base import NoOptions, Source
+from app.exports.format import NoOptions
 from app.exports.writing.osm_files import OsmNode, OsmWay, read_ways
 from app.map.segment import Segment
+
+if TYPE_CHECKING:
+    from app.exports.source import Source
 
 STEEPEST_M = 20.0
 """Over which the steepest grade is a mean, as everywhere in the service."""
@@ -133,7 +137,7 @@ def proposals(
         for segment in source.segments(driven=True)
         if segment.osm_way_id in steep and segment.slope_percent is not None
     }
-    ways, nodes = read_ways(source.road_files(), steep)
+    ways, nodes = read_ways(source.road_files, steep)
     for way in ways:
         found = told(list(sections(way, measured, options)), options)
         if found and all(node in nodes for node in way.nodes):

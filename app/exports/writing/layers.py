@@ -5,36 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, Protocol, get_origin, get_type_hints
+from typing import Annotated
 
-from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS, rounded, utc_text
-from app.map.segment import COLUMNS, SHARE_DIGITS, Column, Position
-
-
-class Record(Protocol):
-    """A row of a layer."""
-
-    @property
-    def coordinates(self) -> tuple[Position, ...]:
-        """The line."""
-        ...
-
-    @property
-    def updated_at(self) -> datetime | None:
-        """When what is said of it last changed; aware."""
-        ...
-
-    def properties(self) -> dict[str, Any]:
-        """The properties in the layer's order, rounded; unknown is None."""
-        ...
-
-    def rounded_coordinates(self) -> list[Position]:
-        """The coordinates at the resolution that outputs carry."""
-        ...
+from app.core.text import LENGTH_DIGITS, SLOPE_DIGITS
+from app.map.segment import SHARE_DIGITS, Column, Position, Record, Segment
 
 
 @dataclass(frozen=True)
-class Way:
+class Way(Record):
     """Consecutive segments of one OpenStreetMap way, as one. Unknown is None."""
 
     id: Annotated[int, Column("w.id", "int64")]
@@ -63,21 +41,6 @@ class Way:
     steepest_to_m: Annotated[float | None, Column("w.steepest_to_m", "double", LENGTH_DIGITS)]
     coordinates: tuple[Position, ...]
 
-    def properties(self) -> dict[str, Any]:
-        """As of ``Segment``."""
-        values = {name: getattr(self, name) for name in WAY_COLUMNS}
-        for name, column in WAY_COLUMNS.items():
-            if column.digits is not None:
-                values[name] = rounded(values[name], column.digits)
-        values["updated_at"] = utc_text(self.updated_at)
-        return values
-
-    def rounded_coordinates(self) -> list[Position]:
-        """As of ``Segment``."""
-        return [
-            (round(lon, COORDINATE_DIGITS), round(lat, COORDINATE_DIGITS)) for lon, lat in self.coordinates
-        ]
-
 
 @dataclass(frozen=True)
 class Layer:
@@ -88,11 +51,5 @@ class Layer:
     columns: Mapping[str, Column]
 
 
-def _way_columns() -> dict[str, Column]:
-    hints = get_type_hints(Way, include_extras=True)
-    return {name: hint.__metadata__[0] for name, hint in hints.items() if get_origin(hint) is Annotated}
-
-
-WAY_COLUMNS = _way_columns()
-SEGMENTS = Layer("segments", "Slopes of road segments", COLUMNS)
-WAYS = Layer("ways", "Slopes of whole ways", WAY_COLUMNS)
+SEGMENTS = Layer("segments", "Slopes of road segments", Segment.columns)
+WAYS = Layer("ways", "Slopes of whole ways", Way.columns)

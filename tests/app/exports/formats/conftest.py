@@ -1,4 +1,4 @@
-"""The simulated town as a map that drives measured in part: what handovers are written from."""
+"""The simulated town as a map that drives measured in part: what formats for other programs are written from."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from sqlalchemy import text
 from app.core import databases
 from app.core.db import Bounds, Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
-from app.exports.formats.base import options_of
-from app.exports.formats.handovers import HANDOVERS
-from app.exports.stored_source import StoredSource
+from app.exports.formats import FORMATS
+from app.exports.source import Query, Source
 from app.roads.imports import import_roads
 from app.terrain.imports import import_dem
 from fusion.simulate.scene.town import Town
@@ -56,17 +55,17 @@ class Mapped:
     heights: dict[int, float]
 
     @contextmanager
-    def source(self, bbox: Bounds | None = None) -> Iterator[StoredSource]:
+    def source(self, bbox: Bounds | None = None) -> Iterator[Source]:
         with self.sessions() as session:
-            yield StoredSource(session, self.place, bbox)
+            yield Source(session, self.place, Query(bbox))
 
     def write(
         self, name: str, path: Path, bbox: Bounds | None = None, **options: Any
     ) -> tuple[int, list[str]]:
-        """Write a handover; what it counts, and what it notes."""
+        """Write a file; what it counts, and what it notes."""
         with self.source(bbox) as source:
-            handover = HANDOVERS[name]
-            count = handover.write(source, path, STATED, options_of(handover, options, local=True))
+            form = FORMATS[name]
+            count = form.write(source, path, STATED, form.parse_options(options, local=True))
             return count, source.notes
 
 

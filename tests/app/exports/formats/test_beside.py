@@ -18,7 +18,7 @@ import pyogrio
 import pytest
 from matplotlib.colors import to_hex, to_rgb
 
-from app.exports.formats.outputs import OUTPUTS, write
+from app.exports.formats import SEGMENT_FORMATS, write_segments
 from app.exports.writing.qgis_style import MARK, WIDTH_MM, classes, qml
 from app.map.picture.roads import STEEPNESS
 from app.map.segment import PROPERTIES, Segment
@@ -92,7 +92,7 @@ def test_every_steepness_has_a_class_and_unknown_one_of_its_own(steepness: float
 
 def test_a_geopackage_brings_its_style_as_qgis_looks_for_it(tmp_path: Path) -> None:
     path = tmp_path / "slopes.gpkg"
-    write([SEGMENT], path)
+    write_segments([SEGMENT], path)
     with closing(sqlite3.connect(path)) as file:
         file.row_factory = sqlite3.Row
         (row,) = file.execute("SELECT * FROM layer_styles").fetchall()
@@ -113,7 +113,7 @@ def test_a_geopackage_brings_its_style_as_qgis_looks_for_it(tmp_path: Path) -> N
 
 def test_readers_take_the_style_for_no_layer_of_features(tmp_path: Path) -> None:
     path = tmp_path / "slopes.gpkg"
-    write([SEGMENT], path)
+    write_segments([SEGMENT], path)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert pyogrio.list_layers(path).tolist() == [["segments", "LineString"], ["layer_styles", None]]
@@ -129,14 +129,14 @@ def test_readers_take_the_style_for_no_layer_of_features(tmp_path: Path) -> None
 @pytest.mark.parametrize("suffix", [".geojson", ".parquet"])
 def test_files_without_a_place_for_it_have_the_style_beside_them(tmp_path: Path, suffix: str) -> None:
     path, beside = tmp_path / f"slopes{suffix}", tmp_path / "slopes.qml"
-    write([SEGMENT], path)
+    write_segments([SEGMENT], path)
     assert beside.read_text(encoding="utf-8") == qml()
     assert MARK in qml()
     beside.write_text(f"<!-- {MARK} --> an older one")
-    write([SEGMENT], path)
+    write_segments([SEGMENT], path)
     assert beside.read_text(encoding="utf-8") == qml()
     beside.write_text("<qgis>one of my own</qgis>")
-    write([SEGMENT], path)
+    write_segments([SEGMENT], path)
     assert beside.read_text() == "<qgis>one of my own</qgis>", "a person's work is never lost"
 
 
@@ -145,15 +145,15 @@ def test_what_fails_leaves_nothing_beside(tmp_path: Path) -> None:
         yield SEGMENT
         raise RuntimeError("the database went away")
 
-    for _, output in OUTPUTS.items():
+    for output in SEGMENT_FORMATS.values():
         with pytest.raises(RuntimeError, match="went away"):
-            write(broken(), tmp_path / f"slopes{output.suffix}")
+            write_segments(broken(), tmp_path / f"slopes{output.suffixes[0]}")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_csv_says_what_it_is_as_csv_on_the_web_does(tmp_path: Path) -> None:
     path = tmp_path / "slopes.csv"
-    write([SEGMENT], path, source="Roads © somebody")
+    write_segments([SEGMENT], path, source="Roads © somebody")
     about = json.loads((tmp_path / "slopes.csv-metadata.json").read_text(encoding="utf-8"))
     assert about["@context"][0] == "http://www.w3.org/ns/csvw"
     assert about["url"] == "slopes.csv"

@@ -13,45 +13,45 @@ from typing import Any
 
 import pytest
 
-from app.exports.formats.base import options_of
-from app.exports.formats.handovers import HANDOVERS
+from app.exports.formats import FORMATS
 from fusion.errors import BadOptionsError
 
 Mapped = Any  # of conftest, which cannot be imported
+FOR_PROGRAMS = [name for name, one in FORMATS.items() if one.consumer]
 
 
-@pytest.mark.parametrize("name", list(HANDOVERS))
+@pytest.mark.parametrize("name", FOR_PROGRAMS)
 def test_each_says_what_it_is_and_is_the_same_twice(name: str, mapped: Mapped, tmp_path: Path) -> None:
-    handover = HANDOVERS[name]
-    assert handover.name == name and handover.consumer and handover.description
-    assert handover.suffixes and all(re.fullmatch(r"(\.[a-z]+)+", s) for s in handover.suffixes)
-    assert "/" in handover.media_type and handover.media_type.split("/")[0] in ("application", "text")
-    for option, field in handover.options.model_fields.items():
+    form = FORMATS[name]
+    assert form.name == name and form.consumer and form.description
+    assert form.suffixes and all(re.fullmatch(r"(\.[a-z]+)+", s) for s in form.suffixes)
+    assert "/" in form.media_type and form.media_type.split("/")[0] in ("application", "text")
+    for option, field in form.options.model_fields.items():
         assert field.description and field.description.endswith("."), option
-        assert not field.is_required(), "a handover works without options"
-    counts = [mapped.write(name, tmp_path / f"{k}{handover.suffixes[0]}")[0] for k in range(2)]
-    one, two = ((tmp_path / f"{k}{handover.suffixes[0]}").read_bytes() for k in range(2))
+        assert not field.is_required(), "a format works without options"
+    counts = [mapped.write(name, tmp_path / f"{k}{form.suffixes[0]}")[0] for k in range(2)]
+    one, two = ((tmp_path / f"{k}{form.suffixes[0]}").read_bytes() for k in range(2))
     assert one == two and counts[0] == counts[1] > 0
 
 
-@pytest.mark.parametrize("name", list(HANDOVERS))
+@pytest.mark.parametrize("name", FOR_PROGRAMS)
 def test_wrong_options_are_told(name: str) -> None:
-    handover = HANDOVERS[name]
+    form = FORMATS[name]
     with pytest.raises(BadOptionsError, match=r"takes no option 'colour' here\. It takes: "):
-        options_of(handover, {"colour": "red"}, local=True)
-    for option in handover.options.local_files:
-        assert getattr(options_of(handover, {option: "x"}, local=True), option) == Path("x")
+        form.parse_options({"colour": "red"}, local=True)
+    for option in form.options.local_files:
+        assert getattr(form.parse_options({option: "x"}, local=True), option) == Path("x")
         with pytest.raises(BadOptionsError, match=f"takes no option '{option}' here"):
-            options_of(handover, {option: "/etc/passwd"}, local=False)
+            form.parse_options({option: "/etc/passwd"}, local=False)
 
 
 def test_a_wrong_value_is_told_with_its_option() -> None:
     with pytest.raises(BadOptionsError, match="osrm-speeds: mass_kg: Input should be greater than 0"):
-        options_of(HANDOVERS["osrm-speeds"], {"mass_kg": "-3"}, local=True)
+        FORMATS["osrm-speeds"].parse_options({"mass_kg": "-3"}, local=True)
     with pytest.raises(
         BadOptionsError, match="vehicle: Input should be 'car', 'truck', 'bicycle' or 'e-bike'"
     ):
-        options_of(HANDOVERS["osrm-speeds"], {"vehicle": "tank"}, local=True)
+        FORMATS["osrm-speeds"].parse_options({"vehicle": "tank"}, local=True)
 
 
 # OSRM: key and value of src/updater/csv_source.cpp, whole numbers as its older versions read.

@@ -23,7 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.core.text import utc_text
-from app.exports.formats.outputs import OUTPUTS, output_for, write
+from app.exports.formats import SEGMENT_FORMATS, segment_format_for, write_segments
 from app.exports.writing import arrow
 from app.exports.writing.arrow import arrow_tables
 from app.map.attribution import attribution, attribution_html
@@ -85,7 +85,7 @@ OF_NETWORK = (
 )
 SOME = [EXAMPLE, UNKNOWN, replace(EXAMPLE, id=3, dem_slope_percent=4.5)]
 
-NAMES = [pytest.param(name, id=name) for name in OUTPUTS]
+NAMES = [pytest.param(name, id=name) for name in SEGMENT_FORMATS]
 
 
 def read(path: Path) -> list[dict[str, Any]]:
@@ -125,8 +125,8 @@ def same(name: str, value: Any, expected: Any) -> bool:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_goes_in_comes_out(tmp_path: Path, name: str) -> None:
-    path = tmp_path / f"slopes{OUTPUTS[name].suffix}"
-    assert write(iter(SOME), path) == len(SOME)
+    path = tmp_path / f"slopes{SEGMENT_FORMATS[name].suffixes[0]}"
+    assert write_segments(iter(SOME), path) == len(SOME)
     rows = read(path)
     assert len(rows) == len(SOME)
     for row, feature in zip(rows, SOME, strict=True):
@@ -140,8 +140,8 @@ def test_what_goes_in_comes_out(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_what_the_network_knows_is_in_every_output(tmp_path: Path, name: str) -> None:
     """As numbers, 0 as 0; unknown is null, whatever stood for it."""
-    path = tmp_path / f"slopes{OUTPUTS[name].suffix}"
-    write(SOME, path)
+    path = tmp_path / f"slopes{SEGMENT_FORMATS[name].suffixes[0]}"
+    write_segments(SOME, path)
     known, unknown, _ = read(path)
     values = [None if known[key] is None else float(known[key]) for key in OF_NETWORK]
     assert values == [151.204, -3.0, 2.41, -7.9037, 0.0, 20.0, 0.3333]
@@ -151,28 +151,28 @@ def test_what_the_network_knows_is_in_every_output(tmp_path: Path, name: str) ->
 
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_is_a_file_too(tmp_path: Path, name: str) -> None:
-    path = tmp_path / f"none{OUTPUTS[name].suffix}"
-    assert write([], path) == 0
+    path = tmp_path / f"none{SEGMENT_FORMATS[name].suffixes[0]}"
+    assert write_segments([], path) == 0
     assert read(path) == []
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path, name: str) -> None:
-    path = tmp_path / f"slopes{OUTPUTS[name].suffix}"
-    write(SOME, path)
+    path = tmp_path / f"slopes{SEGMENT_FORMATS[name].suffixes[0]}"
+    write_segments(SOME, path)
 
     def broken() -> Iterator[Segment]:
         yield EXAMPLE
         raise RuntimeError("the database went away")
 
     with pytest.raises(RuntimeError, match="went away"):
-        write(broken(), path)
+        write_segments(broken(), path)
     assert len(read(path)) == len(SOME)
-    beside = OUTPUTS[name].companions(path, {})
+    beside = SEGMENT_FORMATS[name].companions(path, {})
     assert {*tmp_path.iterdir()} == {path, *beside}
     for place in beside:
         place.unlink()
-    write(SOME[:1], path)
+    write_segments(SOME[:1], path)
     assert {*tmp_path.iterdir()} == {path, *beside}
     assert len(read(path)) == 1
 
@@ -193,77 +193,77 @@ def test_segments_are_not_held(tmp_path: Path, name: str, monkeypatch: pytest.Mo
             most = max(most, len(alive))
             yield segment
 
-    assert write(many(), tmp_path / f"slopes{OUTPUTS[name].suffix}") == 2000
+    assert write_segments(many(), tmp_path / f"slopes{SEGMENT_FORMATS[name].suffixes[0]}") == 2000
     assert most <= 300
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_same_segments_make_the_same_bytes(tmp_path: Path, name: str) -> None:
-    output = OUTPUTS[name]
+    output = SEGMENT_FORMATS[name]
     said = {"attribution": "somebody", "changed_at": "2026-11-20T09:13:02.004Z", "provenance": '{"a":[1]}'}
-    files = [tmp_path / f"{number}{output.suffix}" for number in range(2)]
+    files = [tmp_path / f"{number}{output.suffixes[0]}" for number in range(2)]
     for path in files:
-        output.write(iter(SOME), path, said)
+        output.write_records(iter(SOME), path, said)
         time.sleep(0.005)  # times in files are of milliseconds
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_output_says_what_it_is(name: str) -> None:
-    output = OUTPUTS[name]
+    output = SEGMENT_FORMATS[name]
     assert output.name == name
-    assert output.suffix.startswith(".")
-    assert output.suffix == output.suffix.lower()
+    assert output.suffixes[0].startswith(".")
+    assert output.suffixes[0] == output.suffixes[0].lower()
     assert output.description
-    assert output_for(Path(f"a.b/SLOPES{output.suffix.upper()}")) is output
-    assert len({other.suffix for _, other in OUTPUTS.items()}) == len(OUTPUTS)
+    assert segment_format_for(Path(f"a.b/SLOPES{output.suffixes[0].upper()}")) is output
+    assert len({other.suffixes[0] for other in SEGMENT_FORMATS.values()}) == len(SEGMENT_FORMATS)
 
 
-@pytest.mark.parametrize("suffix", [output.suffix for _, output in OUTPUTS.items()])
+@pytest.mark.parametrize("suffix", [output.suffixes[0] for output in SEGMENT_FORMATS.values()])
 def test_a_missing_folder_is_named_and_no_file_that_nobody_asked_for(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(FileNotFoundError) as missing:
-        write(SOME, tmp_path / "none" / f"out{suffix}")
+        write_segments(SOME, tmp_path / "none" / f"out{suffix}")
     assert missing.value.filename == str(tmp_path / "none")
 
 
-@pytest.mark.parametrize("suffix", [output.suffix for _, output in OUTPUTS.items()])
+@pytest.mark.parametrize("suffix", [output.suffixes[0] for output in SEGMENT_FORMATS.values()])
 def test_a_place_that_is_taken_by_a_folder_is_named(tmp_path: Path, suffix: str) -> None:
     place = tmp_path / f"out{suffix}"
     place.mkdir()
     with pytest.raises(OSError, match="directory") as taken:
-        write(SOME, place)
+        write_segments(SOME, place)
     assert taken.value.filename == str(place)
     assert list(tmp_path.iterdir()) == [place]
 
 
 def test_an_unknown_suffix_names_the_known_ones() -> None:
     with pytest.raises(UnknownNameError, match=r"\.shp.*\.geojson, \.parquet, \.gpkg, \.fgb, \.csv"):
-        output_for(Path("slopes.shp"))
+        segment_format_for(Path("slopes.shp"))
 
 
 def test_files_with_a_place_for_it_say_whose_data_they_hold(tmp_path: Path) -> None:
     source = attribution(["N49E008.hgt"])
     assert "ODbL" in source
     assert source.endswith("elevation from N49E008.hgt")
-    write(SOME, tmp_path / "a.geojson", source=source)
+    write_segments(SOME, tmp_path / "a.geojson", source=source)
     assert json.loads((tmp_path / "a.geojson").read_text())["attribution"] == source
-    write(SOME, tmp_path / "a.parquet", source=source)
+    write_segments(SOME, tmp_path / "a.parquet", source=source)
     assert pq.read_metadata(tmp_path / "a.parquet").metadata[b"attribution"].decode() == source
-    write(SOME, tmp_path / "a.gpkg", source=source)
+    write_segments(SOME, tmp_path / "a.gpkg", source=source)
     about = pyogrio.read_info(tmp_path / "a.gpkg", layer="segments")
     assert about["layer_metadata"]["DESCRIPTION"] == source
-    write(SOME, tmp_path / "a.fgb", source=source)
+    write_segments(SOME, tmp_path / "a.fgb", source=source)
     about = pyogrio.read_info(tmp_path / "a.fgb")
     assert about["layer_metadata"]["DESCRIPTION"] == source
     assert about["capabilities"]["fast_spatial_filter"]
-    write(SOME, tmp_path / "a.csv", source=source)
+    write_segments(SOME, tmp_path / "a.csv", source=source)
     assert json.loads((tmp_path / "a.csv-metadata.json").read_text())["dc:rights"] == source
 
 
 def test_files_with_a_place_for_it_say_what_heights_refer_to(tmp_path: Path) -> None:
     def said(**stated: str | None) -> list[str | None]:
-        for _, output in OUTPUTS.items():
-            write(SOME, tmp_path / f"a{output.suffix}", **stated)
+        for output in SEGMENT_FORMATS.values():
+            write_segments(SOME, tmp_path / f"a{output.suffixes[0]}", **stated)
         parquet = pq.read_metadata(tmp_path / "a.parquet").metadata.get(b"height_datum")
         layer = pyogrio.read_info(tmp_path / "a.gpkg", layer="segments")["layer_metadata"]
         header = pyogrio.read_info(tmp_path / "a.fgb")["layer_metadata"]
@@ -287,7 +287,7 @@ def test_attribution_of_many_rasters_stays_short_and_harmless() -> None:
 
 
 def test_parquet_states_its_bounds(tmp_path: Path) -> None:
-    write(SOME, tmp_path / "a.parquet")
+    write_segments(SOME, tmp_path / "a.parquet")
     geo = json.loads(pq.read_metadata(tmp_path / "a.parquet").metadata[b"geo"])
     assert geo["columns"]["geometry"]["bbox"] == [8.4812346, 48.99, 8.49, 49.0]
     assert geopandas.read_parquet(tmp_path / "a.parquet").crs.to_authority() == ("OGC", "CRS84")
