@@ -16,10 +16,9 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
 from app.core.settings.places import FilePlace
-from app.exports.writing.layers import Way
 from app.exports.writing.pmtiles_archive import Tile, tile_number
 from app.map.pages import PAGE, all_segments
-from app.map.segment import Segment
+from app.map.segment import Segment, Way
 from app.map.store import FULL_ZOOM, corners, count_segments
 from app.map.tiles.store import mvt
 from app.network.cells import ZOOM, square_bounds

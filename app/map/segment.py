@@ -1,8 +1,8 @@
-"""One road segment with its slope: the record that is read from the database and written to every output.
+"""Road segments and ways with their slopes: the records that are read from the database and written to every file.
 
-Each field says by which expression it is read, of which type its column is in a file and with how many digits it is
-written; the columns of queries, the properties and the schemas of files follow from that. Nothing here knows the
-statements (``app.map.store``) or the files (``app.exports``).
+Each field states the expression that reads it, the type of its column in a file and its number of digits; the columns
+of queries, the properties and the schemas of files follow from that. Nothing here knows the statements
+(``app.map.store``) or the files (``app.exports``).
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ class Record:
 
     def __init_subclass__(cls) -> None:
         hints = get_type_hints(cls, include_extras=True)
-        cls.columns = {name: h.__metadata__[0] for name, h in hints.items() if get_origin(h) is Annotated}
+        own = {name: hints[name] for name in cls.__annotations__}  # in the order of the fields
+        cls.columns = {name: h.__metadata__[0] for name, h in own.items() if get_origin(h) is Annotated}
         cls._digits = {name: c.digits for name, c in cls.columns.items() if c.digits is not None}
 
     def properties(self) -> dict[str, Any]:
@@ -127,6 +128,37 @@ class Segment(Record):
         if self.id is None:
             raise ValueError("a segment that comes from no database has no number")
         return self.id
+
+
+@dataclass(frozen=True)
+class Way(Record):
+    """Consecutive segments of one OpenStreetMap way, as one. Unknown is None."""
+
+    id: Annotated[int, Column("w.id", "int64")]
+    """Of its first segment."""
+    osm_way_id: Annotated[int, Column("w.osm_way_id", "int64")]
+    from_node: Annotated[int, Column("w.from_node", "int64")]
+    to_node: Annotated[int, Column("w.to_node", "int64")]
+    segments: Annotated[int, Column("w.segments", "int32")]
+    length_m: Annotated[float, Column("w.length_m", "double", LENGTH_DIGITS)]
+    highway: Annotated[str, Column("w.highway", "string")]
+    name: Annotated[str | None, Column("w.name", "string")]
+    oneway: Annotated[int, Column("w.oneway", "int16")]
+    bridge: Annotated[bool, Column("w.bridge", "bool")]
+    tunnel: Annotated[bool, Column("w.tunnel", "bool")]
+    slope_percent: Annotated[float | None, Column("w.slope_percent", "double", SLOPE_DIGITS)]
+    """Mean over what was measured of it, by length; positive uphill from from_node to to_node."""
+    slope_sigma_percent: Annotated[float | None, Column("w.slope_sigma_percent", "double", SLOPE_DIGITS)]
+    drives: Annotated[int, Column("w.drives", "int32")]
+    observations: Annotated[int, Column("w.observations", "int32")]
+    dem_slope_percent: Annotated[float | None, Column("w.dem_slope_percent", "double", SLOPE_DIGITS)]
+    updated_at: Annotated[datetime | None, Column("w.updated_at", "timestamp[ms, tz=UTC]")]
+    measured_share: Annotated[float, Column("w.measured_share", "double", SHARE_DIGITS)]
+    """Of its length, in segments with a slope."""
+    steepest_percent: Annotated[float | None, Column("w.steepest_percent", "double", SLOPE_DIGITS)]
+    steepest_from_m: Annotated[float | None, Column("w.steepest_from_m", "double", LENGTH_DIGITS)]
+    steepest_to_m: Annotated[float | None, Column("w.steepest_to_m", "double", LENGTH_DIGITS)]
+    coordinates: tuple[Position, ...]
 
 
 COLUMNS = Segment.columns
