@@ -54,11 +54,13 @@ from app.exports import routes as exports
 from app.map import segments
 from app.map.heights import profile
 from app.map.heights import routes as heights
-from app.map.ogc import api, collections, items, landing, schemas
-from app.map.ogc.landing import BIND_NOTE
-from app.map.ogc.parameters import tell_limits
+from app.map.items import api, landing, schemas
+from app.map.items import collection_routes as collections
+from app.map.items import routes as items
+from app.map.items.landing import BIND_NOTE
+from app.map.items.parameters import tell_limits
 from app.map.style import routes as style
-from app.map.tiles import ogc as ogc_tiles
+from app.map.tiles import ogc_routes as ogc_tiles
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
@@ -137,7 +139,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=code_version(),
         openapi_tags=TAGS,
         license_info={"name": "Apache 2.0", "identifier": "Apache-2.0"},
-        openapi_url=None,  # app.map.ogc.api answers, in two versions and as a page
+        openapi_url=None,  # app.map.items.api answers, in two versions and as a page
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,

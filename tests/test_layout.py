@@ -69,7 +69,6 @@ SERVICE = {
 
 FRAGMENTS: Mapping[str, str] = {
     "app/drives/outputs/drawing_process.py": "a program of its own",
-    "app/map/outputs/flatgeobuf.py": "one output, one file",
     "fusion/formats/nmea.py": "one log format, one file",
 }
 """Short files with one importer that stay by themselves, each with the reason."""

@@ -22,7 +22,6 @@ from app.core.settings import ENV_PREFIX, Settings
 from app.core.telemetry.measures import MEASURES
 from app.exports.formats import FORMATS as EXPORTS
 from app.main import create_app
-from app.map.handover import HANDOVERS
 from app.map.segment import PROPERTIES
 from app.ops.metrics import LABELS, Gauges, Metrics
 from app.ops.store import Squares
@@ -175,8 +174,14 @@ def outputs() -> str:
 
 def handovers() -> str:
     rows = [
-        (code(name), item.consumer, " ".join(map(code, item.suffixes)), item.description)
-        for name, item in HANDOVERS.items()
+        (
+            code(name),
+            item.consumer,
+            " ".join(map(code, item.suffixes)),
+            item.description.removesuffix(f" ({item.consumer})"),
+        )
+        for name, item in EXPORTS.items()
+        if item.consumer
     ]
     return table(("name", "for", "suffixes", "what"), rows)
 
@@ -184,7 +189,8 @@ def handovers() -> str:
 def handover_options() -> str:
     rows = [
         (code(name), code(option), plain(fact.default), fact.allowed, fact.description)
-        for name, item in HANDOVERS.items()
+        for name, item in EXPORTS.items()
+        if item.consumer
         for option, fact in option_facts(item.options).items()
     ]
     return table(("name", "option", "default", "allowed", "meaning"), rows)

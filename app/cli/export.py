@@ -77,10 +77,10 @@ def export(
     """
     from app.cli.database import sessions
     from app.core.text import whole_file
+    from app.exports.formats import write_companions
     from app.exports.making import make_file
     from app.exports.source import snapshot
     from app.map.attribution import attribution
-    from app.map.outputs import write_beside
     from app.terrain.coverage import rasters_over
     from app.terrain.store import current_dem
 
@@ -102,14 +102,14 @@ def export(
             progress = bars.work(out.name)
             with whole_file(out) as partial:
                 made = make_file(session, settings, asked, partial, lambda share: progress("writing", share))
-            write_beside(asked.format.companions(out, made.stated))
+            write_companions(asked.format.companions(out, made.stated))
             figures |= {"file": str(out), "format": asked.format.name, asked.format.holds: made.count}
             figures |= {"data_version": made.state.version, "notes": list(made.notes)}
             for note in made.notes:
                 console.note(f"{out}: {note}")
             said.append(f"{out}: {made.count} {asked.format.holds}.")
         if map_file is not None:
-            from app.map.map_file import map_of_store
+            from app.map.picture.files import map_of_store
 
             terrain = current_dem(session, settings.dem_dir)
             source = attribution(rasters_over(session, terrain, bbox=box, driven=driven))

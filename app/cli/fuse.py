@@ -113,9 +113,10 @@ def fuse(
     Gives the service's numbers for the same logs. A log that fails is reported, and the others go on.
     """
     from app.cli.fuse_files import Fusion
+    from app.exports.format import statements
+    from app.exports.formats import write_segments
+    from app.exports.formats.geojson import collection_chunks
     from app.map.attribution import attribution
-    from app.map.outputs import stated, write
-    from app.map.outputs.geojson import collection_chunks
     from fusion.network.control import read_control
     from fusion.roads.osm import read_roads
     from fusion.terrain.dem import Dem
@@ -139,9 +140,9 @@ def fuse(
     features, datum = said.features, said.height_datum
     _tell(fusion, said, outcomes, console)
     if fusion.fused and out is None:
-        sys.stdout.writelines(collection_chunks(features, stated(source, datum)))
+        sys.stdout.writelines(collection_chunks(features, statements(source, datum)))
     elif fusion.fused and out is not None:
-        write(features, out, source=source, height_datum=datum)
+        write_segments(features, out, source=source, height_datum=datum)
         console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(drives)} logs.")
     if fusion.fused and map_file is not None:
         _map(fusion, features, map_file, source, scale)
@@ -172,7 +173,7 @@ def _usable(
     method: str, named: dict[str, Any], option: list[str], gnss: str, gnss_option: list[str], out: Path | None
 ) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
-    from app.map.outputs import output_for
+    from app.exports.formats import segment_format_for
     from fusion.catalogue import METHODS, POSITIONINGS
     from fusion.gnss.positioning import options_of
     from fusion.pipeline import parse_options
@@ -181,7 +182,7 @@ def _usable(
     of_positioning = parse_assignments(gnss_option, "--gnss-option")
     if out is not None:
         with naming("--out"):
-            output_for(out)
+            segment_format_for(out)
     with naming("--gnss"):
         positioning = POSITIONINGS[gnss]
     with naming("--gnss-option"):
@@ -228,7 +229,7 @@ def _tell(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]], co
 
 
 def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, scale: float | None) -> None:
-    from app.map.map_file import map_of_segments
+    from app.map.picture.files import map_of_segments
 
     count = len(fusion.fused)
     title = f"Slopes from {fusion.fused[0].source.short_name if count == 1 else f'{count} drives'}"
@@ -245,7 +246,7 @@ def _pictures(
     from app.drives.outputs.profile_picture import printable, profile_figure, written
     from app.drives.outputs.track import track_chunks
     from app.map.attribution import attribution
-    from app.map.slope_map import picture_format
+    from app.map.picture.slope_map import picture_format
 
     estimated = one.result.track
     if profile is not None:

@@ -160,7 +160,7 @@ def usable_map(path: Path | None, scale: float | None) -> None:
 
 def usable_picture(path: Path | None, option: str) -> None:
     """Refuse, before any work, a suffix that no picture has."""
-    from app.map.slope_map import picture_format  # noqa: PLC0415 - see app.cli
+    from app.map.picture.slope_map import picture_format  # noqa: PLC0415 - see app.cli
 
     if path is not None:
         with naming(option):

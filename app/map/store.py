@@ -65,11 +65,6 @@ _PAGE = """
     WHERE s.id > :after_id AND {driven} AND {in_box}
     ORDER BY s.id LIMIT :limit
 """
-_BY_WAY = """
-    SELECT {columns} FROM {segments}
-    WHERE (s.osm_way_id, s.from_node, s.to_node) > (:way, :from_node, :to_node) AND {driven} AND {in_box}
-    ORDER BY s.osm_way_id, s.from_node, s.to_node LIMIT :limit
-"""
 _COUNT = "SELECT count(*) FROM {segments} WHERE {driven} AND {in_box}"
 _ONE = "SELECT {columns} FROM {segments} WHERE s.id = :id"
 _EACH = "SELECT {columns} FROM {segments} WHERE s.id = ANY(:ids)"
@@ -93,29 +88,14 @@ def segment_items(
     id reaches every segment once. ``region`` keeps those of one region, by its number.
     """
     page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region or 0)
-    values = {"after_id": after_id, "limit": limit, "region": region, **_corners(bbox)}
+    values = {"after_id": after_id, "limit": limit, "region": region, **corners(bbox)}
     return [_segment(row) for row in session.execute(page, values)]
-
-
-def segments_by_way(
-    session: Session,
-    *,
-    after: tuple[int, int, int],
-    limit: int,
-    bbox: Bounds | None = None,
-    driven: bool | None = None,
-    gaps: bool = False,
-) -> list[Segment]:
-    """At most ``limit`` segments after a (way, from_node, to_node), in that order; else as ``segment_items``."""
-    page = _statement(_BY_WAY, gaps=gaps, driven=driven, bbox=bbox)
-    values = {"way": after[0], "from_node": after[1], "to_node": after[2], "limit": limit}
-    return [_segment(row) for row in session.execute(page, values | _corners(bbox))]
 
 
 def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:
     """How many segments ``segment_items`` reaches with these filters. Reads all of them."""
     count = _statement(_COUNT, driven=driven, bbox=bbox)
-    return int(session.execute(count, _corners(bbox)).scalar_one())
+    return int(session.execute(count, corners(bbox)).scalar_one())
 
 
 def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> Segment | None:
@@ -129,7 +109,8 @@ def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
     return [_segment(row) for row in session.execute(_statement(_EACH), {"ids": list(ids)})]
 
 
-def _corners(bbox: Bounds | None) -> dict[str, float]:
+def corners(bbox: Bounds | None) -> dict[str, float]:
+    """The parameters of a statement for a box."""
     return {} if bbox is None else dict(zip(("west", "south", "east", "north"), bbox, strict=True))
 
 

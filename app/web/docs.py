@@ -9,9 +9,9 @@ from markupsafe import Markup
 
 from app.core.http import BaseUrl, ServiceDep, link
 from app.core.query import refuse_unknown
-from app.map.ogc.api import OPENAPI_30, OPENAPI_31
-from app.map.ogc.negotiation import AS_HTML, HTML, FormatQuery, link_header, wanted
-from app.map.ogc.pages import described
+from app.map.items.api import OPENAPI_30, OPENAPI_31
+from app.map.items.negotiation import AS_HTML, HTML, FormatQuery, link_header, wanted
+from app.map.items.pages import described
 from app.web.pages import page_answer
 
 PLAIN = "/openapi.json?f=html"

@@ -43,7 +43,7 @@ class SegmentChange(Base):
 
 
 class Way(Base):
-    """Consecutive segments of one OpenStreetMap way, as one; derived from them by workers (``app.map.ways``)."""
+    """Consecutive segments of one OpenStreetMap way, as one; derived from them by workers (``app.map.derived``)."""
 
     __tablename__ = "ways"
 
@@ -83,7 +83,7 @@ class Way(Base):
 
 
 class DrawnPiece(Base):
-    """A stretch of road as low zooms draw it, derived square by square (``app.map.drawn``).
+    """A stretch of road as low zooms draw it, derived square by square (``app.map.derived``).
 
     A square of a level is a tile two zooms below it: of 12 a tile of zoom 14, of 6 one of zoom 8, as ``x << zoom | y``.
     """

@@ -135,7 +135,7 @@ def test_slow_searches_of_one_client_keep_nobody_else_waiting(
             gate(session, asked)
         return really(session, asked)
 
-    monkeypatch.setattr("app.map.ogc.items.store.page", page)
+    monkeypatch.setattr("app.map.items.routes.store.page", page)
     slow = b"GET /collections/segments/items?filter=drives%3E0&limit=7 HTTP/1.1\r\nHost: localhost\r\n\r\n"
     search, plain = "/collections/segments/items?filter=drives%3E0", "/collections/segments/items"
     with holding(reading, slow, 210, client="127.0.0.2"):

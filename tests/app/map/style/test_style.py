@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-from app.map.slope_map import certain_signs, line_widths
+from app.map.picture.slope_map import certain_signs, line_widths
 from app.map.style.glyphs import FONTS
 from app.map.style.layers import LAYER, ZOOMS
 from app.map.style.routes import THEMES, first_view, style_document
