@@ -13,11 +13,10 @@ import time
 import uuid
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from app.core.blobs import EXPORTS, BlobStore, StoredBlob
+from app.core.blobs import EXPORTS, StoredBlob
 from app.core.databases import database_identity
 from app.core.db import Sessions
 from app.core.errors import ServiceError, StorageFullError
@@ -29,6 +28,7 @@ from app.exports.documents import Export
 from app.exports.making import Made, asked_again, make_file
 from app.exports.provenance import data_state
 from app.exports.source import snapshot
+from app.jobs.context import JobContext
 from app.jobs.task import Interrupted, Task, Work
 from fusion.errors import FusionError
 
@@ -62,30 +62,12 @@ class _Unwanted(Exception):  # noqa: N818  (no error: somebody removed the expor
     """The export is no longer this run's."""
 
 
-@dataclass(frozen=True)
-class ExportDesk:
-    """What a run of an export works with."""
-
-    settings: Settings
-    sessions: Sessions
-
-    @property
-    def blobs(self) -> BlobStore:
-        """The exports' part of the store."""
-        return BlobStore(self.settings.blob_store_url, EXPORTS)
-
-    @property
-    def scratch(self) -> Path:
-        """Where files are made; a folder of each run below."""
-        return self.settings.data_dir / "exports"
-
-
 def export_task(settings: Settings, sessions: Sessions) -> Task:
     """What a worker does for an export."""
-    desk = ExportDesk(settings, sessions)
+    context = JobContext(settings, sessions)
 
     def run(work: Work, *, export_id: str) -> str:
-        return make_export(desk, uuid.UUID(export_id), work.should_stop, work.computing)
+        return make_export(context, uuid.UUID(export_id), work.should_stop, work.computing)
 
     def fail(kind: str, reason: str, *, export_id: str) -> None:
         with sessions.begin() as session:
@@ -100,7 +82,7 @@ def export_task(settings: Settings, sessions: Sessions) -> Task:
 
 
 def make_export(
-    desk: ExportDesk, export_id: uuid.UUID, should_stop: Callable[[], bool], computing: Computing
+    context: JobContext, export_id: uuid.UUID, should_stop: Callable[[], bool], computing: Computing
 ) -> str:
     """Make the export's file; a word on how it ended. Safe to call twice, also at the same time.
 
@@ -108,47 +90,49 @@ def make_export(
     another run: the worker stops, or lets others go first.
     """
     with about(export=export_id):
-        with desk.sessions.begin() as session:
+        with context.sessions.begin() as session:
             claimed = store.claim(session, export_id)
         if claimed is None:
             return "unwanted"
         export, yields = claimed
-        folder = desk.scratch / f"{export.id}-{export.run}"
-        look = _Look(desk, export, should_stop, may_yield=yields < MOST_YIELDS)
+        folder = context.scratch(EXPORTS) / f"{export.id}-{export.run}"
+        look = _Look(context, export, should_stop, may_yield=yields < MOST_YIELDS)
         try:
-            return _made(desk, export, folder, look, computing)
+            return _made(context, export, folder, look, computing)
         except _Unwanted:
             return "unwanted"
         except Interrupted:
-            with desk.sessions.begin() as session:
+            with context.sessions.begin() as session:
                 store.put_back(session, export, yielded=look.yielded)
             raise
         except (FusionError, ServiceError) as error:
             kind, reason = _in_words(error)
-            with desk.sessions.begin() as session:
-                store.fail(session, export.id, kind, reason, desk.settings.export_keep_days, run=export.run)
+            with context.sessions.begin() as session:
+                store.fail(
+                    session, export.id, kind, reason, context.settings.export_keep_days, run=export.run
+                )
             tell(logger, "export failed", level=logging.WARNING, kind=kind, reason=reason)
             return "failed"
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _made(desk: ExportDesk, export: Export, folder: Path, look: _Look, computing: Computing) -> str:
+def _made(context: JobContext, export: Export, folder: Path, look: _Look, computing: Computing) -> str:
     began_s = time.monotonic()
     request = asked_again(export.request)
     with full_is_told():
         folder.mkdir(parents=True, exist_ok=True)
     path = folder / export.file_name
     with computing():
-        with snapshot(desk.sessions) as session:
+        with snapshot(context.sessions) as session:
             look.note_version(data_state(session).version)
-            made = _in_room(look, lambda: make_file(session, desk.settings, request, path, look.share))
-        _require_small(desk.settings, path.stat().st_size)
-        blob = _stored(desk, path, look)
-    if not _finished(desk, export, path, made, blob):
-        desk.blobs.delete(blob.key)
+            made = _in_room(look, lambda: make_file(session, context.settings, request, path, look.share))
+        _require_small(context.settings, path.stat().st_size)
+        blob = _stored(context, path, look)
+    if not _finished(context, export, path, made, blob):
+        context.part(EXPORTS).delete(blob.key)
         return "unwanted"
-    _remove_old(desk)
+    _remove_old(context)
     tell(
         logger,
         "export done",
@@ -171,11 +155,11 @@ def _in_room(look: _Look, work: Callable[[], Made]) -> Made:
         raise
 
 
-def _finished(desk: ExportDesk, export: Export, path: Path, made: Made, blob: StoredBlob) -> bool:
+def _finished(context: JobContext, export: Export, path: Path, made: Made, blob: StoredBlob) -> bool:
     companions = asked_again(export.request).format.companions(path, made.stated)
-    with desk.sessions.begin() as session:
+    with context.sessions.begin() as session:
         # Before the export refers to the blob: another database's sweep must not take it for an orphan.
-        desk.blobs.register_database(database_identity(session))
+        context.part(EXPORTS).register_database(database_identity(session))
         return store.finish(
             session,
             export,
@@ -186,14 +170,14 @@ def _finished(desk: ExportDesk, export: Export, path: Path, made: Made, blob: St
             blob_key=blob.key,
             sha256=blob.sha256,
             size_bytes=blob.size_bytes,
-            keep_days=desk.settings.export_keep_days,
+            keep_days=context.settings.export_keep_days,
         )
 
 
-def _stored(desk: ExportDesk, path: Path, look: _Look) -> StoredBlob:
-    size_bytes, keep_free = path.stat().st_size, desk.settings.min_free_bytes
+def _stored(context: JobContext, path: Path, look: _Look) -> StoredBlob:
+    size_bytes, keep_free = path.stat().st_size, context.settings.min_free_bytes
     with (
-        desk.blobs.writer(
+        context.part(EXPORTS).writer(
             keep_free_bytes=keep_free, expected_bytes=size_bytes, max_content_bytes=0
         ) as writer,
         path.open("rb") as file,
@@ -225,16 +209,16 @@ class _Look:
     """Looks, at most every ``LOOK_EVERY_S``, whether a run is to go on, and shows how far it is."""
 
     def __init__(
-        self, desk: ExportDesk, export: Export, should_stop: Callable[[], bool], *, may_yield: bool
+        self, context: JobContext, export: Export, should_stop: Callable[[], bool], *, may_yield: bool
     ) -> None:
-        self._desk, self._export, self._should_stop = desk, export, should_stop
+        self._context, self._export, self._should_stop = context, export, should_stop
         self._may_yield = may_yield
         self._looked_s = self._waited_since_s = -float("inf")
         self.yielded = False
 
     def note_version(self, data_version: str) -> None:
         """The snapshot is taken."""
-        with self._desk.sessions.begin() as session:
+        with self._context.sessions.begin() as session:
             if not store.note_version(session, self._export, data_version):
                 raise _Unwanted
 
@@ -247,7 +231,7 @@ class _Look:
         if self._should_stop():
             raise Interrupted
         self.require_room()
-        with self._desk.sessions.begin() as session:
+        with self._context.sessions.begin() as session:
             if not store.set_progress(session, self._export, min(max(share, 0.0), 1.0)):
                 raise _Unwanted
             waiting = store.others_wait(session)
@@ -255,8 +239,8 @@ class _Look:
 
     def require_room(self) -> None:
         """``StorageFullError`` where less stays free than is to."""
-        free = free_bytes(*file_system(str(self._desk.scratch)))
-        if free is not None and free < self._desk.settings.min_free_bytes:
+        free = free_bytes(*file_system(str(self._context.scratch(EXPORTS))))
+        if free is not None and free < self._context.settings.min_free_bytes:
             raise storage_full()
 
     def _let_others_go_first(self, waiting: bool, now_s: float) -> None:
@@ -272,27 +256,27 @@ class _Look:
 def tend(settings: Settings, sessions: Sessions) -> bool:
     """A worker's part: remove what has expired or is too much, with its files, and what runs left behind; what waits
     without a job gets one."""
-    desk = ExportDesk(settings, sessions)
+    context = JobContext(settings, sessions)
     with sessions.begin() as session:
         store.give_jobs(session)
-    _remove_old(desk)
-    _sweep_scratch(desk)
+    _remove_old(context)
+    _sweep_scratch(context)
     return False
 
 
-def _remove_old(desk: ExportDesk) -> None:
-    with desk.sessions.begin() as session:
-        removed, keys = store.remove_old(session, desk.settings.exports_max_bytes)
+def _remove_old(context: JobContext) -> None:
+    with context.sessions.begin() as session:
+        removed, keys = store.remove_old(session, context.settings.exports_max_bytes)
     for key in keys:
-        desk.blobs.delete(key)
+        context.part(EXPORTS).delete(key)
     if removed:
         logger.info("%d exports are removed: they have expired, or all together are too large", removed)
 
 
 def sweep_files(settings: Settings, sessions: Sessions) -> list[str]:
     """Remove files of exports that no export refers to, unless another database uses the store; their keys."""
-    desk = ExportDesk(settings, sessions)
-    blobs = desk.blobs
+    context = JobContext(settings, sessions)
+    blobs = context.part(EXPORTS)
     old = blobs.older(blobs.keys(), ORPHAN_AGE)
     with sessions() as session:
         identity, referred = database_identity(session), store.referred_blobs(session)
@@ -304,10 +288,10 @@ def sweep_files(settings: Settings, sessions: Sessions) -> list[str]:
     return orphans
 
 
-def _sweep_scratch(desk: ExportDesk) -> None:
+def _sweep_scratch(context: JobContext) -> None:
     """Remove folders of runs that were killed: none lasts so long."""
-    limit = datetime.now(UTC) - timedelta(seconds=2 * desk.settings.run_limit_s)
+    limit = datetime.now(UTC) - timedelta(seconds=2 * context.settings.run_limit_s)
     with suppress(FileNotFoundError):
-        for folder in desk.scratch.iterdir():
+        for folder in context.scratch(EXPORTS).iterdir():
             if datetime.fromtimestamp(folder.stat().st_mtime, UTC) < limit:
                 shutil.rmtree(folder, ignore_errors=True)

@@ -10,21 +10,20 @@ import shutil
 import uuid
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from app.core.blobs import BlobStore
+from app.core.blobs import IMPORTS
 from app.core.databases import database_identity
 from app.core.db import Sessions
 from app.core.errors import ServiceError, StorageFullError
 from app.core.filesystems import full_is_told, require_room
 from app.core.settings import Settings
 from app.core.telemetry.logs import about, tell
+from app.jobs.context import JobContext
 from app.jobs.task import Interrupted, Task, Work
 from app.operations import store
 from app.operations.documents import Operation
-from app.operations.files import imports_store
 from app.operations.look import Look, Unwanted
 from app.operations.work import Bench, Outcome, PlanChangedError, work
 from fusion.errors import FusionError
@@ -49,37 +48,17 @@ class FileLostError(FusionError):
     kind = "file-lost"
 
 
-@dataclass(frozen=True)
-class Desk:
-    """What a run of an operation works with."""
-
-    settings: Settings
-    sessions: Sessions
-    roads_changed: Callable[[Sessions], object] = lambda _: None
-    """Is called when roads have changed: drives that lost something are to be computed again."""
-
-    @property
-    def blobs(self) -> BlobStore:
-        """The part of the store in which files to be imported wait."""
-        return imports_store(self.settings)
-
-    @property
-    def scratch(self) -> Path:
-        """Where files are brought to be read; a folder of each run below."""
-        return self.settings.data_dir / "operations"
-
-
 def operation_task(
     settings: Settings, sessions: Sessions, roads_changed: Callable[[Sessions], object]
 ) -> Task:
     """What a worker does for an operation."""
-    desk = Desk(settings, sessions, roads_changed)
+    context = JobContext(settings, sessions, roads_changed)
 
     def run(work: Work, *, operation_id: str) -> str:
-        return operate(desk, uuid.UUID(operation_id), work.should_stop, work.computing)
+        return operate(context, uuid.UUID(operation_id), work.should_stop, work.computing)
 
     def fail(kind: str, reason: str, *, operation_id: str) -> None:
-        _fail(desk, uuid.UUID(operation_id), kind, reason)
+        _fail(context, uuid.UUID(operation_id), kind, reason)
 
     def put_back(*, operation_id: str) -> None:
         with sessions.begin() as session:
@@ -89,42 +68,46 @@ def operation_task(
     return Task(store.OPERATE, run, fail, put_back, subject="operation", advice=advice)
 
 
-def operate(desk: Desk, number: uuid.UUID, should_stop: Callable[[], bool], computing: Computing) -> str:
+def operate(
+    context: JobContext, number: uuid.UUID, should_stop: Callable[[], bool], computing: Computing
+) -> str:
     """Do, or plan, what was asked for; a word on how it ended. Safe to call twice, also at the same time.
 
     Raises ``Interrupted`` where another run is to go on: the worker stops, or lets others go first.
     """
     with about(operation=number):
-        with desk.sessions.begin() as session:
+        with context.sessions.begin() as session:
             operation = store.claim(session, number)
         if operation is None:
             return "unwanted"
-        look = Look(desk.sessions, operation, should_stop)
-        folder = desk.scratch / f"{operation.id}-{operation.run}"
+        look = Look(context.sessions, operation, should_stop)
+        folder = context.scratch("operations") / f"{operation.id}-{operation.run}"
         try:
-            return _operated(desk, operation, look, folder, computing)
+            return _operated(context, operation, look, folder, computing)
         except Unwanted:
             return "unwanted"
         except Interrupted:
-            with desk.sessions.begin() as session:
+            with context.sessions.begin() as session:
                 store.put_back(session, operation, yielded=look.yielded)
             raise
         except (FusionError, ServiceError) as error:
             kind, reason = _in_words(error)
-            _fail(desk, number, kind, reason, operation.run)
+            _fail(context, number, kind, reason, operation.run)
             return "failed"
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _operated(desk: Desk, operation: Operation, look: Look, folder: Path, computing: Computing) -> str:
+def _operated(
+    context: JobContext, operation: Operation, look: Look, folder: Path, computing: Computing
+) -> str:
     look.progress("beginning", 0.0)
-    file = None if operation.blob_key is None else _brought(desk, operation, look, folder)
+    file = None if operation.blob_key is None else _brought(context, operation, look, folder)
     try:
-        outcome = work(Bench(desk.settings, desk.sessions, operation, look, file, computing))
+        outcome = work(Bench(context.settings, context.sessions, operation, look, file, computing))
     except PlanChangedError as changed:
         outcome = Outcome(changed.plan, planned=True)
-    with desk.sessions.begin() as session:
+    with context.sessions.begin() as session:
         say = store.plan if outcome.planned else store.finish
         ours = say(session, operation, outcome.document)
     if not ours:
@@ -132,20 +115,20 @@ def _operated(desk: Desk, operation: Operation, look: Look, folder: Path, comput
     if outcome.planned:
         return "planned"
     if operation.blob_key is not None:
-        desk.blobs.delete(operation.blob_key)
-    desk.roads_changed(desk.sessions)
+        context.part(IMPORTS).delete(operation.blob_key)
+    context.roads_changed(context.sessions)
     tell(logger, "operation done", kind=operation.kind)
     return "done"
 
 
-def _brought(desk: Desk, operation: Operation, look: Look, folder: Path) -> Path:
+def _brought(context: JobContext, operation: Operation, look: Look, folder: Path) -> Path:
     """The file that came with the operation, on this machine, under its own name."""
     path = folder / str(operation.request["filename"])
     size = max(int(operation.request["size_bytes"]), 1)
     try:
-        with full_is_told(), desk.blobs.open(str(operation.blob_key), CHUNK_BYTES) as source:
+        with full_is_told(), context.part(IMPORTS).open(str(operation.blob_key), CHUNK_BYTES) as source:
             folder.mkdir(parents=True, exist_ok=True)
-            require_room(folder, size, desk.settings.min_free_bytes)
+            require_room(folder, size, context.settings.min_free_bytes)
             with path.open("wb") as target:
                 while chunk := source.read(CHUNK_BYTES):
                     target.write(chunk)
@@ -155,11 +138,11 @@ def _brought(desk: Desk, operation: Operation, look: Look, folder: Path) -> Path
     return path
 
 
-def _fail(desk: Desk, number: uuid.UUID, kind: str, reason: str, run: int | None = None) -> None:
-    with desk.sessions.begin() as session:
+def _fail(context: JobContext, number: uuid.UUID, kind: str, reason: str, run: int | None = None) -> None:
+    with context.sessions.begin() as session:
         key = store.fail(session, number, kind, reason, run)
     if key is not None:
-        desk.blobs.delete(key)
+        context.part(IMPORTS).delete(key)
     tell(logger, "operation failed", level=logging.WARNING, operation=number, kind=kind, reason=reason)
 
 
@@ -173,28 +156,28 @@ def _in_words(error: FusionError | ServiceError) -> tuple[str, str]:
 def tend(settings: Settings, sessions: Sessions) -> bool:
     """A worker's part: plans that nobody wanted are forgotten, what waits without a job gets one, files that runs and
     requests left behind go."""
-    desk = Desk(settings, sessions)
+    context = JobContext(settings, sessions)
     with sessions.begin() as session:
         store.give_jobs(session)
         gone = store.forget_plans(session)
     for key in gone:
-        desk.blobs.delete(key)
-    sweep_files(desk)
+        context.part(IMPORTS).delete(key)
+    sweep_files(context)
     limit = datetime.now(UTC) - timedelta(seconds=2 * settings.run_limit_s)
     with suppress(FileNotFoundError):
-        for folder in desk.scratch.iterdir():
+        for folder in context.scratch("operations").iterdir():
             if datetime.fromtimestamp(folder.stat().st_mtime, UTC) < limit:
                 shutil.rmtree(folder, ignore_errors=True)
     return False
 
 
-def sweep_files(desk: Desk) -> list[str]:
+def sweep_files(context: JobContext) -> list[str]:
     """Remove files that no operation refers to, unless another database uses the store; their keys."""
-    blobs = desk.blobs
+    blobs = context.part(IMPORTS)
     old = blobs.older(blobs.keys(), ORPHAN_AGE)
     if not old:
         return []
-    with desk.sessions() as session:
+    with context.sessions() as session:
         identity, referred = database_identity(session), store.referred_blobs(session)
     if any(name != identity for name in blobs.databases()):
         return []

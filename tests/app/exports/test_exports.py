@@ -19,7 +19,8 @@ from sqlalchemy import text
 from app.core.blobs import EXPORTS, BlobStore
 from app.exports import run as runs
 from app.exports import store
-from app.exports.run import ExportDesk, make_export, sweep_files, tend
+from app.exports.run import make_export, sweep_files, tend
+from app.jobs.context import JobContext
 from app.jobs.task import Interrupted
 from problem_support import check
 from web_fixtures import Web
@@ -235,7 +236,7 @@ def test_a_removed_export_is_cancelled_and_its_file_gone(driven: Web, work: Work
         assert driven.client.delete(f"/v1/exports/{waiting['id']}").status_code == 204
     assert seen(driven, waiting)["status"] == "cancelled"
     assert make_export(
-        ExportDesk(driven.settings, driven.sessions), uuid.UUID(waiting["id"]), bool, nullcontext
+        JobContext(driven.settings, driven.sessions), uuid.UUID(waiting["id"]), bool, nullcontext
     ) == ("unwanted")
     done = ask(driven)
     assert done["id"] != waiting["id"]
@@ -269,9 +270,9 @@ def scratch(web: Web) -> list[Path]:
 
 def test_a_worker_that_stops_puts_it_back_and_one_that_died_is_replaced(driven: Web, work: Work) -> None:
     export = ask(driven)
-    desk, number = ExportDesk(driven.settings, driven.sessions), uuid.UUID(export["id"])
+    context, number = JobContext(driven.settings, driven.sessions), uuid.UUID(export["id"])
     with pytest.raises(Interrupted):
-        make_export(desk, number, lambda: True, nullcontext)
+        make_export(context, number, lambda: True, nullcontext)
     assert seen(driven, export)["status"] == "queued"
     assert scratch(driven) == []
     with driven.sessions.begin() as session:

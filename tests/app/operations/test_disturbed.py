@@ -15,12 +15,13 @@ from sqlalchemy import text
 
 from app.core.blobs import IMPORTS, BlobStore
 from app.drives.worker import run_worker
+from app.jobs.context import JobContext
 from app.jobs.task import Interrupted
 from app.network.locks import free_all, import_alone
 from app.operations import look as looks
 from app.operations import run as runs
 from app.operations import store
-from app.operations.run import Desk, operate, tend
+from app.operations.run import operate, tend
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.osm_file import write_osm
 from web_fixtures import Web, add_drive
@@ -77,15 +78,15 @@ def test_a_run_that_is_cut_off_anywhere_goes_on_and_ends_right(
     monkeypatch.setattr(looks, "LOOK_EVERY_S", 0.0)
     number = planned(web, roads, work)
     added = seen(web, number)["plan"]["added"]
-    desk = Desk(web.settings, web.sessions)
+    context = JobContext(web.settings, web.sessions)
     with pytest.raises(Interrupted):
-        operate(desk, number, Stops(after), nullcontext)
+        operate(context, number, Stops(after), nullcontext)
     assert seen(web, number)["status"] == "queued"
     assert work(web) == ["done"]
     (region,) = web.client.get("/v1/regions").json()["regions"]
     assert region["segments"] == added
     assert files(web) == []
-    assert not list(desk.scratch.iterdir())
+    assert not list(context.scratch("operations").iterdir())
 
 
 def test_a_worker_that_vanished_is_followed_by_another_one(web: Web, roads: bytes, work: Work) -> None:
@@ -123,7 +124,7 @@ def test_settling_goes_on_where_it_was_cut_off(
     add_drive(filled.sessions, list(range(8)))
     number = ask(filled, kind="settle")
     with pytest.raises(Interrupted):
-        operate(Desk(filled.settings, filled.sessions), number, Stops(2), nullcontext)
+        operate(JobContext(filled.settings, filled.sessions), number, Stops(2), nullcontext)
     with filled.sessions() as session:
         cell = session.execute(text("SELECT state -> 'cell' FROM operations")).scalar_one()
     assert cell is not None
@@ -164,9 +165,9 @@ def test_operations_let_uploads_go_first_but_come_to_their_end(
     job = "INSERT INTO procrastinate_jobs (queue_name, task_name, priority) VALUES ('drives', 'process_drive', 0)"
     with web.sessions.begin() as session:
         session.execute(text(job))
-    desk = Desk(web.settings, web.sessions)
+    context = JobContext(web.settings, web.sessions)
     with pytest.raises(Interrupted):
-        operate(desk, number, lambda: False, nullcontext)
+        operate(context, number, lambda: False, nullcontext)
     with web.sessions() as session:
         assert session.execute(text("SELECT yields FROM operations")).scalar_one() == 1
     assert work(web) == ["done"], "the next time it may go on for a while"
