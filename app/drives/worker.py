@@ -29,16 +29,15 @@ from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue
 from app.drives.renewal import HeightFiller, renew
 from app.drives.trials.run import tend as tend_trials
 from app.drives.trials.run import trial_task
-from app.exports.run import export_task, sweep_files
-from app.exports.run import tend as tend_exports
+from app.exports.run import EXPORT
 from app.jobs.context import JobContext
 from app.jobs.memory import limit_growth
+from app.jobs.requests import upkeep
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
 from app.map import figures, growth
 from app.map.derived import following
-from app.operations.run import operation_task
-from app.operations.run import tend as tend_operations
+from app.operations.run import OPERATION
 from app.roads import retired
 from app.terrain.files import sweep_rasters
 
@@ -87,7 +86,7 @@ def run_worker(
         limit_growth(settings.lane_memory_bytes)
     engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, behind=True)
     try:
-        context = JobContext(settings, session_factory(engine))
+        context = JobContext(settings, session_factory(engine), queue_touched)
         worker = Worker(settings, engine, context.sessions, tasks_of(context, settings))
         with (
             counting(context.sessions, process) as ledger,
@@ -110,9 +109,9 @@ def tasks_of(context: JobContext, settings: Settings) -> tuple[Task, ...]:
         _drive_task(context),
         _removal_task(context),
         _solver_task(context),
-        export_task(settings, context.sessions),
+        EXPORT.task(context),
         removing_task(context.sessions),
-        operation_task(settings, context.sessions, queue_touched),
+        OPERATION.task(context),
         trial_task(context),
     )
 
@@ -179,8 +178,8 @@ def _chores(
         functools.partial(_sweep, context, settings, orphan_age),
     )
     tended = functools.partial(enqueuing.tend, context.sessions)
-    expired = functools.partial(tend_exports, settings, context.sessions)
-    unplanned = functools.partial(tend_operations, settings, context.sessions)
+    expired = functools.partial(upkeep.look_after, EXPORT, context)
+    unplanned = functools.partial(upkeep.look_after, OPERATION, context)
     forgotten = functools.partial(tend_trials, context.sessions)
     published = functools.partial(publishing.look_after, context.sessions, context.blobs)
     settled = functools.partial(publishing.settle_quietly, context.sessions)
@@ -216,8 +215,9 @@ def _sweep(context: JobContext, settings: Settings, older_than: timedelta) -> No
     telling.prune(context.sessions)
     with context.sessions.begin() as session:
         audit.prune(session)
-    if files := sweep_files(settings, context.sessions):
-        logger.info("removed %d files that no export refers to", len(files))
+    for kind in (EXPORT, OPERATION):
+        if files := upkeep.sweep_files(kind, context):
+            logger.info("removed %d files that no %s refers to", len(files), kind.store.name)
     found = intake.sweep_blobs(context.sessions, context.blobs, older_than)
     if found.removed:
         logger.info("removed %d blobs that no drive refers to", found.removed)

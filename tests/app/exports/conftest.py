@@ -14,8 +14,10 @@ from app.core.blobs import EXPORTS, BlobStore
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
-from app.exports.run import make_export
+from app.exports.run import EXPORT
 from app.jobs.context import JobContext
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
 from web_fixtures import Web, add_drive, fill_roads
 
 _FIVE_WAYS = """
@@ -82,6 +84,6 @@ def work() -> Callable[..., list[str]]:
         query = "SELECT id FROM exports WHERE status IN ('queued', 'running') ORDER BY created_at, id"
         with web.sessions() as session:
             numbers = list(session.execute(text(query)).scalars())
-        return [make_export(context, number, lambda: False, nullcontext) for number in numbers]
+        return [perform(EXPORT, context, number, Work(bool, nullcontext)) for number in numbers]
 
     return run

@@ -11,7 +11,9 @@ from sqlalchemy import text
 
 from app.drives.batches.touched import queue_touched
 from app.jobs.context import JobContext
-from app.operations.run import operate
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
+from app.operations.run import OPERATION
 from web_fixtures import Web
 
 
@@ -24,6 +26,6 @@ def work() -> Callable[..., list[str]]:
         query = "SELECT id FROM operations WHERE status IN ('queued', 'running') ORDER BY created_at, id"
         with web.sessions() as session:
             numbers = list(session.execute(text(query)).scalars())
-        return [operate(context, number, lambda: False, nullcontext) for number in numbers]
+        return [perform(OPERATION, context, number, Work(bool, nullcontext)) for number in numbers]
 
     return run
