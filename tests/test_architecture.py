@@ -52,6 +52,7 @@ SQL_PLACES = {
         "exports/source.py",
         "exports/store.py",
         "jobs/computations.py",
+        "jobs/requests/store.py",
         "map/derived/store.py",
         "map/derived/drawn_store.py",
         "map/figures.py",

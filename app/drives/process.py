@@ -19,10 +19,6 @@ from typing import Any
 import numpy as np
 
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
-from app.core.blobs import BlobStore
-from app.core.db import Sessions
-from app.core.settings import Settings
-from app.core.settings.places import FilePlace
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.core.version import code_version
@@ -39,6 +35,7 @@ from app.drives.progress import (
     tell_put_back,
     tell_started,
 )
+from app.jobs.context import JobContext
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
 from app.network.cell_roads import Roads, roads_in
@@ -75,23 +72,6 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True)
-class Workbench:
-    """What a run works with."""
-
-    sessions: Sessions
-    blobs: BlobStore
-    dem_dir: FilePlace
-    max_log_bytes: int = 512 * 2**20
-    publish_every_s: float = 30.0
-
-    @classmethod
-    def of(cls, settings: Settings, sessions: Sessions) -> Workbench:
-        """The workbench that the settings describe."""
-        blobs = BlobStore(settings.blob_store_url)
-        return cls(sessions, blobs, settings.dem_dir, settings.max_log_bytes, settings.publish_every_s)
-
-
-@dataclass(frozen=True)
 class Surroundings:
     """Roads and elevation around a log, as they were at one moment."""
 
@@ -101,7 +81,7 @@ class Surroundings:
 
 
 def process_drive(
-    bench: Workbench,
+    context: JobContext,
     drive_id: uuid.UUID,
     generation: int,
     *,
@@ -119,16 +99,16 @@ def process_drive(
     another run.
     """
     with about(drive=drive_id):
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             tell(logger, "drive skipped", reason="deleted, ended or asked for anew since")
             return Outcome.DISCARDED
         tell_started(drive)
-        run = RunProgress(bench.sessions, drive, should_stop)
+        run = RunProgress(context.sessions, drive, should_stop)
         with tracing.span("drive", parent=drive.traceparent, method=drive.method) as span:
             try:
-                outcome = _tried(bench, drive, run, computing, behind=behind)
+                outcome = _tried(context, drive, run, computing, behind=behind)
             finally:
                 run.stages.end()
             span.note(outcome=outcome.value)
@@ -137,16 +117,16 @@ def process_drive(
 
 
 def _tried(
-    bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool
+    context: JobContext, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool
 ) -> Outcome:
     """Run a drive that is claimed, and see to whatever ends the run."""
     try:
-        _run(bench, drive, run, computing, behind=behind)
+        _run(context, drive, run, computing, behind=behind)
     except Discarded:
         tell_discarded(drive)
         return Outcome.DISCARDED
     except Interrupted:
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             claims.mark_queued(session, drive.id, drive.generation)
         tell_put_back(drive, run.stage)
         raise
@@ -154,13 +134,13 @@ def _tried(
         run.stages.end(error)
         if is_connection_loss(error):
             raise
-        return _fail(bench, drive, run.stage, error)
+        return _fail(context, drive, run.stage, error)
     return Outcome.DONE
 
 
-def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
+def give_up(context: JobContext, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
     """Fail a drive that is not run again: it must not take worker after worker along, or keep one for ever."""
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             return
@@ -170,22 +150,22 @@ def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, r
         tell_failed(drive, kind, reason, None)
 
 
-def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool) -> None:
+def _run(context: JobContext, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool) -> None:
     run.begin("reading")
     with computing():
         options = parse_options(drive.method, drive.options)
-        log = read_drive(bench, drive.blob_key, options.columns, run.part("reading"))
+        log = read_drive(context, drive.blob_key, options.columns, run.part("reading"))
         run.begin("positioning")
         found = positions_of(log, options, run.part("positioning"))
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         claims.note_bounds(session, drive.id, drive.generation, found.log.bounds_deg())
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
-            around = surroundings_of(bench, found.log)
-        ids, result = _estimate(bench, found, around, drive, run, computing)
+            around = surroundings_of(context, found.log)
+        ids, result = _estimate(context, found, around, drive, run, computing)
         run.begin("saving")
-        if _append(bench, drive, found.log, around, ids, result, behind=behind):
+        if _append(context, drive, found.log, around, ids, result, behind=behind):
             run.stages.end()
             told: dict[str, Any] = {"epochs": len(result.track), "segments": len(result.slopes)}
             tell(logger, "drive computed", method=drive.method, **told | run.stages.seconds)
@@ -197,21 +177,23 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
     )
 
 
-def read_drive(bench: Workbench, blob_key: str, columns: Mapping[str, str], progress: Progress) -> DriveLog:
+def read_drive(
+    context: JobContext, blob_key: str, columns: Mapping[str, str], progress: Progress
+) -> DriveLog:
     """The log of a drive; ``ProcessingError`` where its file is lost."""
     try:
-        file = bench.blobs.open(blob_key)
+        file = context.blobs.open(blob_key)
     except FileNotFoundError as error:
         raise ProcessingError(
             "The uploaded file is no longer in the service's storage. Delete the drive and upload it again."
         ) from error
     with file:
-        return read_log(file, columns=columns, max_bytes=bench.max_log_bytes, progress=progress)
+        return read_log(file, columns=columns, max_bytes=context.settings.max_log_bytes, progress=progress)
 
 
-def surroundings_of(bench: Workbench, log: DriveLog) -> Surroundings:
+def surroundings_of(context: JobContext, log: DriveLog) -> Surroundings:
     """What lies around a log; ``NoRoadsError`` where there are no roads at all."""
-    with bench.sessions() as session:
+    with context.sessions() as session:
         # One snapshot, so that the roads are those of the version that is noted beside them.
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
         version = road_store.current_road_version(session)
@@ -221,7 +203,7 @@ def surroundings_of(bench: Workbench, log: DriveLog) -> Surroundings:
                 "computed by itself."
             )
         roads = roads_in(session, road_boxes(log))
-        return Surroundings(roads, version.id, dem.current_dem(session, bench.dem_dir))
+        return Surroundings(roads, version.id, dem.current_dem(session, context.dem_dir))
 
 
 def estimate(
@@ -237,7 +219,7 @@ def estimate(
 
 
 def _estimate(
-    bench: Workbench,
+    context: JobContext,
     found: Positioned,
     around: Surroundings,
     drive: Drive,
@@ -250,12 +232,12 @@ def _estimate(
         ids, roads, result = estimate(found, around, drive.method, drive.options, run.part("estimating"))
     if result.factors:
         driven = roads.subset(np.unique([f.segment for f in result.factors]))
-        fill_heights_along(bench.sessions, bench.dem_dir, driven)
-    return ids, with_settled_lag(bench.sessions, drive.id, ids, result)
+        fill_heights_along(context.sessions, context.dem_dir, driven)
+    return ids, with_settled_lag(context.sessions, drive.id, ids, result)
 
 
 def _append(
-    bench: Workbench,
+    context: JobContext,
     drive: Drive,
     log: DriveLog,
     around: Surroundings,
@@ -273,7 +255,7 @@ def _append(
         road_state=max(around.roads.states.values(), default=0),
         dem_version_id=None if around.dem is None else around.dem.version_id,
     )
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
         if not claims.lock_running(session, drive.id, drive.generation):
             raise Discarded
@@ -288,7 +270,7 @@ def _append(
             provenance,
             result.factors,
             log.fix.time_s,
-            delay_s=publishing.patience_s(session, bench.publish_every_s, behind=behind),
+            delay_s=publishing.patience_s(session, context.settings.publish_every_s, behind=behind),
         )
         claims.mark_publishing(
             session,
@@ -314,9 +296,9 @@ def full_report(result: DriveResult, road_version: int, dem_version: int | None)
     return {**result.report, **versions}
 
 
-def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outcome:
+def _fail(context: JobContext, drive: Drive, stage: str, error: Exception) -> Outcome:
     kind, reason, where = fault_of(error, "drive", drive.id, stage)
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         mine = claims.mark_failed(
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
         )

@@ -24,8 +24,8 @@ from app.core.receiving.connections import server_options
 from app.core.settings import Settings
 from app.drives import claims, tracks
 from app.drives import store as drives
-from app.drives.process import Workbench
 from app.embedded.cluster import EmbeddedPostgres
+from app.jobs.context import JobContext
 from app.main import create_app
 from app.network import extracts
 from app.network import results as slopes
@@ -53,8 +53,8 @@ class Web:
     sessions: Sessions
 
     @property
-    def bench(self) -> Workbench:
-        return Workbench.of(self.settings, self.sessions)
+    def context(self) -> JobContext:
+        return JobContext(self.settings, self.sessions)
 
     @property
     def blobs(self) -> BlobStore:

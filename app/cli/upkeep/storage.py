@@ -38,14 +38,16 @@ def sweep(
     from app.cli.database import sessions
     from app.core.blobs import BlobStore
     from app.drives.intake import sweep_blobs
-    from app.exports.run import sweep_files
+    from app.exports.run import EXPORT
+    from app.jobs.context import JobContext
+    from app.jobs.requests.upkeep import sweep_files
     from app.terrain.files import sweep_rasters
 
     with sessions(data_dir) as (settings, factory):
         blobs = BlobStore(settings.blob_store_url)
         age = timedelta(days=settings.orphan_days)
         found = sweep_blobs(factory, blobs, age, confirmed=only_database)
-        files = sweep_files(settings, factory)
+        files = sweep_files(EXPORT, JobContext(settings, factory))
         sure = only_database or (settings.keeps_files_together and not found.strangers)
         rasters = sweep_rasters(factory, settings.dem_dir, age) if sure else []
     if found.strangers:

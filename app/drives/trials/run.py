@@ -19,7 +19,6 @@ from app.drives import tracks
 from app.drives.faults import fault_of
 from app.drives.process import (
     Computing,
-    Workbench,
     estimate,
     full_report,
     read_drive,
@@ -29,6 +28,7 @@ from app.drives.progress import PARTS, PROGRESS_EVERY_S, Discarded
 from app.drives.trials import store
 from app.drives.trials.documents import Trial
 from app.drives.trials.results import encode_slopes
+from app.jobs.context import JobContext
 from app.jobs.task import Interrupted, Task, Work, is_connection_loss
 from fusion.pipeline import parse_options, positions_of
 from fusion.types import Progress
@@ -36,18 +36,18 @@ from fusion.types import Progress
 logger = logging.getLogger(__name__)
 
 
-def trial_task(bench: Workbench) -> Task:
+def trial_task(context: JobContext) -> Task:
     """What a worker does for a trial."""
 
     def run(work: Work, *, trial_id: str) -> str:
-        return run_trial(bench, uuid.UUID(trial_id), work.should_stop, work.computing)
+        return run_trial(context, uuid.UUID(trial_id), work.should_stop, work.computing)
 
     def fail(kind: str, reason: str, *, trial_id: str) -> None:
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             store.fail(session, uuid.UUID(trial_id), kind, reason)
 
     def put_back(*, trial_id: str) -> None:
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             store.let_wait(session, uuid.UUID(trial_id))
 
     advice = "Choose a method or options that take less, or split the log into shorter drives."
@@ -55,7 +55,7 @@ def trial_task(bench: Workbench) -> Task:
 
 
 def run_trial(
-    bench: Workbench, trial_id: uuid.UUID, should_stop: Callable[[], bool], computing: Computing
+    context: JobContext, trial_id: uuid.UUID, should_stop: Callable[[], bool], computing: Computing
 ) -> str:
     """Compute the trial; a word on how it ended. Safe to call twice, also at the same time.
 
@@ -63,12 +63,12 @@ def run_trial(
     another run is to compute it, and SQLAlchemy's error when the database cannot be reached.
     """
     with about(trial=trial_id):
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             trial = store.claim(session, trial_id)
         if trial is None:
             return "unwanted"
         with about(drive=trial.drive_id), tracing.span("trial", method=trial.method) as span:
-            outcome = _tried(bench, trial, _Look(bench.sessions, trial, should_stop), computing)
+            outcome = _tried(context, trial, _Look(context.sessions, trial, should_stop), computing)
             span.note(outcome=outcome)
             return outcome
 
@@ -105,34 +105,34 @@ class _Look:
                 raise Discarded
 
 
-def _tried(bench: Workbench, trial: Trial, look: _Look, computing: Computing) -> str:
+def _tried(context: JobContext, trial: Trial, look: _Look, computing: Computing) -> str:
     began_s = time.monotonic()
     try:
-        if not _computed(bench, trial, look, computing):
+        if not _computed(context, trial, look, computing):
             return "unwanted"
     except Discarded:
         tell(logger, "trial discarded", reason="it or its drive was removed while it was computed")
         return "unwanted"
     except Interrupted:
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             store.let_wait(session, trial.id)
         raise
     except Exception as error:
         if is_connection_loss(error):
             raise
-        return _failed(bench, trial, look.stage, error)
+        return _failed(context, trial, look.stage, error)
     tell(logger, "trial done", method=trial.method, seconds=round(time.monotonic() - began_s, 3))
     return "done"
 
 
-def _computed(bench: Workbench, trial: Trial, look: _Look, computing: Computing) -> bool:
+def _computed(context: JobContext, trial: Trial, look: _Look, computing: Computing) -> bool:
     """Compute it and keep what it yields; False: nobody wants that any more."""
     with computing():
         options = parse_options(trial.method, trial.options)
-        log = read_drive(bench, trial.blob_key, options.columns, look.part("reading"))
+        log = read_drive(context, trial.blob_key, options.columns, look.part("reading"))
         found = positions_of(log, options, look.part("positioning"))
         look.part("roads")
-        around = surroundings_of(bench, found.log)
+        around = surroundings_of(context, found.log)
         ids, _, result = estimate(found, around, trial.method, trial.options, look.part("estimating"))
         look.part("saving")
         said = result.measurements
@@ -142,13 +142,13 @@ def _computed(bench: Workbench, trial: Trial, look: _Look, computing: Computing)
             encode_slopes(result.slopes, ids),
         )
     dem_version = None if around.dem is None else around.dem.version_id
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         return store.finish(session, trial, full_report(result, around.version_id, dem_version), kept)
 
 
-def _failed(bench: Workbench, trial: Trial, stage: str, error: Exception) -> str:
+def _failed(context: JobContext, trial: Trial, stage: str, error: Exception) -> str:
     kind, reason, where = fault_of(error, "trial", trial.id, stage)
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         store.fail(session, trial.id, kind, reason, stage=stage, where=where, run=trial.run)
     tell(logger, "trial failed", method=trial.method, kind=kind, stage=stage)
     return "failed"

@@ -36,7 +36,7 @@ def drive(town_web: Web, files: Path) -> str:
     """The id of a drive by the default method that is done."""
     sent = {"file": (NAME, (files / "0.csv").read_bytes())}
     found = str(town_web.client.post("/v1/drives?method=profile", files=sent).json()["id"])
-    assert process_drive(town_web.bench, uuid.UUID(found), 1) is Outcome.DONE
+    assert process_drive(town_web.context, uuid.UUID(found), 1) is Outcome.DONE
     return found
 
 
@@ -126,7 +126,7 @@ def test_a_trial_that_runs_ends_and_leaves_the_lane_to_the_removal(
             raise Interrupted  # it has gone on with what nobody wants
         return False
 
-    assert trials.run_trial(town_web.bench, trial, removed_meanwhile, nullcontext) == "unwanted"
+    assert trials.run_trial(town_web.context, trial, removed_meanwhile, nullcontext) == "unwanted"
     carry_out_removals(town_web.sessions, town_web.blobs)
     with town_web.sessions() as session:
         for table in ("drives", "drive_trials", "drive_tracks"):

@@ -18,8 +18,9 @@ from app.core.blobs import BlobStore
 from app.core.errors import BadRequestError, StorageFullError
 from app.core.receiving.body import Piece
 from app.drives.intake import register_upload
-from app.drives.process import Outcome, Workbench
+from app.drives.process import Outcome
 from app.drives.receiving.upload_bundle import UploadBundle
+from app.jobs.context import JobContext
 from fusion.formats import read_log
 from fusion.published.canyon.drive import canyon_of
 from fusion.simulate.drive import simulate_drive
@@ -178,31 +179,31 @@ def test_a_disk_that_fills_up_in_the_middle_of_a_zip_leaves_nothing(
     assert (blobs.keys(), blobs._list("incoming")) == ([], [])
 
 
-def test_a_worker_reads_files_that_came_apart_as_one_log(bench: Workbench, files: Path) -> None:
+def test_a_worker_reads_files_that_came_apart_as_one_log(context: JobContext, files: Path) -> None:
     header, *rows = (files / "1.csv").read_text().splitlines(keepends=True)
     halves = ["".join([header, *part]).encode() for part in (rows[: len(rows) // 2], rows[len(rows) // 2 :])]
-    several = bundle_in(bench.blobs)
+    several = bundle_in(context.blobs)
     several.take([Piece(1 - k, f"{k}.csv.gz", gzip.compress(halves[k])) for k in (1, 0)])
     blob, name = several.finish()
-    drive, _ = register_upload(bench.sessions, bench.blobs, blob, filename=name, method="raw")
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE, drive_now(bench, drive.id).failure
-    done = drive_now(bench, drive.id)
+    drive, _ = register_upload(context.sessions, context.blobs, blob, filename=name, method="raw")
+    assert process_drive(context, drive.id, 1) is Outcome.DONE, drive_now(context, drive.id).failure
+    done = drive_now(context, drive.id)
     assert done.filename == "1.csv.gz, 0.csv.gz"
     assert done.epochs == len(read_log(files / "1.csv").fix)
     assert done.bbox == pytest.approx(read_log(files / "1.csv").bounds_deg())
 
 
 def test_observations_and_navigation_that_came_apart_are_positioned_and_fused(
-    bench: Workbench, town: Town
+    context: JobContext, town: Town
 ) -> None:
     raw = canyon_of(simulate_drive(town, 7, 120.0)).raw()
     texts = {"brdc.rnx": navigation(raw.navigation), "drive.rnx": observations(raw.signals)}
-    sent = UploadBundle(bench.blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 24)
+    sent = UploadBundle(context.blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 24)
     sent.take([Piece(k, name, text.encode()) for k, (name, text) in enumerate(texts.items())])
     blob, name = sent.finish()
-    drive, _ = register_upload(bench.sessions, bench.blobs, blob, filename=name, method="profile")
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE, drive_now(bench, drive.id).failure
-    report = drive_now(bench, drive.id).report
+    drive, _ = register_upload(context.sessions, context.blobs, blob, filename=name, method="profile")
+    assert process_drive(context, drive.id, 1) is Outcome.DONE, drive_now(context, drive.id).failure
+    report = drive_now(context, drive.id).report
     assert report is not None
     assert report["gnss"]["positioning"] == "one-sided"
     assert report["gnss"]["solved"] == report["epochs"] == len(raw.signals)

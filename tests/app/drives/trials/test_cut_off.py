@@ -31,7 +31,7 @@ def number(address: str) -> uuid.UUID:
 
 
 def tried(web: Web, address: str, *, stop: bool = False) -> str:
-    return run.run_trial(web.bench, number(address), lambda: stop, nullcontext)
+    return run.run_trial(web.context, number(address), lambda: stop, nullcontext)
 
 
 def test_one_that_is_removed_while_it_runs_is_discarded(
