@@ -12,7 +12,7 @@ UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test fuzz soak web pictures check check-types check-tests lock clean
+.PHONY: help setup demo test fuzz soak docs web pictures check check-types check-tests lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 16
@@ -31,6 +31,10 @@ fuzz: setup  ## readers, routes and filters with inputs at random (FUZZ=600: sec
 
 soak: setup  ## ten minutes of uploads, removals, imports and kills at random (SOAK=--seed 7: that one again)
 	@PYTHONPATH=.:benchmarks $(BIN)/python -m soak $(SOAK)
+
+docs: $(INSTALLED)  ## build docs/ as a site into docs/_build; a warning or a dead link fails
+	@$(BIN)/python -m sphinx -q -W --keep-going -b html -d docs/_build/.doctrees docs docs/_build/html
+	@echo "docs/_build/html/index.html"
 
 web: $(INSTALLED)  ## build the pages anew into app/web/built, checked and tested (needs npm)
 	@.ci/prepare npm $(WEB)
@@ -58,7 +62,7 @@ lock: $(INSTALLED)  ## bring .lock/ up to pyproject.toml (UPGRADE=--upgrade: new
 	@PATH="$$PWD/$(BIN):$$PATH"; $(UV_COMPILE) $(UPGRADE) --extra s3 --extra otel --extra dev -c .lock/runtime.txt pyproject.toml -o .lock/dev.txt
 
 clean:  ## remove everything that make made
-	rm -rf $(VENV) $(CACHES) build dist demo *.egg-info
+	rm -rf $(VENV) $(CACHES) build dist demo docs/_build *.egg-info
 	find app fusion migrations tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 $(VENV)/.made:

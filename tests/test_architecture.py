@@ -15,7 +15,11 @@ from source_tree import REPOSITORY, imported_names, name_of, sources, text_of, t
 
 TOP_LEVEL = {
     "pyproject.toml",
+    "setup.py",
     "README.md",
+    "LICENSE",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
     "Makefile",
     "docker-compose.yml",
     "app",
@@ -23,6 +27,7 @@ TOP_LEVEL = {
     "migrations",
     "tests",
     "benchmarks",
+    "docs",
 }
 
 SQL_PLACES = {

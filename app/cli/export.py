@@ -46,7 +46,7 @@ def export(
         typer.Option(
             "--as",
             metavar="FORMAT",
-            help="The format by its name, where the suffix does not tell it: see README.",
+            help="The format by its name, where the suffix does not tell it: see docs/reference/export-formats.md.",
         ),
     ] = None,
     option: Annotated[

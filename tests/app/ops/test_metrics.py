@@ -12,7 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from app.core.telemetry.measures import MEASURES
 
-DASHBOARD = Path(__file__).resolve().parents[3] / ".docs" / "grafana.json"
+DASHBOARD = Path(__file__).resolve().parents[3] / "docs" / "files" / "grafana.json"
 SUFFIXES = {"counter": ("_total",), "histogram": ("_bucket", "_sum", "_count")}
 
 

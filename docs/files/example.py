@@ -1,6 +1,6 @@
 """Slopes of drives in a few lines: logs, roads and elevation in; a GeoPackage, or any file geopandas writes, out.
 
-python .docs/example.py drive_01.csv drive_02.ubx --roads town.osm --dem dem.tif -o slopes.gpkg
+python docs/files/example.py drive_01.csv drive_02.ubx --roads town.osm --dem dem.tif -o slopes.gpkg
 """
 
 import argparse
