@@ -44,32 +44,23 @@ m/s is no cloud of two hundred points."""
 class ParticleOptions(SolverOptions):
     """What all particle solvers take."""
 
-    particles: Annotated[int, RequestMost(2000)] = Field(
-        200, ge=2, le=100_000, description="Number of particles N."
-    )
-    resampling: Literal["multinomial", "residual", "stratified", "systematic"] = Field(
-        "systematic", description="Scheme of resampling."
-    )
-    eta: float = Field(
-        0.7, gt=0, le=1, description="Resampled where fewer than eta N particles count (0.6 to 0.8)."
-    )
-    tau_s: float = Field(
-        2.0, gt=0, le=60, description="How long the error of a pseudorange lasts, s (notes 6: 2 to 5)."
-    )
+    particles: Annotated[int, RequestMost(2000)] = Field(200, ge=2, le=100_000)
+    """Number of particles N."""
+    resampling: Literal["multinomial", "residual", "stratified", "systematic"] = "systematic"
+    """Scheme of resampling."""
+    eta: float = Field(0.7, gt=0, le=1)
+    """Resampled where fewer than eta N particles count (0.6 to 0.8)."""
+    tau_s: float = Field(2.0, gt=0, le=60)
+    """How long the error of a pseudorange lasts, s (notes 6: 2 to 5)."""
 
 
 class StateOptions(ParticleOptions):
     """Of filters that go by the state of reception: the reading, and the threshold."""
 
-    reading: Literal["stabilised", "literal"] = Field(
-        "stabilised", description="stabilised, or literal: as printed, to see what happens."
-    )
-    threshold_dbhz: float = Field(
-        THRESHOLDS_DBHZ["u-blox"],
-        ge=0,
-        le=60,
-        description="C/N0 from which on a signal is direct: 40 u-blox, 42 PolaRx2.",
-    )
+    reading: Literal["stabilised", "literal"] = "stabilised"
+    """stabilised, or literal: as printed, to see what happens."""
+    threshold_dbhz: float = Field(THRESHOLDS_DBHZ["u-blox"], ge=0, le=60)
+    """C/N0 from which on a signal is direct: 40 u-blox, 42 PolaRx2."""
 
 
 @dataclass
