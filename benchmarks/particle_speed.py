@@ -6,8 +6,8 @@
 
 A simulated drive of the length of the thesis's (549 s at 1 Hz) with all five corrections: GNSS, acceleration, pitch,
 map, terrain. Both filters take the same epochs, roads and terrain, the same importance density and the same matcher;
-the numpy loop (``published/particle/numpy_cloud.py``) does the arithmetic by whole arrays in double precision. Above 100,000
-particles the drive is cut short in proportion, to no less than a minute. Rounds alternate between the two; figures are
+the numpy loop (``published/particle/numpy_cloud.py``) does the arithmetic by whole arrays in double precision. Above
+100,000 particles the drive is cut short in proportion, to no less than a minute. Rounds alternate between the two; figures are
 medians. Memory is the peak resident size of the process above what it held before the filter, in a fresh process per
 size.
 

@@ -1,1 +1,1 @@
-"""The experiments of the source documents by paper, as ``fusion.published`` has their estimators. Run by ``seeds.py``."""
+"""The experiments of the source documents, by paper as ``fusion.published`` has their estimators (see ``seeds.py``)."""
