@@ -18,7 +18,7 @@ MOST_FILES_IN_A_FOLDER = 22
 FRAGMENT_LINES = 40
 MEDIAN_LINES = (100, 250)
 
-GROUND = {"arrays", "types", "signals", "errors", "registry", "frames", "compiled"}
+GROUND = {"arrays", "types", "signals", "errors", "registry", "options", "frames", "compiled"}
 """What every room of the library stands on: files at its root, beside the pipeline."""
 
 LIBRARY = {

@@ -30,7 +30,8 @@ from fusion.catalogue import METHODS, POSITIONINGS, SOLVERS
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
 from fusion.formats import FORMATS
-from fusion.methods.base import Options, option_facts
+from fusion.methods.base import Options
+from fusion.options import option_facts
 from fusion.registry import DEFAULT_METHOD
 from fusion.terrain.windows import WINDOWS
 

@@ -79,7 +79,7 @@ def catalogue() -> dict[str, Any]:
 
 def options(method: Method) -> dict[str, dict[str, Any]]:
     """The options of a method: default, what is allowed, and description (which names the unit)."""
-    from fusion.methods.base import option_facts
+    from fusion.options import option_facts
 
     return {
         name: {"default": fact.default, "allowed": fact.allowed, "description": fact.description}

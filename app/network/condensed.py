@@ -21,9 +21,9 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from fusion.network.condensed import PassSum
+from fusion.network.condensed import CondensedPasses
 from fusion.network.curve import knot_length
-from fusion.network.outside_passes import ConstantsSaid
+from fusion.network.outside_passes import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 
 JURY = 48
@@ -102,7 +102,7 @@ class OldPass(NamedTuple):
 
 def sums_over(
     session: Session, segment_ids: Collection[int], without: uuid.UUID | None = None
-) -> dict[int, PassSum]:
+) -> dict[int, CondensedPasses]:
     """The sums over these segments, but for what one drive has in them."""
     found = _added(fetch_binary(session, _OVER, {"ids": list(segment_ids)}))
     if found and without is not None:
@@ -112,7 +112,9 @@ def sums_over(
     return {segment: one for segment, one in found.items() if one.passes > 0}
 
 
-def sums_of_drive(session: Session, drive_id: uuid.UUID, rows: Iterable[SummedRow]) -> dict[int, PassSum]:
+def sums_of_drive(
+    session: Session, drive_id: uuid.UUID, rows: Iterable[SummedRow]
+) -> dict[int, CondensedPasses]:
     """What these passes of a drive are in the sums of their segments, by what is stored alone."""
     heard = [(data, segment, sequence, weight) for segment, sequence, weight, data in rows if weight]
     if not heard:
@@ -136,7 +138,7 @@ def drive_regions(session: Session, drive_ids: Collection[uuid.UUID]) -> list[in
     return list(session.execute(_DRIVE_REGIONS, {"ids": list(drive_ids)}).scalars())
 
 
-def append_sums(session: Session, sums: Mapping[int, PassSum]) -> None:
+def append_sums(session: Session, sums: Mapping[int, CondensedPasses]) -> None:
     """Add to the sums of segments."""
     if sums:
         send_binary(session, _APPEND, {"ids": list(sums), "said": [one.encode() for one in sums.values()]})
@@ -149,7 +151,7 @@ def take_out(session: Session, drive_id: uuid.UUID) -> None:
     )
 
 
-def take_off(session: Session, said: Mapping[int, PassSum]) -> None:
+def take_off(session: Session, said: Mapping[int, CondensedPasses]) -> None:
     """Take what a drive had said off the sums of segments. Nobody waits, and no row tells what the drive had said."""
     if not said:
         return
@@ -193,7 +195,7 @@ def portions(old: Iterable[OldPass], size: int) -> Iterator[list[OldPass]]:
         yield portion
 
 
-def made_sums(session: Session, old: Sequence[OldPass]) -> dict[tuple[int, uuid.UUID], PassSum]:
+def made_sums(session: Session, old: Sequence[OldPass]) -> dict[tuple[int, uuid.UUID], CondensedPasses]:
     """What is to be added for each drive on each segment. Takes its time; nothing is written."""
     over: dict[tuple[int, uuid.UUID], list[tuple[PassFactor, float]]] = {}
     for one in old:
@@ -210,7 +212,7 @@ def made_sums(session: Session, old: Sequence[OldPass]) -> dict[tuple[int, uuid.
 def sum_up(
     session: Session,
     old: Sequence[OldPass],
-    made: Mapping[tuple[int, uuid.UUID], PassSum],
+    made: Mapping[tuple[int, uuid.UUID], CondensedPasses],
     regions: Sequence[int],
 ) -> None:
     """Put those of the old passes that are still there and in no sum into the sums of their segments (``made``)."""
@@ -230,25 +232,29 @@ def sum_up(
     append_sums(session, {segment: one for segment, one in found.items() if one.passes != 0})
 
 
-def _added(rows: Iterable[tuple[int, bytes]]) -> dict[int, PassSum]:
-    found: dict[int, PassSum] = {}
+def _added(rows: Iterable[tuple[int, bytes]]) -> dict[int, CondensedPasses]:
+    found: dict[int, CondensedPasses] = {}
     for segment, data in rows:
-        one = PassSum.decode(data)
+        one = CondensedPasses.decode(data)
         found[segment] = found[segment] + one if segment in found else one
     return found
 
 
 def _sum_of(
-    passes: Sequence[tuple[PassFactor, float]], whole: tuple[ConstantsSaid, int], length_m: float
-) -> PassSum:
+    passes: Sequence[tuple[PassFactor, float]], whole: tuple[ConstantsInformation, int], length_m: float
+) -> CondensedPasses:
     ordered = sorted(passes, key=lambda pair: pair[0].sequence)
-    return PassSum.of_drive([p for p, _ in ordered], [weight for _, weight in ordered], *whole, length_m)
+    return CondensedPasses.of_drive(
+        [p for p, _ in ordered], [weight for _, weight in ordered], *whole, length_m
+    )
 
 
-def _said(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, tuple[ConstantsSaid, int]]:
+def _said(
+    session: Session, drive_ids: Collection[uuid.UUID]
+) -> dict[uuid.UUID, tuple[ConstantsInformation, int]]:
     """What all passes of each drive say of its constants, and how many they are."""
     rows = fetch_binary(session, _SAID, {"ids": sorted(drive_ids)})
-    return {drive: (ConstantsSaid.decode(data), count) for drive, data, count in rows}
+    return {drive: (ConstantsInformation.decode(data), count) for drive, data, count in rows}
 
 
 def _lengths(session: Session, segment_ids: Collection[int]) -> dict[int, float]:

@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
 from app.network.condensed import OF_DRIVE, drive_regions, of_drive, take_out
-from fusion.network.duplicates import LONGEST_ENTRY_S, SAME_SHARE, Witness, repeated, same_drive
+from fusion.network.duplicates import LONGEST_ENTRY_S, SAME_SHARE, DriveTrace, find_duplicates, is_duplicate
 
 _ITS = OF_DRIVE.format(":", "")
 
@@ -84,15 +84,15 @@ def choose_witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> set[
 
 
 def _decided(
-    session: Session, witnesses: dict[uuid.UUID, Witness]
+    session: Session, witnesses: dict[uuid.UUID, DriveTrace]
 ) -> tuple[Sequence[Row[Any]], dict[int, int]]:
     """The drives with what they named so far, and which of them says which again, both by their place in the list."""
     # Of two that are alike to the last digit, their bytes decide.
     drives = session.execute(_SAME_AS, {"ids": list(witnesses)}).all()
-    return drives, repeated({k: witnesses[row.id] for k, row in enumerate(drives)})
+    return drives, find_duplicates({k: witnesses[row.id] for k, row in enumerate(drives)})
 
 
-def _among_heard(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
+def _among_heard(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
     """One drive that no other names, with those beside it that are heard; of several drives nothing.
 
     If it is one of these again, no other drive's fate depends on it: who is heard was decided without it. So the
@@ -105,18 +105,18 @@ def _among_heard(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uui
     return _witnesses(session, {drive_id, *heard})
 
 
-def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
+def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
     """These drives and all that are the same as any of them, however many steps away."""
     found = _witnesses(session, drive_ids)
     waiting = set(drive_ids)
-    together: dict[uuid.UUID, Witness] = {}
+    together: dict[uuid.UUID, DriveTrace] = {}
     while waiting:
         drive_id = waiting.pop()
         together[drive_id] = one = found[drive_id]
         # Of copies each is beside each: none is looked at twice.
         beside = _beside(session, drive_id) - together.keys() - waiting
         found |= _witnesses(session, beside - found.keys())
-        waiting |= {other for other in beside if same_drive(one, found[other])}
+        waiting |= {other for other in beside if is_duplicate(one, found[other])}
     return together
 
 
@@ -125,7 +125,7 @@ def _beside(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
     return set(session.execute(_BESIDE, values).scalars())
 
 
-def _witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Witness]:
+def _witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
     """What tells each of these drives from others; nothing does of one without passes."""
     if not (ids := list(drive_ids)):
         return {}
@@ -139,7 +139,7 @@ def _witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.
     for drive_id, passes in entries.items():
         measurements, epoch_s = epochs.get(drive_id, (0, b""))
         segment, enter_s = np.array(passes, float).reshape(-1, 2).T
-        found[drive_id] = Witness(
+        found[drive_id] = DriveTrace(
             segment.astype(np.int64), enter_s, np.frombuffer(epoch_s, "<f8").astype(np.float64), measurements
         )
     return found

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
 from app.network.condensed import OF_DRIVE, of_drive, sums_of_drive, take_off
-from fusion.network.outside_passes import ConstantsSaid
+from fusion.network.outside_passes import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
 
@@ -116,7 +116,7 @@ def replace_passes(
         send_binary(session, _INSERT, {"drive_id": drive_id, **columns})
         whole = {
             "passes": len(factors),
-            "said": ConstantsSaid.of_passes(factors).encode(),
+            "said": ConstantsInformation.of_passes(factors).encode(),
             "measurements": sum(f.rows for f in factors),
             "epoch_s": np.asarray(epoch_s, "<f8").tobytes(),
             "regions": regions_of(session, {f.segment for f in factors}),
@@ -148,7 +148,9 @@ def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPa
     ]
 
 
-def said_elsewhere(session: Session, drives: Sequence[Sequence[StoredPass]]) -> dict[int, ConstantsSaid]:
+def said_elsewhere(
+    session: Session, drives: Sequence[Sequence[StoredPass]]
+) -> dict[int, ConstantsInformation]:
     """What the drives' other passes say of their constants, by place in ``drives``: the whole less what is here.
 
     A pass that is in a sum, here or elsewhere, is not here: it says as little of the constants as any pass does over a
@@ -160,7 +162,9 @@ def said_elsewhere(session: Session, drives: Sequence[Sequence[StoredPass]]) -> 
     for k, passes in enumerate(drives):
         count, said = whole.get(passes[0].drive_id, (0, b""))
         if count > len(passes):
-            found[k] = ConstantsSaid.decode(said) - ConstantsSaid.of_passes([p.factor for p in passes])
+            found[k] = ConstantsInformation.decode(said) - ConstantsInformation.of_passes(
+                [p.factor for p in passes]
+            )
     return found
 
 

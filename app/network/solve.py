@@ -19,11 +19,11 @@ from app.network.control import control_on
 from app.network.passes import StoredPass, by_drive, passes_over, said_elsewhere
 from app.network.surroundings import Surroundings, stored_terrain, surroundings
 from fusion.network.adjust import adjust
-from fusion.network.condensed import PassSum
+from fusion.network.condensed import CondensedPasses
 from fusion.network.curve import knot_length
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
-from fusion.network.window import Window, window_around
+from fusion.network.subnetwork import Subnetwork, subnetwork_around
 from fusion.types import Bools
 
 SETTLED_SIGMAS = 0.025
@@ -47,11 +47,11 @@ class Solution:
     """The slopes of a window of the surroundings, of the passes that are over it, drive by drive."""
 
     around: Surroundings
-    window: Window
+    window: Subnetwork
     drives: list[list[StoredPass]]
     result: Adjustment | None
     """None where nothing was to be solved"""
-    sums: list[tuple[int, PassSum]] = field(default_factory=list)
+    sums: list[tuple[int, CondensedPasses]] = field(default_factory=list)
     """By segment, what the old passes over it say besides"""
 
     def settled(self) -> bool:
@@ -67,7 +67,7 @@ class Solution:
         """Every pass with the verdict over it."""
         if self.result is None:
             return []
-        verdicts = self.result.heard
+        verdicts = self.result.accepted
         return [(p, verdicts[k, p.factor.sequence]) for k, said in enumerate(self.drives) for p in said]
 
     def drives_heard(self) -> Counter[int]:
@@ -76,7 +76,7 @@ class Solution:
             segment for segment, _ in {(p.factor.segment, p.drive_id) for p, good in self.heard() if good}
         )
         for k, (segment, one) in enumerate(self.sums, len(self.drives)):
-            count[segment] += one.drives * (self.result is not None and self.result.heard[k, 0])
+            count[segment] += one.drives * (self.result is not None and self.result.accepted[k, 0])
         return count
 
     def old_passes(self, shown: Bools) -> list[OldPass]:
@@ -89,7 +89,7 @@ class Solution:
             for p in said:
                 name = (k, p.factor.sequence)
                 if p.id is not None and p.factor.segment in mine:
-                    heard = weight[name] if self.result.heard[name] else 0.0
+                    heard = weight[name] if self.result.accepted[name] else 0.0
                     over.setdefault(p.factor.segment, []).append(OldPass(p.id, p.drive_id, p.factor, heard))
         old = (p for segment in sorted(over) for p in beyond_jury(over[segment]))
         return next(portions(old, MOST_SUMMED), [])
@@ -137,7 +137,7 @@ def _solve(
     around = surroundings(session, touched, scale)
     again = np.isin(around.ids, list(touched))
     driven = around.driven | np.isin(around.ids, [p.factor.segment for p in instead])
-    window = window_around(around.table, driven, again, around.drives >= 0, scale)
+    window = subnetwork_around(around.table, driven, again, around.drives >= 0, scale)
     ids = around.ids[window.solved].tolist()
     if not ids:
         return Solution(around, window, [], None)
@@ -158,6 +158,6 @@ def _solve(
         said,
         stored_terrain(session, around.table.subset(window.solved), around.ids[window.solved]),
         control_on(session, around.table).among(window.solved),
-        elsewhere=elsewhere,
+        outside=elsewhere,
     )
     return Solution(around, window, drives, result, sums)

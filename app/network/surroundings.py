@@ -18,8 +18,8 @@ from app.core.db import fetch_binary
 from app.network.cell_roads import roads_in
 from app.network.cells import regions_around
 from fusion.network.curve import interval_count, knot_length
+from fusion.network.subnetwork import SOLVE_RADIUS_M, boxes_around
 from fusion.network.terrain import Terrain, heights_at
-from fusion.network.window import WINDOW_RADIUS_M, boxes_around
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
@@ -69,7 +69,7 @@ def surroundings(session: Session, touched: Collection[int], scale: float) -> Su
     """The roads within the library's radius, times ``scale``, around ``touched`` segments."""
     lines = np.array([tuple(row) for row in session.execute(_LINES, {"ids": list(touched)})], float)
     lon0, lat0, lon1, lat1 = lines.reshape(-1, 4).T
-    boxes = boxes_around(lon0, lat0, lon1, lat1, scale * WINDOW_RADIUS_M)
+    boxes = boxes_around(lon0, lat0, lon1, lat1, scale * SOLVE_RADIUS_M)
     roads = roads_in(session, boxes)
     row = np.argsort(roads.ids)
     known = fetch_binary(session, KNOWN, {"ids": roads.ids, "regions": regions_around(roads.cell)})

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
+from fusion.options import Named, OptionsModel
 from fusion.types import Bools, Floats, Ints, Progress
 
 
@@ -108,34 +108,8 @@ class Solution:
         return np.asarray(np.isfinite(self.position_m).all(axis=1))
 
 
-class SolverOptions(BaseModel):
+class SolverOptions(OptionsModel):
     """Base of every solver's options: immutable, unknown names refused, each field described with its unit."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Named(Protocol):
-    """What a person chooses by, of solvers and positionings alike."""
-
-    @property
-    def name(self) -> str:
-        """As in ``--gnss``."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """Where it comes from: author, year, chapter."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """One sentence for a person who chooses."""
-        ...
-
-    @property
-    def options_model(self) -> type[SolverOptions]:
-        """The options, each with its unit, range and default."""
-        ...
 
 
 class Solver(Named, Protocol):

@@ -19,7 +19,8 @@ from fusion.gnss.aids import aids_of, with_heights
 from fusion.gnss.doppler import doppler_velocities
 from fusion.gnss.earth import local_axes
 from fusion.gnss.measure import measure
-from fusion.gnss.measurements import Aids, Measurements, Named, Solution, Solver, SolverOptions
+from fusion.gnss.measurements import Aids, Measurements, Solution, Solver, SolverOptions
+from fusion.options import Named, OptionsModel
 from fusion.registry import DEFAULT_POSITIONING, Registry
 from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Progress, no_progress
 
@@ -82,7 +83,7 @@ class SolvedEpochs(NamedTuple):
 class Positioning(Named, Protocol):
     """A named way from what a receiver logged to positions."""
 
-    def positions(self, log: DriveLog, options: SolverOptions, progress: Progress) -> Positioned:
+    def positions(self, log: DriveLog, options: OptionsModel, progress: Progress) -> Positioned:
         """The log with positions.
 
         Raises ``MissingSensorError`` where the log lacks what it takes, ``EmptyLogError`` where no position results.
@@ -110,7 +111,7 @@ def positioned(
     return chosen.positions(log, options_of(chosen, options), progress)
 
 
-def options_of(positioning: Positioning, options: Mapping[str, Any] | None) -> SolverOptions:
+def options_of(positioning: Positioning, options: Mapping[str, Any] | None) -> OptionsModel:
     """Validate options by name; raises ``BadOptionsError``."""
     return validated(positioning.options_model, options, f"positioning {positioning.name!r}")
 
@@ -136,7 +137,7 @@ class ReceiverPositioning:
     description = "Positions as logged."
     options_model = SolverOptions
 
-    def positions(self, log: DriveLog, options: SolverOptions, progress: Progress) -> Positioned:
+    def positions(self, log: DriveLog, options: OptionsModel, progress: Progress) -> Positioned:
         """The log, unchanged; ``EmptyLogError`` for one that has raw data alone."""
         if not len(log.fix) and log.raw is not None:
             raise EmptyLogError(
@@ -158,7 +159,7 @@ class SolverPositioning:
         self.name, self.source, self.description = solver.name, solver.source, solver.description
         self.options_model = solver.options_model
 
-    def positions(self, log: DriveLog, options: SolverOptions, progress: Progress) -> Positioned:
+    def positions(self, log: DriveLog, options: OptionsModel, progress: Progress) -> Positioned:
         """Measure, solve, and put the solution in the place of the log's own positions."""
         if log.raw is None or not len(log.raw.signals):
             raise MissingSensorError(
@@ -170,7 +171,7 @@ class SolverPositioning:
         return self._solve(log, measured, aids_of(log, measured.time_s), options, progress)
 
     def _solve(
-        self, log: DriveLog, measured: Measurements, aids: Aids, options: SolverOptions, progress: Progress
+        self, log: DriveLog, measured: Measurements, aids: Aids, options: OptionsModel, progress: Progress
     ) -> Positioned:
         solution = self.solver.solve(
             measured, aids, options, 0, lambda stage, share: progress("positioning", 0.3 + 0.7 * share)
@@ -204,7 +205,7 @@ class AutomaticPositioning:
     def __init__(self, receiver: Positioning, solver: Positioning) -> None:
         self._receiver, self._solver = receiver, solver
 
-    def positions(self, log: DriveLog, options: SolverOptions, progress: Progress) -> Positioned:
+    def positions(self, log: DriveLog, options: OptionsModel, progress: Progress) -> Positioned:
         """See ``Positioning``. Raw data that give nothing are no reason to refuse a log that has positions."""
         own = self._receiver.options_model()
         no_raw = log.raw is None or not len(log.raw.signals)

@@ -10,44 +10,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    SerializerFunctionWrapHandler,
-    field_validator,
-    model_serializer,
-)
-from pydantic_core import CoreSchema, core_schema
+from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer
 
-from fusion.errors import BadOptionsError, UnknownNameError
+from fusion.errors import BadOptionsError
 from fusion.gnss.positioning import POSITIONINGS
 from fusion.network.pass_factor import PassFactor
+from fusion.options import Named, OptionsModel, Registered
 from fusion.registry import DEFAULT_POSITIONING, Registry, check_columns
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.types import DrawnMeasurements, DriveLog, Progress, SegmentSlope, Track
 
 
-class Method(Protocol):
+class Method(Named, Protocol):
     """A named estimator: a drive log and its surroundings in, a track and segment slopes out."""
-
-    @property
-    def name(self) -> str:
-        """The name in ``METHODS``."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """Where the method comes from: author, year, chapter."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """One sentence for a person who chooses."""
-        ...
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -81,7 +57,7 @@ METHODS: Registry[Method] = Registry("method")
 """Filled by ``fusion.catalogue``."""
 
 OF_TERRAIN = ("dem", "ukf-dem")
-"""Methods whose slopes are the elevation model's, or lean on it: the same model is one witness, however many drive."""
+"""Methods whose slopes are the elevation model's, or lean on it: the same model counts once, however many drive."""
 
 
 @dataclass(frozen=True)
@@ -101,49 +77,18 @@ class DriveResult:
     """The factors anew if the log's altimeter is so many seconds late, where it has one"""
 
 
-@dataclass(frozen=True)
-class Registered:
-    """Marks a string option, in ``Annotated``, as a name that ``registry`` holds; the refusal lists those."""
-
-    registry: Registry[Any]
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Check the name after the string."""
-        return core_schema.no_info_after_validator_function(self._check, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        """The names, as those of an enumeration."""
-        return {**handler(schema), "enum": list(self.registry)}
-
-    def _check(self, name: str) -> str:
-        try:
-            self.registry[name]
-        except UnknownNameError as error:
-            raise ValueError(str(error)) from None
-        return name
-
-
-class Options(BaseModel):
-    """Base of every method's options: immutable, unknown names refused, each field described with its unit.
+class Options(OptionsModel):
+    """Base of every method's options.
 
     How positions are computed is every method's to be told; it is done before the method sees the log.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    gnss: Annotated[str, Registered(POSITIONINGS)] = Field(
-        default=DEFAULT_POSITIONING,
-        description="How positions are computed; all but receiver and auto need raw pseudoranges.",
-    )
-    gnss_options: dict[str, Any] = Field(
-        default_factory=dict, description="Options of that positioning, by name."
-    )
-    columns: dict[str, str] = Field(
-        default_factory=dict,
-        description="Columns of a CSV by other names: Versant's name -> the header's.",
-    )
+    gnss: Annotated[str, Registered(POSITIONINGS)] = Field(default=DEFAULT_POSITIONING)
+    """How positions are computed; all but receiver and auto need raw pseudoranges."""
+    gnss_options: dict[str, Any] = Field(default_factory=dict)
+    """Options of that positioning, by name."""
+    columns: dict[str, str] = Field(default_factory=dict)
+    """Columns of a CSV by other names: Versant's name -> the header's."""
 
     @field_validator("columns")
     @classmethod
@@ -161,38 +106,3 @@ class Options(BaseModel):
         if not out["columns"]:
             del out["columns"]
         return out
-
-
-@dataclass(frozen=True)
-class OptionFacts:
-    """What a person must know of an option: default, what is allowed ("ch2, ch3", "> 0", "0 to 10"), meaning."""
-
-    default: Any
-    allowed: str
-    description: str
-
-
-def option_facts(model: type[BaseModel]) -> dict[str, OptionFacts]:
-    """The facts of every option, by name."""
-    schemas = model.model_json_schema().get("properties", {})
-    return {
-        name: OptionFacts(
-            field.get_default(call_default_factory=True), _allowed(schemas[name]), field.description or ""
-        )
-        for name, field in model.model_fields.items()
-    }
-
-
-def _allowed(schema: dict[str, Any]) -> str:
-    """Names or range of a JSON schema, in words; ``null`` is left out, since the default says it."""
-    if "anyOf" in schema:
-        return next(_allowed(part) for part in schema["anyOf"] if part.get("type") != "null")
-    if "enum" in schema or "const" in schema:
-        return ", ".join(map(str, schema.get("enum") or [schema["const"]]))
-    if schema.get("type") == "boolean":
-        return "true, false"
-    low, high = schema.get("minimum"), schema.get("maximum")
-    above, below = schema.get("exclusiveMinimum"), schema.get("exclusiveMaximum")
-    parts = [f"≥ {low:g}" if low is not None else "", f"> {above:g}" if above is not None else ""]
-    parts += [f"≤ {high:.10g}" if high is not None else "", f"< {below:g}" if below is not None else ""]
-    return ", ".join(part for part in parts if part)

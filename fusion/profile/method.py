@@ -59,15 +59,20 @@ MIN_MEASUREMENTS = 4
 class ProfileOptions(Options):
     """Options of ``profile``: which sensors to use, and how the map is matched."""
 
-    altitude: bool = Field(True, description="Use GNSS altitudes.")
-    doppler: bool = Field(True, description="Use Doppler vertical velocity over ground speed.")
-    pitch: bool = Field(True, description="Use the pitch of an attitude sensor.")
-    force: bool = Field(True, description="Use the accelerometer's forward axis beyond the change of speed.")
-    barometer: bool = Field(True, description="Use pressure.")
-    dem: bool = Field(True, description="Use the elevation model, away from bridges and tunnels.")
-    match_radius_m: float = Field(
-        50.0, gt=5, le=200, description="How far from a road a position may lie, m."
-    )
+    altitude: bool = True
+    """Use GNSS altitudes."""
+    doppler: bool = True
+    """Use Doppler vertical velocity over ground speed."""
+    pitch: bool = True
+    """Use the pitch of an attitude sensor."""
+    force: bool = True
+    """Use the accelerometer's forward axis beyond the change of speed."""
+    barometer: bool = True
+    """Use pressure."""
+    dem: bool = True
+    """Use the elevation model, away from bridges and tunnels."""
+    match_radius_m: float = Field(50.0, gt=5, le=200)
+    """How far from a road a position may lie, m."""
 
     def sensors(self) -> frozenset[int]:
         """Codes of the sensors to use (``measurements.SENSORS``)."""

@@ -33,8 +33,10 @@ _HEADING_SIGMA_RAD = 0.3  # of the course and the map's direction together
 class RawOptions(Options):
     """Options of the raw baseline."""
 
-    period_s: float = Field(0.5, gt=0, le=10, description="Shortest time between two epochs, s.")
-    min_epochs: int = Field(4, ge=2, le=100, description="Altitudes that a slope needs.")
+    period_s: float = Field(0.5, gt=0, le=10)
+    """Shortest time between two epochs, s."""
+    min_epochs: int = Field(4, ge=2, le=100)
+    """Altitudes that a slope needs."""
 
 
 class RawMethod:
@@ -82,13 +84,12 @@ def _altitude_errors(epochs: Epochs, track: Track) -> AltitudeErrors:
 class DemOptions(Options):
     """Options of the DEM baseline."""
 
-    period_s: float = Field(0.5, gt=0, le=10, description="Shortest time between two epochs, s.")
-    height_sigma_m: float = Field(
-        3.5, gt=0, description="Error of a terrain height against its neighbourhood, m."
-    )
-    correlation_m: float = Field(
-        90.0, gt=0, description="Distance over which terrain errors hang together, m."
-    )
+    period_s: float = Field(0.5, gt=0, le=10)
+    """Shortest time between two epochs, s."""
+    height_sigma_m: float = Field(3.5, gt=0)
+    """Error of a terrain height against its neighbourhood, m."""
+    correlation_m: float = Field(90.0, gt=0)
+    """Distance over which terrain errors hang together, m."""
 
 
 class DemMethod:
@@ -161,7 +162,7 @@ def match_fixes(log: DriveLog, network: RoadNetwork, period_s: float) -> tuple[E
         segment=match.segment,
         distance_m=match.distance_m,
         has_gnss=np.ones(len(epochs), bool),
-        after_gap=epochs.after_gap,
+        after_outage=epochs.after_outage,
     )
 
 

@@ -20,7 +20,8 @@ from pydantic import Field
 from fusion.errors import MissingSensorError
 from fusion.filters.unscented import Unscented
 from fusion.frames import wrap_angle
-from fusion.methods.base import DriveResult, Registered
+from fusion.methods.base import DriveResult
+from fusion.options import Registered
 from fusion.published.epochs.line import ErrorShares, line_slopes
 from fusion.published.epochs.table import MAD_TO_SIGMA, Epochs, build_epochs
 from fusion.published.epochs.terrain import TerrainOptions
@@ -72,48 +73,32 @@ _TERRAIN_GRADE_PER_M = 0.012
 class UkfDemOptions(TerrainOptions, NineStateOptions):
     """Options of the filter. Process noises were chosen for positions alone, on four roads with three receivers."""
 
-    sigma_acc_mps2: float = Field(
-        3.0, gt=0, description="Process noise of horizontal acceleration, m/s2 per root second."
-    )
-    sigma_vel_mps: float = Field(
-        0.2, gt=0, description="Process noise of horizontal velocity, m/s per root second."
-    )
-    sigma_pos_m: float = Field(
-        1.0, gt=0, description="Process noise of horizontal position, m per root second."
-    )
-    sigma_acc_up_mps2: float = Field(
-        0.002, gt=0, description="Process noise of vertical acceleration, m/s2 per root second."
-    )
-    sigma_vel_up_mps: float = Field(
-        0.03, gt=0, description="Process noise of vertical velocity, m/s per root second."
-    )
-    sigma_pos_up_m: float = Field(2.0, gt=0, description="Process noise of altitude, m per root second.")
-    dem_sigma_m: float = Field(
-        12.6, gt=0, description="Accuracy of the terrain's height, m (thesis: 12.6 ASTER, 6 World 30)."
-    )
-    dem_correlation_m: float = Field(
-        0.0,
-        ge=0,
-        description="Terrain errors hang together this far, m (original: not at all): an epoch counts for "
-        "dx / (dx + 2 L).",
-    )
-    doppler: bool = Field(
-        False,
-        description="Use velocity too, Doppler or else the fixes' own rate of change; the original has none.",
-    )
-    dem_window: Annotated[str, Registered(WINDOWS)] = Field(
-        "tin", description="Selection of terrain points (original: tin, triangles)."
-    )
-    alpha: float = Field(
-        1e-3, gt=0, le=1, description="How far sigma points lie from the mean, as a share of their spread."
-    )
-    beta: float = Field(2.0, ge=0, description="What is known of the distribution's tails; 2 for a Gaussian.")
-    kappa: float = Field(
-        0.0,
-        gt=-9,
-        le=100,
-        description="Secondary spread of the sigma points, above minus the number of states.",
-    )
+    sigma_acc_mps2: float = Field(3.0, gt=0)
+    """Process noise of horizontal acceleration, m/s2 per root second."""
+    sigma_vel_mps: float = Field(0.2, gt=0)
+    """Process noise of horizontal velocity, m/s per root second."""
+    sigma_pos_m: float = Field(1.0, gt=0)
+    """Process noise of horizontal position, m per root second."""
+    sigma_acc_up_mps2: float = Field(0.002, gt=0)
+    """Process noise of vertical acceleration, m/s2 per root second."""
+    sigma_vel_up_mps: float = Field(0.03, gt=0)
+    """Process noise of vertical velocity, m/s per root second."""
+    sigma_pos_up_m: float = Field(2.0, gt=0)
+    """Process noise of altitude, m per root second."""
+    dem_sigma_m: float = Field(12.6, gt=0)
+    """Accuracy of the terrain's height, m (thesis: 12.6 ASTER, 6 World 30)."""
+    dem_correlation_m: float = Field(0.0, ge=0)
+    """Terrain errors hang together this far, m (original: not at all): an epoch counts for dx / (dx + 2 L)."""
+    doppler: bool = False
+    """Use velocity too, Doppler or else the fixes' own rate of change; the original has none."""
+    dem_window: Annotated[str, Registered(WINDOWS)] = "tin"
+    """Selection of terrain points (original: tin, triangles)."""
+    alpha: float = Field(1e-3, gt=0, le=1)
+    """How far sigma points lie from the mean, as a share of their spread."""
+    beta: float = Field(2.0, ge=0)
+    """What is known of the distribution's tails; 2 for a Gaussian."""
+    kappa: float = Field(0.0, gt=-9, le=100)
+    """Secondary spread of the sigma points, above minus the number of states."""
 
 
 class UkfDemMethod:

@@ -14,21 +14,13 @@ from fusion.terrain.dem import Dem
 class TerrainOptions(Options):
     """The elevation model as a sensor; each method adds its own ``dem_window``."""
 
-    dem_sigma_m: float = Field(
-        6.0, gt=0, description="Accuracy of the terrain's height, m (thesis: 6 World 30, 12.6 ASTER)."
-    )
-    dem_correlation_m: float = Field(
-        300.0,
-        ge=0,
-        description="Terrain errors hang together this far, m: an epoch counts for dx / (dx + 2 L).",
-    )
-    dem_min_quality: int = Field(
-        0,
-        ge=0,
-        le=200,
-        description="Scenes that an ASTER post needs to count, by its quality layer (..._num.tif); 1 leaves out posts "
-        "filled from other sources, 0 keeps all.",
-    )
+    dem_sigma_m: float = Field(6.0, gt=0)
+    """Accuracy of the terrain's height, m (thesis: 6 World 30, 12.6 ASTER)."""
+    dem_correlation_m: float = Field(300.0, ge=0)
+    """Terrain errors hang together this far, m: an epoch counts for dx / (dx + 2 L)."""
+    dem_min_quality: int = Field(0, ge=0, le=200)
+    """Scenes that an ASTER post needs to count, by its quality layer (..._num.tif); 1 leaves out posts filled from
+    other sources, 0 keeps all."""
 
 
 def quality_warnings(dem: Dem, options: TerrainOptions) -> list[str]:

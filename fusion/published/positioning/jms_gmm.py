@@ -44,9 +44,12 @@ YOUNG = 10
 class JmsGmmOptions(StateOptions):
     """The reading, the window and the mixture."""
 
-    window_s: float = Field(WINDOW_S, gt=0, le=600, description="How long residuals are kept, s.")
-    components: int = Field(2, ge=1, le=10, description="Normals of the mixture, J.")
-    pseudo_count: float = Field(PSEUDO_COUNT, gt=0, description="Added to each count of transitions.")
+    window_s: float = Field(WINDOW_S, gt=0, le=600)
+    """How long residuals are kept, s."""
+    components: int = Field(2, ge=1, le=10)
+    """Normals of the mixture, J."""
+    pseudo_count: float = Field(PSEUDO_COUNT, gt=0)
+    """Added to each count of transitions."""
 
 
 class JmsGmm:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from fusion.gnss.measurements import Aids, Measurements, Solution
 from fusion.published.positioning.particles_bank import Bank, ParticleOptions, Step, rows_of, run
@@ -20,11 +19,10 @@ from fusion.types import Floats, Ints, Progress
 class ParticleFilterOptions(ParticleOptions):
     """Which proposal draws the particles."""
 
-    proposal: Literal["bootstrap", "fpll"] = Field(
-        "fpll",
-        description="bootstrap: the motion alone (Algorithm 7). fpll: a Kalman step by the epoch (Algorithm 8).",
-    )
-    regularised: bool = Field(True, description="Draw particles apart after resampling (Algorithm 6).")
+    proposal: Literal["bootstrap", "fpll"] = "fpll"
+    """bootstrap: the motion alone (Algorithm 7). fpll: a Kalman step by the epoch (Algorithm 8)."""
+    regularised: bool = True
+    """Draw particles apart after resampling (Algorithm 6)."""
 
 
 class ParticleFilter:

@@ -1,6 +1,6 @@
 """What the particle solvers share: particles with a mean and a covariance each, and the round from epoch to epoch.
 
-A solver brings one step: what an epoch with satellites enough does to predicted particles. Start, gaps, resampling,
+A solver brings one step: what an epoch with satellites enough does to predicted particles. Start, outages, resampling,
 the estimate and its covariance are here.
 """
 
@@ -34,7 +34,7 @@ from fusion.gnss.solvers.ekf import (
 from fusion.gnss.solvers.state import CLOCK, Frame, Rows, cn0_variance, process_noise, start, states
 from fusion.published.positioning.particles_each import draw_each, follow
 from fusion.registry import RequestMost
-from fusion.types import LONGEST_BRIDGED_GAP_S, Floats, Ints, Progress
+from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Floats, Ints, Progress
 
 SETTLE_S = 5.0
 """How long one Kalman filter runs before particles are drawn from it: a clock's drift that may be anything within 300
@@ -44,32 +44,23 @@ m/s is no cloud of two hundred points."""
 class ParticleOptions(SolverOptions):
     """What all particle solvers take."""
 
-    particles: Annotated[int, RequestMost(2000)] = Field(
-        200, ge=2, le=100_000, description="Number of particles N."
-    )
-    resampling: Literal["multinomial", "residual", "stratified", "systematic"] = Field(
-        "systematic", description="Scheme of resampling."
-    )
-    eta: float = Field(
-        0.7, gt=0, le=1, description="Resampled where fewer than eta N particles count (0.6 to 0.8)."
-    )
-    tau_s: float = Field(
-        2.0, gt=0, le=60, description="How long the error of a pseudorange lasts, s (notes 6: 2 to 5)."
-    )
+    particles: Annotated[int, RequestMost(2000)] = Field(200, ge=2, le=100_000)
+    """Number of particles N."""
+    resampling: Literal["multinomial", "residual", "stratified", "systematic"] = "systematic"
+    """Scheme of resampling."""
+    eta: float = Field(0.7, gt=0, le=1)
+    """Resampled where fewer than eta N particles count (0.6 to 0.8)."""
+    tau_s: float = Field(2.0, gt=0, le=60)
+    """How long the error of a pseudorange lasts, s (notes 6: 2 to 5)."""
 
 
 class StateOptions(ParticleOptions):
     """Of filters that go by the state of reception: the reading, and the threshold."""
 
-    reading: Literal["stabilised", "literal"] = Field(
-        "stabilised", description="stabilised, or literal: as printed, to see what happens."
-    )
-    threshold_dbhz: float = Field(
-        THRESHOLDS_DBHZ["u-blox"],
-        ge=0,
-        le=60,
-        description="C/N0 from which on a signal is direct: 40 u-blox, 42 PolaRx2.",
-    )
+    reading: Literal["stabilised", "literal"] = "stabilised"
+    """stabilised, or literal: as printed, to see what happens."""
+    threshold_dbhz: float = Field(THRESHOLDS_DBHZ["u-blox"], ge=0, le=60)
+    """C/N0 from which on a signal is direct: 40 u-blox, 42 PolaRx2."""
 
 
 @dataclass
@@ -183,7 +174,7 @@ class _Round:
     ) -> tuple[Floats, Floats, Floats] | None:
         """Begin, begin anew or go on; None as long as nothing is known."""
         dt_s = float(time_s[k] - time_s[max(k - 1, 0)])
-        lost = dt_s > LONGEST_BRIDGED_GAP_S or np.trace(self.shadow[:2, :2]) > LOST_M**2
+        lost = dt_s > LONGEST_BRIDGED_OUTAGE_S or np.trace(self.shadow[:2, :2]) > LOST_M**2
         if (math.isnan(self.since_s) or lost) and enough and self.begin(k):
             return *self.bank.estimate()[:2], np.full(self.rows.first[k + 1] - self.rows.first[k], np.nan)
         return None if math.isnan(self.since_s) else self.go_on(k, dt_s, unseen_m2, enough)

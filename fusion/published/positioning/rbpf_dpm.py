@@ -38,27 +38,24 @@ FEWEST_LOS = 6
 class RbpfDpmOptions(StateOptions):
     """The reading, the threshold, and the two base measures."""
 
-    los_alpha: float = Field(
-        LOS_REAL.alpha, gt=0, description="Weight of new draws under line of sight (Table 3.11)."
-    )
-    los_k: float = Field(LOS_REAL.k, gt=0, description="Variance over variance of the mean, line of sight.")
-    los_dof: float = Field(
-        LOS_REAL.dof, gt=0, description="Degrees of freedom of the variance, line of sight."
-    )
-    los_scale_m2: float = Field(
-        LOS_REAL.scale_m2, gt=0, description="Scale of the variance, m2, line of sight."
-    )
-    nlos_alpha: float = Field(
-        NLOS_BASE.alpha, gt=0, description="Weight of new draws under reflection (Table 3.9)."
-    )
-    nlos_k: float = Field(NLOS_BASE.k, gt=0, description="Variance over variance of the mean, reflected.")
-    nlos_dof: float = Field(NLOS_BASE.dof, gt=0, description="Degrees of freedom of the variance, reflected.")
-    nlos_scale_m2: float = Field(
-        NLOS_BASE.scale_m2, gt=0, description="Scale of the variance, m2, reflected."
-    )
-    memory: Annotated[int, RequestMost(600)] = Field(
-        600, ge=1, le=10_000, description="Epochs that an urn remembers (the thesis: all of its 594)."
-    )
+    los_alpha: float = Field(LOS_REAL.alpha, gt=0)
+    """Weight of new draws under line of sight (Table 3.11)."""
+    los_k: float = Field(LOS_REAL.k, gt=0)
+    """Variance over variance of the mean, line of sight."""
+    los_dof: float = Field(LOS_REAL.dof, gt=0)
+    """Degrees of freedom of the variance, line of sight."""
+    los_scale_m2: float = Field(LOS_REAL.scale_m2, gt=0)
+    """Scale of the variance, m2, line of sight."""
+    nlos_alpha: float = Field(NLOS_BASE.alpha, gt=0)
+    """Weight of new draws under reflection (Table 3.9)."""
+    nlos_k: float = Field(NLOS_BASE.k, gt=0)
+    """Variance over variance of the mean, reflected."""
+    nlos_dof: float = Field(NLOS_BASE.dof, gt=0)
+    """Degrees of freedom of the variance, reflected."""
+    nlos_scale_m2: float = Field(NLOS_BASE.scale_m2, gt=0)
+    """Scale of the variance, m2, reflected."""
+    memory: Annotated[int, RequestMost(600)] = Field(600, ge=1, le=10_000)
+    """Epochs that an urn remembers (the thesis: all of its 594)."""
 
 
 class RbpfDpm:

@@ -16,7 +16,7 @@ from app.drives import store as drives
 from app.network import duplicates
 from app.network.settle import settle_network
 from fusion.network import duplicates as same_drives
-from fusion.network.duplicates import Witness, same_drive
+from fusion.network.duplicates import DriveTrace, is_duplicate
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import (
@@ -200,12 +200,12 @@ def test_the_cost_of_a_copy_does_not_grow_with_the_square_of_their_number(
         drive(sessions, chain(), segment_ids, 5, k / 1000)
     compared = []
 
-    def counted(one: Witness, other: Witness) -> bool:
+    def counted(one: DriveTrace, other: DriveTrace) -> bool:
         compared.append(1)
-        return same_drive(one, other)
+        return is_duplicate(one, other)
 
-    monkeypatch.setattr(duplicates, "same_drive", counted)
-    monkeypatch.setattr(same_drives, "same_drive", counted)
+    monkeypatch.setattr(duplicates, "is_duplicate", counted)
+    monkeypatch.setattr(same_drives, "is_duplicate", counted)
     last = drive(sessions, chain(), segment_ids, 9 if better else 5, COPIES / 1000)
     assert (same_as(sessions, last) is None) == better
     assert len(compared) <= (3 * COPIES if better else 2)

@@ -13,7 +13,8 @@ import rasterio
 from fusion.errors import BadOptionsError
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
-from fusion.methods.base import DriveResult, option_facts
+from fusion.methods.base import DriveResult
+from fusion.options import option_facts
 from fusion.pipeline import parse_options, run_drive
 from fusion.published.particle.options import ParticleOptions
 from fusion.simulate.scene.town import Town
