@@ -17,7 +17,7 @@ from fusion.published.positioning.particles import ParticleFilter
 from fusion.published.positioning.rbpf_dpm import RbpfDpm
 from fusion.types import no_progress
 from gnss_scene import coverage, errors_m, horizontal_m2, keep_rows, scene
-from positioning import smartloc
+from published.positioning import smartloc
 
 CASES: dict[str, tuple[Solver, dict[str, Any]]] = {
     "ls": (LeastSquares(weighted=False), {}),

@@ -23,7 +23,7 @@ from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.dem import Dem
 from fusion.types import AngularRate, Attitude, DriveLog, GnssVelocity, Odometry, no_progress
 from profile_support import identities, log_of
-from scenes.lahrech import lahrech_drive
+from published.odometer_map.scene import lahrech_drive
 
 MakeLog = Callable[..., DriveLog]
 NAME = "odometer-map"
