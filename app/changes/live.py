@@ -54,7 +54,9 @@ class Live:
 
     def __init__(self, watched: WatchedMap, streams: Shares) -> None:
         self._watched = watched
-        self._followers = Followers[Change](streams, "Ask GET /v1/changes every few seconds", join_changes)
+        self._followers = Followers[str, Change](
+            streams, "Ask GET /v1/changes every few seconds", join_changes
+        )
         self._somebody = asyncio.Event()
         self._version = ""
 
@@ -66,13 +68,13 @@ class Live:
         """Of the map as of now; raises what the database says."""
         return await self._watched.version()
 
-    def follow(self) -> Follower[Change]:
+    def follow(self) -> Follower[str, Change]:
         """A new follower; ``BusyError`` where there are too many."""
         follower = self._followers.add(_MAP)
         self._somebody.set()
         return follower
 
-    def leave(self, follower: Follower[Change]) -> None:
+    def leave(self, follower: Follower[str, Change]) -> None:
         """Follow no longer."""
         self._followers.leave(follower)
         if not self._followers:

@@ -24,6 +24,7 @@ RECONNECT_MS = 2000
 LONGEST_S = 600.0
 """Then the stream ends, and the browser comes again by itself: no connection is held for ever."""
 
+K = TypeVar("K")
 T = TypeVar("T")
 
 
@@ -32,10 +33,10 @@ def newest(_former: T, news: T) -> T:
     return news
 
 
-class Follower(Generic[T]):
+class Follower(Generic[K, T]):
     """One who follows a topic, and the news that it has not taken yet."""
 
-    def __init__(self, topic: object, client: str, join: Callable[[T, T], T] = newest) -> None:
+    def __init__(self, topic: K, client: str, join: Callable[[T, T], T] = newest) -> None:
         """``join`` makes one piece of news of two that were not taken."""
         self.topic, self.client = topic, client
         self._join = join
@@ -69,28 +70,28 @@ class Follower(Generic[T]):
         return news
 
 
-class Followers(Generic[T]):
+class Followers(Generic[K, T]):
     """The followers of a process, by topic."""
 
     def __init__(self, streams: Shares, instead: str, join: Callable[[T, T], T] = newest) -> None:
         """``streams`` bounds how many follow, here and elsewhere; ``instead`` is what others may do."""
         self._streams, self._instead, self._join = streams, instead, join
-        self._by_topic: dict[object, set[Follower[T]]] = {}
+        self._by_topic: dict[K, set[Follower[K, T]]] = {}
 
     def __len__(self) -> int:
         """How many follow."""
         return sum(map(len, self._by_topic.values()))
 
     @property
-    def topics(self) -> Collection[Any]:
+    def topics(self) -> Collection[K]:
         """What is followed."""
         return self._by_topic.keys()
 
-    def of(self, topics: Collection[Any]) -> list[Follower[T]]:
+    def of(self, topics: Collection[K]) -> list[Follower[K, T]]:
         """Those who follow one of these topics."""
         return [follower for topic in topics for follower in self._by_topic.get(topic, ())]
 
-    def add(self, topic: object) -> Follower[T]:
+    def add(self, topic: K) -> Follower[K, T]:
         """A new follower; ``BusyError`` where there are too many."""
         client = present_client()
         if not self._streams.allows(client):
@@ -99,11 +100,11 @@ class Followers(Generic[T]):
                 f"{self._instead}, or try again in a moment."
             )
         self._streams.take(client)
-        follower = Follower[T](topic, client, self._join)
+        follower = Follower[K, T](topic, client, self._join)
         self._by_topic.setdefault(topic, set()).add(follower)
         return follower
 
-    def leave(self, follower: Follower[T]) -> None:
+    def leave(self, follower: Follower[K, T]) -> None:
         """Follow no longer; once more changes nothing."""
         others = self._by_topic.get(follower.topic, set())
         if follower not in others:
@@ -120,7 +121,7 @@ def event(name: str, data: str, number: int | None = None) -> str:
 
 
 async def events_of(
-    follower: Follower[T], first: T, event_of: Callable[[T], str], is_last: Callable[[T], bool]
+    follower: Follower[K, T], first: T, event_of: Callable[[T], str], is_last: Callable[[T], bool]
 ) -> AsyncIterator[str]:
     """The stream of a follower: the first news, then each change, until the last or until it has lasted long enough.
 

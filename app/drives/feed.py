@@ -65,13 +65,13 @@ class Feed:
         self._url = libpq_url(url)
         self._read = read
         self._look_every_s = look_every_s
-        self._followers = Followers[News](streams, "Ask for the drive itself every few seconds")
+        self._followers = Followers[uuid.UUID, News](streams, "Ask for the drive itself every few seconds")
         self.leave = self._followers.leave
         self._due: set[uuid.UUID] = set()
         self._wake = asyncio.Event()
         self._thread = CapacityLimiter(1)
 
-    def follow(self, drive_id: uuid.UUID) -> Follower[News]:
+    def follow(self, drive_id: uuid.UUID) -> Follower[uuid.UUID, News]:
         """A new follower, to whom the state is told at once; ``BusyError`` where there are too many."""
         follower = self._followers.add(drive_id)
         self._look_at({drive_id})

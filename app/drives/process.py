@@ -29,7 +29,6 @@ from app.drives.faults import NoRoadsError, ProcessingError, fault_of
 from app.drives.lags import with_settled_lag
 from app.drives.progress import (
     RunProgress,
-    never,
     shown_on,
     tell_discarded,
     tell_failed,
@@ -37,6 +36,7 @@ from app.drives.progress import (
     tell_started,
 )
 from app.jobs.context import JobContext
+from app.jobs.requests.pieces import never
 from app.jobs.requests.run import Discarded
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes

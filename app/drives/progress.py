@@ -36,11 +36,6 @@ PARTS = {
 """The parts of a run and the shares of the whole at which they begin and end."""
 
 
-def never() -> bool:
-    """Nobody asks the run to stop."""
-    return False
-
-
 class RunProgress:
     """How far a run of a drive, or of a trial of it, is; ``show`` shows a stage and the share of the whole, 0..1."""
 
