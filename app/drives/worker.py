@@ -11,6 +11,7 @@ import threading
 import uuid
 from contextlib import closing
 from datetime import timedelta
+from typing import Any
 
 from app.changes import pages as changes
 from app.changes.store import begin_epoch
@@ -27,12 +28,12 @@ from app.drives.batches.touched import queue_touched
 from app.drives.process import give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.renewal import HeightFiller, renew
-from app.drives.trials.run import tend as tend_trials
-from app.drives.trials.run import trial_task
+from app.drives.trials.run import TRIAL
 from app.exports.run import EXPORT
 from app.jobs.context import JobContext
 from app.jobs.memory import limit_growth
 from app.jobs.requests import upkeep
+from app.jobs.requests.run import RequestKind
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
 from app.map import figures, growth
@@ -60,6 +61,10 @@ EPOCH_LOOK_EVERY_S = 30.0
 
 RENEW_EVERY_S = 600.0
 """How often a worker looks for what an update of the service left to be done, seconds."""
+
+
+REQUESTS: tuple[RequestKind[Any], ...] = (EXPORT, OPERATION, TRIAL)
+"""Everything that is asked of a worker and followed by a row of its own."""
 
 
 def run_worker(
@@ -109,10 +114,8 @@ def tasks_of(context: JobContext, settings: Settings) -> tuple[Task, ...]:
         _drive_task(context),
         _removal_task(context),
         _solver_task(context),
-        EXPORT.task(context),
         removing_task(context.sessions),
-        OPERATION.task(context),
-        trial_task(context),
+        *(kind.task(context) for kind in REQUESTS),
     )
 
 
@@ -178,9 +181,6 @@ def _chores(
         functools.partial(_sweep, context, settings, orphan_age),
     )
     tended = functools.partial(enqueuing.tend, context.sessions)
-    expired = functools.partial(upkeep.look_after, EXPORT, context)
-    unplanned = functools.partial(upkeep.look_after, OPERATION, context)
-    forgotten = functools.partial(tend_trials, context.sessions)
     published = functools.partial(publishing.look_after, context.sessions, context.blobs)
     settled = functools.partial(publishing.settle_quietly, context.sessions)
     figured = functools.partial(figures.renew_one, context.sessions)
@@ -195,15 +195,18 @@ def _chores(
         (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
-        (in_thread(expired, "old exports could not be removed"), RENEW_EVERY_S),
-        (in_thread(unplanned, "plans that nobody wanted could not be forgotten"), RENEW_EVERY_S),
-        (in_thread(forgotten, "old trials could not be forgotten"), RENEW_EVERY_S),
+        *(_look_after(kind, context) for kind in REQUESTS),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
         (in_thread(grown, "what is driven by now could not be noted"), growth.LOOK_EVERY_S),
         (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),
         (in_thread(swept, "what nobody needs any more could not be swept"), SWEEP_EVERY_S),
     )
+
+
+def _look_after(kind: RequestKind[Any], context: JobContext) -> tuple[Chore, float]:
+    chore = functools.partial(upkeep.look_after, kind, context)
+    return in_thread(chore, f"{kind.store.lock} could not be looked after"), RENEW_EVERY_S
 
 
 def _sweep(context: JobContext, settings: Settings, older_than: timedelta) -> None:
@@ -215,7 +218,7 @@ def _sweep(context: JobContext, settings: Settings, older_than: timedelta) -> No
     telling.prune(context.sessions)
     with context.sessions.begin() as session:
         audit.prune(session)
-    for kind in (EXPORT, OPERATION):
+    for kind in REQUESTS:
         if files := upkeep.sweep_files(kind, context):
             logger.info("removed %d files that no %s refers to", len(files), kind.store.name)
     found = intake.sweep_blobs(context.sessions, context.blobs, older_than)

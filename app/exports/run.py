@@ -54,9 +54,10 @@ def _make_export(run: RequestRun[Export]) -> str:
         run.folder.mkdir(parents=True, exist_ok=True)
     path = run.folder / export.file_name
 
+    run.at_each_look = lambda: _require_room(run)
+
     def show_share(share: float) -> None:
-        if run.show(None, share):
-            _require_room(run)
+        run.show(None, share)
 
     with run.computing():
         with snapshot(run.sessions) as session:

@@ -102,8 +102,9 @@ def cancel(session: Session, export_id: uuid.UUID, settings: Settings) -> str | 
     if export is None or export.status == "cancelled":
         return None
     until = {} if export.expires_at is not None else kept(settings)
-    ended = {"status": "cancelled", "blob_key": None, "companions": {}, "finished_at": NOW}
-    exports.set(session, export_id, **ended, **until)
+    exports.write(
+        session, export_id, **until, status="cancelled", blob_key=None, companions={}, finished_at=NOW
+    )
     return export.blob_key
 
 

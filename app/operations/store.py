@@ -101,7 +101,7 @@ def approve(session: Session, number: uuid.UUID) -> Operation | None:
     operation = operations.hold(session, number)
     if operation is None or operation.status is not Status.PLANNED:
         return None
-    operations.set(session, number, status="queued", approved=True, progress=0, stage=None)
+    operations.write(session, number, status="queued", approved=True, progress=0, stage=None)
     return operations.enqueue(session, number)
 
 
@@ -116,7 +116,7 @@ def cancel(session: Session, number: uuid.UUID) -> tuple[Operation, str | None] 
     plans = operation.status is Status.RUNNING and not operation.approved and operation.kind in PLANNED_FIRST
     if operation.status not in {Status.QUEUED, Status.PLANNED} and not plans:
         return None
-    operations.set(session, number, status="cancelled", stage=None, blob_key=None, finished_at=NOW)
+    operations.write(session, number, status="cancelled", stage=None, blob_key=None, finished_at=NOW)
     cancelled = operations.get(session, number)
     return None if cancelled is None else (cancelled, operation.blob_key)
 

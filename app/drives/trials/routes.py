@@ -66,6 +66,7 @@ from app.drives.trials.documents import (
     trial_address,
 )
 from app.drives.trials.results import beside_the_map, decode_slopes
+from app.drives.trials.store import trials
 from app.map.attribution import attribution
 from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import segments_by_id
@@ -135,7 +136,7 @@ def list_trials(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Tria
     """All of them, the newest first."""
     with service.reading() as session:
         found(drives.get_drive(session, drive_id), "drive", drive_id)
-        listed = store.list_trials(session, drive_id)
+        listed = trials.page(session, drive_id=drive_id)
     return TrialList(trials=[linked(base, trial) for trial in listed])
 
 
@@ -285,7 +286,7 @@ def _ids(trial: Trial) -> dict[str, str]:
 
 def _found(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
     trial: Trial = found(
-        store.get_trial(session, drive_id, trial_id), f"trial of drive {drive_id} called", trial_id
+        trials.get(session, trial_id, drive_id=drive_id), f"trial of drive {drive_id} called", trial_id
     )
     return trial
 

@@ -78,18 +78,21 @@ class RequestRun(Generic[R]):
         self.computing = work.computing
         self.folder: Path = context.scratch(kind.folder) / f"{request.id}-{request.run}"
         """A folder of its own, which it makes where it needs one."""
+        self.at_each_look: Callable[[], None] = lambda: None
+        """What the work looks at as well."""
         self.yielded = False
         self.progress = Progress(context.sessions, work.should_stop, self._write)
         self._began_s, self._others_since_s = time.monotonic(), float("inf")
         self._undisturbed_s = kind.undisturbed_s(request.yields)
 
-    def show(self, stage: str | None, share: float) -> bool:
+    def show(self, stage: str | None, share: float) -> None:
         """So much of this stage is done; raises where the run is to end."""
-        written = self.progress.show(stage, share)
-        if written and self._others_are_first(time.monotonic()):
+        if not self.progress.show(stage, share):
+            return
+        self.at_each_look()
+        if self._others_are_first(time.monotonic()):
             self.yielded = True
             raise Interrupted
-        return written
 
     def note(self, **columns: Any) -> None:
         """Write columns of the request; ``Discarded`` where it is no longer this run's."""
@@ -112,10 +115,10 @@ class RequestRun(Generic[R]):
         return waited_s >= OTHERS_WAIT_S and ran_s >= self._undisturbed_s
 
 
-def expected_failure(no_room: str) -> Callable[[Exception, str | None], Failure | None]:
+def expected_failure(no_room: str) -> Callable[[Exception, RequestRun[Any]], Failure | None]:
     """What to say of errors that the request is to blame for; ``no_room``: of a full storage."""
 
-    def failure(error: Exception, _stage: str | None) -> Failure | None:
+    def failure(error: Exception, _run: RequestRun[Any]) -> Failure | None:
         if isinstance(error, FusionError):
             return Failure(error.kind, str(error))
         if isinstance(error, StorageFullError):
@@ -134,8 +137,8 @@ class RequestKind(Generic[R]):
     """Does it; a word on how it ended. May raise ``Interrupted`` and ``Discarded``."""
     advice: str
     """The sentence on what to do where it is too much."""
-    failure: Callable[[Exception, str | None], Failure | None]
-    """What is said of an error in a stage; None: it is the service's, and goes to the log."""
+    failure: Callable[[Exception, RequestRun[R]], Failure | None]
+    """What is said of an error in a run; None: it is the service's, and goes to the log."""
     folder: str
     """Of the runs' folders, in the data folder."""
     files: str | None = None
@@ -186,7 +189,7 @@ def perform(kind: RequestKind[R], context: JobContext, number: uuid.UUID, work: 
                 kind.store.put_back(session, request, yielded=run.yielded)
             raise
         except Exception as error:
-            failure = kind.failure(error, run.progress.stage)
+            failure = kind.failure(error, run)
             if failure is None:
                 raise
             fail(kind, context, number, failure, request.run)

@@ -15,7 +15,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy import Select, Table, func, insert, select, text, tuple_, update
 from sqlalchemy.orm import Session
 
-from app.core.db import plain_json, plain_text
+from app.core.db import plain_json
 from app.core.errors import BusyError
 from app.core.tables.requests import RequestColumns
 from app.core.telemetry.logs import reason_text
@@ -124,7 +124,7 @@ class RequestStore(Generic[R]):
     def first(self, session: Session, rows: Select[Any]) -> R | None:
         """The first of these rows."""
         row = session.execute(rows.limit(1)).one_or_none()
-        return None if row is None else self._document(row._mapping)
+        return None if row is None else self._document(row._asdict())
 
     def hold(self, session: Session, number: uuid.UUID) -> R | None:
         """The request, whose row nobody else changes until the transaction ends."""
@@ -143,7 +143,7 @@ class RequestStore(Generic[R]):
         rows = self._where(**equal).order_by(columns.created_at.desc(), columns.id.desc()).limit(limit)
         if after is not None:
             rows = rows.where(tuple_(columns.created_at, columns.id) < after)
-        return [self._document(row._mapping) for row in session.execute(rows)]
+        return [self._document(row._asdict()) for row in session.execute(rows)]
 
     def claim(self, session: Session, number: uuid.UUID) -> R | None:
         """Take one for a worker; None: it is gone, at its end, or waits for a person.
@@ -155,7 +155,7 @@ class RequestStore(Generic[R]):
         if self.first(session, rows.with_for_update(of=self._table)) is None:
             return None
         begun = {"run": columns.run + 1, "started_at": NOW, **self._on_claim}
-        self.set(session, number, status="running", stage=None, progress=0, **begun)
+        self.write(session, number, status="running", stage=None, progress=0, **begun)
         return self.get(session, number)
 
     def update(self, session: Session, request: R, **columns: Any) -> bool:
@@ -165,7 +165,7 @@ class RequestStore(Generic[R]):
         written = session.execute(update(table).where(*ours).values(_plain(columns)).returning(table.c.id))
         return written.scalar() is not None
 
-    def set(self, session: Session, number: uuid.UUID, **columns: Any) -> None:
+    def write(self, session: Session, number: uuid.UUID, **columns: Any) -> None:
         """Write columns, whoever's it is."""
         session.execute(update(self._table).where(self._table.c.id == number).values(_plain(columns)))
 
@@ -195,7 +195,7 @@ class RequestStore(Generic[R]):
             return None
         texts = {"failure_reason": failure.reason, "failure_where": failure.where, "stage": failure.stage}
         values = {name: reason_text(value) for name, value in texts.items()}
-        self.set(
+        self.write(
             session, number, status="failed", failure_kind=failure.kind, finished_at=NOW, **values, **columns
         )
         return before
@@ -223,9 +223,6 @@ class RequestStore(Generic[R]):
 
 def _plain(columns: Mapping[str, Any]) -> dict[str, Any]:
     """Values as PostgreSQL can hold them."""
-    plain = {str: plain_text, dict: plain_json}
-    return {name: plain.get(type(value), _itself)(value) for name, value in columns.items()}
-
-
-def _itself(value: Any) -> Any:
-    return value
+    return {
+        name: plain_json(value) if isinstance(value, str | dict) else value for name, value in columns.items()
+    }

@@ -15,11 +15,12 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from app.core.db import Sessions
-from app.drives import claims, intake, process, progress
+from app.drives import claims, intake, process
 from app.drives.documents import Drive
 from app.drives.process import Outcome
-from app.drives.progress import Interrupted
 from app.jobs.context import JobContext
+from app.jobs.requests import run as machine
+from app.jobs.task import Interrupted
 from app.network import results as slopes
 from app.roads import imports as road_imports
 from app.roads.documents import Wishes
@@ -160,7 +161,7 @@ def test_progress_grows_and_is_written_at_intervals(
     process_drive(context, send(0, "particle", {"particles": 300}).id, 1)
     throttled = list(seen)
     seen.clear()
-    monkeypatch.setattr(progress, "PROGRESS_EVERY_S", 0.0)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
     process_drive(context, send(1, "particle", {"particles": 300}).id, 1)
     assert len(seen) > 20
     assert len(throttled) < len(seen)

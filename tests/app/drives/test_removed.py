@@ -12,9 +12,10 @@ from sqlalchemy import text
 
 from app.drives import publishing
 from app.drives.process import Outcome
-from app.drives.trials import run as trials
+from app.drives.trials.run import TRIAL
 from app.drives.worker import run_worker
-from app.jobs.task import Interrupted
+from app.jobs.requests import run as machine
+from app.jobs.task import Interrupted, Work
 from app.roads import imports as road_imports
 from problem_support import check
 from processing_support import carry_out_removals, process_drive
@@ -115,7 +116,7 @@ def test_a_trial_that_runs_ends_and_leaves_the_lane_to_the_removal(
     """It is computed by the only worker, which takes back the drive next."""
     address = f"/v1/drives/{drive}"
     trial = uuid.UUID(town_web.client.post(f"{address}/trials?method=raw").json()["id"])
-    monkeypatch.setattr(trials, "PROGRESS_EVERY_S", 0.0)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
     looks = []
 
     def removed_meanwhile() -> bool:
@@ -126,7 +127,7 @@ def test_a_trial_that_runs_ends_and_leaves_the_lane_to_the_removal(
             raise Interrupted  # it has gone on with what nobody wants
         return False
 
-    assert trials.run_trial(town_web.context, trial, removed_meanwhile, nullcontext) == "unwanted"
+    assert machine.perform(TRIAL, town_web.context, trial, Work(removed_meanwhile, nullcontext)) == "unwanted"
     carry_out_removals(town_web.sessions, town_web.blobs)
     with town_web.sessions() as session:
         for table in ("drives", "drive_trials", "drive_tracks"):

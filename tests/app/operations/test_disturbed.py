@@ -141,10 +141,10 @@ def test_what_is_carried_out_is_nobody_s_to_cancel_and_what_is_planned_is(
     number = ask(web, roads, kind="import-roads", filename="town.osm")
     progress = RequestRun.show
 
-    def cancelled(self: Any, stage: str, share: float) -> bool:
+    def cancelled(self: Any, stage: str, share: float) -> None:
         if stage == wanted:
             answers.append(web.client.delete(f"/v1/operations/{number}").status_code)
-        return progress(self, stage, share)
+        progress(self, stage, share)
 
     monkeypatch.setattr(RequestRun, "show", cancelled)
     wanted = "comparing"
@@ -185,12 +185,12 @@ def test_an_import_at_the_command_line_is_waited_for_without_a_lane(
         import_alone(other, lambda: None)
         progress = RequestRun.show
 
-        def told(self: Any, stage: str, share: float) -> bool:
+        def told(self: Any, stage: str, share: float) -> None:
             stages.append(stage)
             if stages.count("waiting for another import") == 3:
                 free_all(other)
                 other.commit()
-            return progress(self, stage, share)
+            progress(self, stage, share)
 
         monkeypatch.setattr(RequestRun, "show", told)
         assert work(web) == ["planned"]

@@ -15,8 +15,10 @@ from playwright.sync_api import Page, expect
 
 from app.core import databases
 from app.core.settings import Settings
-from app.drives.trials.run import run_trial
+from app.drives.trials.run import TRIAL
 from app.embedded.cluster import EmbeddedPostgres
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
 from browser_fixtures import Tab
@@ -199,7 +201,7 @@ def test_a_trial_is_made_beside_the_drive(drives: Drives, tab: Tab) -> None:
     expect(trials).to_have_count(1)
     address = f"/v1/drives/{drives.ids['first.csv']}/trials"
     trial = drives.web.client.get(address).json()["trials"][0]
-    run_trial(drives.web.context, uuid.UUID(trial["id"]), lambda: False, nullcontext)
+    perform(TRIAL, drives.web.context, uuid.UUID(trial["id"]), Work(bool, nullcontext))
     page.get_by_role("button", name="Compare with raw").click()
     table = page.get_by_role("table", name="Slopes of common segments")
     expect(table.get_by_role("row").nth(1)).to_contain_text("±")
