@@ -12,14 +12,15 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.options import (
     DataDir,
+    Gaps,
     JsonFile,
     MapFile,
     MapScale,
-    in_a_folder,
     naming,
     parse_assignments,
     parse_box,
     usable_map,
+    written_file,
 )
 
 if TYPE_CHECKING:
@@ -34,11 +35,10 @@ def export(
     ctx: typer.Context,
     out: Annotated[
         Path | None,
-        typer.Option(
+        written_file(
             "-o",
             "--out",
             help="File; its suffix chooses the format, such as .geojson, .parquet, .gpkg, .fgb, .csv or .pmtiles.",
-            callback=in_a_folder,
         ),
     ] = None,
     form: Annotated[
@@ -62,9 +62,7 @@ def export(
         str | None, typer.Option(metavar="NAME", help="Only roads of this region (`versant regions list`).")
     ] = None,
     driven: Annotated[bool, typer.Option("--driven", help="Only segments that were driven.")] = False,
-    gaps: Annotated[
-        bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
-    ] = False,
+    gaps: Gaps = False,
     map_file: MapFile = None,
     scale: MapScale = None,
     data_dir: DataDir = None,

@@ -12,7 +12,7 @@ import typer
 
 from app.cli.console import Console, part_of, write_json
 from app.cli.logs import drives_of
-from app.cli.options import GnssName, GnssOption, JsonFile, in_a_folder, naming, parse_assignments
+from app.cli.options import GnssName, GnssOption, JsonFile, positioning_options, written_file
 from fusion.errors import MissingSensorError
 
 if TYPE_CHECKING:
@@ -35,13 +35,12 @@ def gnss_study(
     gnss_option: GnssOption = None,
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", help="A picture, .png.", callback=in_a_folder, show_default=False),
+        written_file("-o", "--out", help="A picture, .png."),
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow."""
-    from fusion.catalogue import POSITIONINGS
-    from fusion.gnss.positioning import options_of, positioned
+    from fusion.gnss.positioning import positioned
     from fusion.published.positioning.study import study
 
     console: Console = ctx.obj
@@ -49,33 +48,34 @@ def gnss_study(
         raise typer.BadParameter(
             f"No picture is written to files ending in {out.suffix!r}. Choose .png.", param_hint="'--out'"
         )
-    chosen = parse_assignments(gnss_option, "--gnss-option")
-    with naming("--gnss"):
-        positioning = POSITIONINGS[gnss]
-    with naming("--gnss-option"):
-        options_of(positioning, chosen)
+    options = positioning_options(gnss, gnss_option)
     with console.progress() as bars:
         (drive,) = drives_of(logs, together=True)
         progress = bars.work(drive.short_name)
         log = drive.read(part_of(progress, 0.0, 0.3))
-        found = positioned(log, gnss, chosen, part_of(progress, 0.3, 1.0))
-    console.warn(drive.name, found.log.warnings)
-    if found.measured is None or found.solution is None:
+        computed = positioned(log, gnss, options, part_of(progress, 0.3, 1.0))
+    console.warn(drive.name, computed.log.warnings)
+    if computed.measured is None or computed.solution is None:
         raise MissingSensorError(
             f"Positioning {gnss!r} gave positions without residuals: there is nothing to study. Choose a solver of raw "
             "pseudoranges, such as one-sided, for a log that holds some.",
             where="gnss",
         )
-    result = study(found.measured, found.solution)
+    result = study(computed.measured, computed.solution)
     _print(console, result)
     if out is not None:
         from app.drives.outputs.gnss_picture import gnss_png
 
         out.write_bytes(
-            gnss_png(found.measured, found.solution, result.laws, f"{drive.short_name}, {found.name}")
+            gnss_png(
+                computed.measured,
+                computed.solution,
+                result.laws,
+                f"{drive.short_name}, {computed.name}",
+            )
         )
         typer.echo(f"{out}: sky, residuals by satellite, laws and residuals by time.")
-    write_json(json_file, {"gnss": found.name, "logs": [str(path) for path in logs], **asdict(result)})
+    write_json(json_file, {"gnss": computed.name, "logs": [str(path) for path in logs], **asdict(result)})
 
 
 def _print(console: Console, result: Study) -> None:

@@ -24,6 +24,11 @@ def in_a_folder(path: Path | None) -> Path | None:
     return path
 
 
+def written_file(*flags: str, metavar: str | None = None, help: str) -> Any:  # noqa: A002 - typer's name
+    """An option that names a file to write."""
+    return typer.Option(*flags, metavar=metavar, help=help, callback=in_a_folder, show_default=False)
+
+
 DataDir = Annotated[
     Path | None,
     typer.Option(
@@ -36,24 +41,10 @@ DataDir = Annotated[
     ),
 ]
 JsonFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--json",
-        metavar="FILE",
-        help="Write the figures as JSON as well.",
-        callback=in_a_folder,
-        show_default=False,
-    ),
+    Path | None, written_file("--json", metavar="FILE", help="Write the figures as JSON as well.")
 ]
 MapFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--map",
-        metavar="FILE",
-        help="Map of the slopes: .png, .pdf or .svg.",
-        callback=in_a_folder,
-        show_default=False,
-    ),
+    Path | None, written_file("--map", metavar="FILE", help="Map of the slopes: .png, .pdf or .svg.")
 ]
 MapScale = Annotated[
     float | None,
@@ -65,6 +56,13 @@ MapScale = Annotated[
         help="Steepness from which on the map is darkest; so that maps can be compared. Default: as suits the slopes.",
         show_default=False,
     ),
+]
+Gaps = Annotated[
+    bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
+]
+MethodOption = Annotated[
+    list[str] | None,
+    typer.Option("--option", metavar="NAME=VALUE", help="Option of the method; may be given several times."),
 ]
 GnssOption = Annotated[
     list[str] | None,
@@ -119,16 +117,19 @@ def naming(option: str) -> Iterator[None]:
         raise typer.BadParameter(str(error), param_hint=f"'{option}'") from error
 
 
+def _pairs(texts: Sequence[str] | None, option: str, form: str) -> Iterator[tuple[str, str]]:
+    """The two sides of ``name=value`` each; ``typer.BadParameter`` says which ``form`` is wanted."""
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise typer.BadParameter(f"{text!r} is not {form}.", param_hint=f"'{option}'")
+        yield name, value
+
+
 def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
     """``name=header`` each, a column of ours and what it is called; raises ``typer.BadParameter``."""
-    columns: dict[str, str] = {}
-    for text in texts or ():
-        ours, equals, theirs = text.partition("=")
-        if not equals:
-            raise typer.BadParameter(
-                f"{text!r} is not NAME=HEADER, such as alt_msl_m=Altitude.", param_hint="'--columns'"
-            )
-        columns[ours.strip()] = theirs.strip()
+    pairs = _pairs(texts, "--columns", "NAME=HEADER, such as alt_msl_m=Altitude")
+    columns = {name.strip(): header.strip() for name, header in pairs}
     with naming("--columns"):
         check_columns(columns)
     return columns
@@ -137,17 +138,25 @@ def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
 def parse_assignments(texts: Sequence[str] | None, option: str) -> dict[str, Any]:
     """``name=value`` each: numbers, true and false as such, else text; raises ``typer.BadParameter``."""
     options: dict[str, Any] = {}
-    for text in texts or ():
-        name, equals, value = text.partition("=")
-        if not name or not equals:
-            raise typer.BadParameter(
-                f"{text!r} is not NAME=VALUE, such as particles=20000; `versant methods` lists the names.",
-                param_hint=f"'{option}'",
-            )
+    form = "NAME=VALUE, such as particles=20000; `versant methods` lists the names"
+    for name, value in _pairs(texts, option, form):
         try:
             options[name] = json.loads(value)
         except ValueError:
             options[name] = value
+    return options
+
+
+def positioning_options(gnss: str, texts: Sequence[str] | None) -> dict[str, Any]:
+    """The options of the positioning ``gnss``; a name or a value that it does not take is wrong usage."""
+    from fusion.catalogue import POSITIONINGS  # noqa: PLC0415 - see app.cli
+    from fusion.gnss.positioning import options_of  # noqa: PLC0415
+
+    options = parse_assignments(texts, "--gnss-option")
+    with naming("--gnss"):
+        positioning = POSITIONINGS[gnss]
+    with naming("--gnss-option"):
+        options_of(positioning, options)
     return options
 
 

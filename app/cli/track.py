@@ -17,10 +17,9 @@ from app.cli.options import (
     GnssName,
     GnssOption,
     JsonFile,
-    in_a_folder,
-    naming,
-    parse_assignments,
     parse_columns,
+    positioning_options,
+    written_file,
 )
 from app.core.text import whole_file
 from fusion.errors import FusionError
@@ -37,9 +36,7 @@ app = typer.Typer(add_completion=False)
 def track(
     ctx: typer.Context,
     logs: LogNames,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Positions: .csv or .geojson.", callback=in_a_folder)
-    ],
+    out: Annotated[Path, written_file("-o", "--out", help="Positions: .csv or .geojson.")],
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
     columns: ColumnsOption = None,
@@ -51,8 +48,6 @@ def track(
     A log that fails is reported, and the others go on.
     """
     from app.cli.positions import TRACK_WRITERS
-    from fusion.catalogue import POSITIONINGS
-    from fusion.gnss.positioning import options_of
 
     console: Console = ctx.obj
     if out.suffix.lower() not in TRACK_WRITERS:
@@ -61,11 +56,7 @@ def track(
             param_hint="'--out'",
         )
     named = parse_columns(columns)
-    chosen = parse_assignments(gnss_option, "--gnss-option")
-    with naming("--gnss"):
-        positioning = POSITIONINGS[gnss]
-    with naming("--gnss-option"):
-        options_of(positioning, chosen)
+    options = positioning_options(gnss, gnss_option)
     tracks: list[Positions] = []
     outcomes = []
     with console.progress() as bars:
@@ -73,18 +64,18 @@ def track(
         for source in drives:
             reason = None
             try:
-                tracks.append(_read(source, named, gnss, chosen, bars.work(source.short_name)))
+                tracks.append(_read(source, named, gnss, options, bars.work(source.short_name)))
                 console.warn(source.name, tracks[-1].warnings)
             except (FusionError, OSError) as error:
                 reason = console.complain_of(source.name, error)
-            found = None if reason else tracks[-1]
+            track = None if reason else tracks[-1]
             outcomes.append(
                 {
                     "file": source.name,
-                    "positions": len(found.fix) if found else 0,
+                    "positions": len(track.fix) if track else 0,
                     "reason": reason,
-                    "gnss": found.report if found else {},
-                    "warnings": list(found.warnings) if found else [],
+                    "gnss": track.report if track else {},
+                    "warnings": list(track.warnings) if track else [],
                 }
             )
     if tracks:
@@ -105,8 +96,8 @@ def _read(
     from fusion.gnss.positioning import positioned
 
     read = source.read(part_of(progress, 0.0, 0.3), columns)
-    found = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))
-    log, solved = found.log, found.solved_epochs()
+    result = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))
+    log, solved = result.log, result.solved_epochs()
     return Positions(
-        source.short_name, log.fix, log.gaps_s, log.geoid, found.report, solved, warnings=log.warnings
+        source.short_name, log.fix, log.gaps_s, log.geoid, result.report, solved, warnings=log.warnings
     )
