@@ -81,7 +81,7 @@ COMMANDS = {
         "app.cli.track", "Write the positions of logs, with their heights and stated accuracies."
     ),
     "gnss-study": Command(
-        "app.cli.gnss_study",
+        "app.cli.track",
         "Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow.",
     ),
     "simulate": Command(

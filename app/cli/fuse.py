@@ -14,16 +14,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Bars, Console, write_json
-from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import (
     ColumnsOption,
     Gaps,
     GnssName,
     GnssOption,
     JsonFile,
+    LogFiles,
+    LogNames,
     MapFile,
     MapScale,
     MethodOption,
+    Together,
+    drives_of,
     naming,
     parse_assignments,
     parse_columns,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from app.cli.console import part_of
-from app.cli.logs import LogFiles
+from app.cli.options import LogFiles
 from app.map.segment import Segment
 from fusion.methods.base import DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Bars, Console, write_json
-from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import (
     ColumnsOption,
     GnssOption,
     JsonFile,
+    LogFiles,
+    LogNames,
     MethodOption,
+    Together,
+    drives_of,
     parse_assignments,
     parse_columns,
 )

@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 import fusion.formats
 import fusion.gnss.positioning
 from app.cli.console import Console
-from app.cli.gnss_study import app
+from app.cli.track import app
 from fusion.errors import MissingSensorError
 from fusion.gnss.measurements import Solution
 from fusion.gnss.positioning import Positioned
