@@ -25,7 +25,7 @@ from app.drives.documents import (
     drive_address,
     linked,
 )
-from app.drives.listing.orders import Direction, Order, Sort, cursor, default_direction, place_of
+from app.drives.listing import Direction, Order, Sort, cursor, default_direction, place_of
 from app.drives.method_choice import (
     GnssOptionQuery,
     GnssQuery,

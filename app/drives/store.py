@@ -20,8 +20,7 @@ from app.core.db import plain_json, plain_text
 from app.core.tables import IS_SHOWN
 from app.core.telemetry.tracing import traceparent
 from app.drives.documents import Drive, DrivePlace
-from app.drives.listing.orders import Order, key_of, stretches
-from app.drives.listing.search import matching
+from app.drives.listing import Order, key_of, matching, stretches
 from app.network.marks import PATIENCE
 from app.network.rejections import hearings
 
