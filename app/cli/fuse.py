@@ -132,10 +132,10 @@ def fuse(
         fusion = Fusion(method, chosen, table, terrain, points)
         drives = drives_of(logs, together)
         outcomes = [_one(fusion, source, console, bars) for source in drives]
-        said = fusion.solve(gaps=gaps)
-        source = attribution(said.rasters)
-    features, datum = said.features, said.height_datum
-    _tell(fusion, said, outcomes, console)
+        combined = fusion.solve(gaps=gaps)
+        source = attribution(combined.rasters)
+    features, datum = combined.features, combined.height_datum
+    _tell(fusion, combined, outcomes, console)
     if fusion.fused and out is None:
         sys.stdout.writelines(collection_chunks(features, stated(source, datum)))
     elif fusion.fused and out is not None:
@@ -150,7 +150,7 @@ def fuse(
         "method": method,
         "segments": len(features),
         "height_datum": datum,
-        "remarks": said.remarks,
+        "remarks": combined.remarks,
     }
     write_json(json_file, {**figures, "logs": outcomes})
     if any(outcome["status"] == "failed" for outcome in outcomes):

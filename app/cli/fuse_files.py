@@ -83,12 +83,12 @@ class Fusion:
         reading, positioning, estimating = (
             part_of(progress, *PARTS[name]) for name in ("reading", "positioning", "estimating")
         )
-        found = positions_of(source.read(reading, self.options.columns), self.options, positioning)
+        located = positions_of(source.read(reading, self.options.columns), self.options, positioning)
         network, result = run_drive(
-            found, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
+            located, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
         )
         rows, seconds = rows_of(self.roads, network.table), time.perf_counter() - started
-        fused = FusedLog(source, network, rows, result, found.log.fix.time_s, seconds)
+        fused = FusedLog(source, network, rows, result, located.log.fix.time_s, seconds)
         self.fused.append(fused)
         return fused
 

@@ -116,9 +116,9 @@ def stretches(order: Order, place: DrivePlace | None, *, backwards: bool) -> Ite
         yield Stretch(*_beyond("", place, sign), f"d.created_at {way}, d.id {way}")
         return
     order_by = f"{key.expression} {way}, d.created_at {way}, d.id {way}"
-    known = [True, False] if key.nullable else [True]
+    halves = [True, False] if key.nullable else [True]
     begun = place is None
-    for is_known in reversed(known) if backwards else known:
+    for is_known in reversed(halves) if backwards else halves:
         here = place if place is not None and is_known is (place.key is not None) else None
         begun = begun or here is not None
         if begun:

@@ -81,19 +81,19 @@ def _origin(address: str | None) -> str:
 
 
 @lru_cache(maxsize=64)
-def _page(name: str, told: str, plainly: str) -> File:
+def _page(name: str, settings_shown: str, plainly: str) -> File:
     file = built_file(f"{name}.html")
     if file is None:
         raise NotFoundError(
             "The pages are not built. Build them with `make web`, or install the released package."
         )
-    text = file.content.decode().replace(PLACE, f'<meta name="versant" content="{escape(told)}"', 1)
+    text = file.content.decode().replace(PLACE, f'<meta name="versant" content="{escape(settings_shown)}"', 1)
     return _file(text.replace(WITHOUT_SCRIPTS, plainly + WITHOUT_SCRIPTS, 1).encode(), f"{name}.html")
 
 
 def page_answer(request: Request, settings: Settings, name: str, plainly: str = "") -> Response:
     """A page as this service's settings make it; ``plainly`` is HTML that it has for who runs no scripts."""
-    told = {
+    settings_shown = {
         "version": code_version(),
         "background_style_url": settings.map_background_url,
         "login_url": settings.login_url,
@@ -104,7 +104,7 @@ def page_answer(request: Request, settings: Settings, name: str, plainly: str = 
         "Referrer-Policy": "same-origin",
         "Cache-Control": REVALIDATE,
     }
-    return _answer(request, _page(name, json.dumps(told), plainly), headers)
+    return _answer(request, _page(name, json.dumps(settings_shown), plainly), headers)
 
 
 def _answer(request: Request, file: File, headers: dict[str, str]) -> Response:
@@ -153,5 +153,5 @@ def web_file(request: Request, name: Annotated[str, PathParameter(max_length=200
     file = None if name.endswith(".html") else built_file(name)
     if file is None:
         raise NotFoundError(f"There is no file {name!r} among those of the pages.")
-    kept = FOR_EVER if name.startswith("assets/") else REVALIDATE
-    return _answer(request, file, {"Cache-Control": kept, "X-Content-Type-Options": "nosniff"})
+    caching = FOR_EVER if name.startswith("assets/") else REVALIDATE
+    return _answer(request, file, {"Cache-Control": caching, "X-Content-Type-Options": "nosniff"})
