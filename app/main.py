@@ -38,11 +38,11 @@ from app.core.receiving.pace import Bodies
 from app.core.settings import Settings, SettingsError, get_settings
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
+from app.drives import catalogue as methods
 from app.drives import events, upload
 from app.drives import routes as drives
 from app.drives.batches import removing
 from app.drives.batches import routes as batches
-from app.drives.catalogue import routes as methods
 from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing

@@ -23,8 +23,8 @@ from app.embedded.errors import NothingHereError
 
 def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
     """The environment's settings with a command's options over them; an option not given is None."""
-    given = {name: value for name, value in {"data_dir": data_dir, **changes}.items() if value is not None}
-    return load_settings(lambda: Settings(**given))
+    changed = {name: value for name, value in {"data_dir": data_dir, **changes}.items() if value is not None}
+    return load_settings(lambda: Settings(**changed))
 
 
 @contextmanager
@@ -35,9 +35,9 @@ def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[
     database yet one is made, and said so to ``make``; without it, ``NothingHereError``. What it counts
     is added to the service's figures; it logs where the environment says how.
     """
-    chosen, embedded = settings_for(data_dir), True if data_dir else None
-    see_to_cluster(chosen, embedded, make)
-    with database(chosen, embedded=embedded) as settings:
+    named, embedded = settings_for(data_dir), True if data_dir else None
+    see_to_cluster(named, embedded, make)
+    with database(named, embedded=embedded) as settings:
         assert settings.database_url is not None  # noqa: S101 - what the block above is for
         lower_priority()
         if settings.model_fields_set & {"log_level", "log_format"}:

@@ -93,8 +93,8 @@ def link_documents(links: list[Link]) -> list[dict[str, str]]:
 
 def with_query(address: str, **parameters: Any) -> str:
     """``address`` with those parameters that are not None; truth values in lower case."""
-    known = {k: str(v).lower() if isinstance(v, bool) else v for k, v in parameters.items() if v is not None}
-    return f"{address}?{urlencode(known, safe=',')}" if known else address
+    given = {k: str(v).lower() if isinstance(v, bool) else v for k, v in parameters.items() if v is not None}
+    return f"{address}?{urlencode(given, safe=',')}" if given else address
 
 
 def geojson_response(document: Mapping[str, Any], headers: dict[str, str] | None = None) -> Response:
@@ -111,8 +111,8 @@ def found(row: Any, what: str, key: object) -> Any:
 
 def etag_matches(request: Request, etag: str) -> bool:
     """Whether If-None-Match names ``etag`` (weak comparison, RFC 9110 section 13.1.2)."""
-    asked = request.headers.get("if-none-match", "")
-    names = {name.strip().removeprefix("W/") for name in asked.split(",")}
+    header = request.headers.get("if-none-match", "")
+    names = {name.strip().removeprefix("W/") for name in header.split(",")}
     return "*" in names or etag.removeprefix("W/") in names
 
 

@@ -173,7 +173,7 @@ class DrivePlace(NamedTuple):
     created_at: datetime
     id: uuid.UUID
     key: Any = None
-    """What the list is ordered by before these; None: not known, or nothing (``app.drives.listing.orders``)."""
+    """What the list is ordered by before these; None: not known, or nothing (``app.drives.listing``)."""
 
 
 class DriveList(BaseModel):

@@ -113,11 +113,13 @@ async def upload_drive(
     first bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have.
     """
     settings = service.settings
-    wanted = method or default_method(settings)
-    asked = with_positioning(asked_options(options, option) or {}, asked_positioning(gnss, gnss_option))
-    asked |= asked_columns(columns)
-    chosen = checked_options(wanted, asked)
-    look = FirstLook(chosen.get("columns"))
+    estimator = method or default_method(settings)
+    wanted_options = with_positioning(
+        asked_options(options, option) or {}, asked_positioning(gnss, gnss_option)
+    )
+    wanted_options |= asked_columns(columns)
+    checked = checked_options(estimator, wanted_options)
+    look = FirstLook(checked.get("columns"))
     blob, name = await receive_upload(request, service.blobs, settings, look)
     drive, created = await run_in_threadpool(
         intake.register_upload,
@@ -125,8 +127,8 @@ async def upload_drive(
         service.blobs,
         blob,
         filename=name,
-        method=wanted,
-        options=chosen,
+        method=estimator,
+        options=checked,
     )
     response.status_code = 202 if created else 200
     response.headers["Location"] = drive_address(base, drive)
@@ -167,12 +169,12 @@ async def receive_upload(
 
 async def _copy(request: Request, source: UploadSource, bundle: UploadBundle, max_bytes: int) -> None:
     waiting: list[Piece] = []
-    taken = held = 0
+    received = held = 0
     async for chunk in request.stream():
         pieces = source.feed(chunk)
         size = sum(len(piece.data) for piece in pieces)
-        taken, held = taken + size, held + size
-        if taken > max_bytes:
+        received, held = received + size, held + size
+        if received > max_bytes:
             raise _too_large(max_bytes)
         waiting += pieces
         if held >= CHUNK_BYTES or len(waiting) >= CHUNK_PIECES:

@@ -84,13 +84,13 @@ def _origin(address: str | None) -> str:
 
 
 @lru_cache(maxsize=128)
-def _page(name: str, told: str, plainly: str, content: str) -> File:
+def _page(name: str, settings_shown: str, plainly: str, content: str) -> File:
     file = built_file(f"{name}.html")
     if file is None:
         raise NotFoundError(
             "The pages are not built. Build them with `make web`, or install the released package."
         )
-    text = file.content.decode().replace(PLACE, f'<meta name="versant" content="{escape(told)}"', 1)
+    text = file.content.decode().replace(PLACE, f'<meta name="versant" content="{escape(settings_shown)}"', 1)
     text = text.replace(WITHOUT_SCRIPTS, plainly + WITHOUT_SCRIPTS, 1)
     return file_of(text.replace(CONTENT, CONTENT + content, 1).encode(), f"{name}.html")
 
@@ -102,7 +102,7 @@ def page_answer(
 
     ``plainly`` is HTML for who runs no scripts, ``content`` HTML that everybody sees until the scripts run.
     """
-    told = {
+    settings_shown = {
         "version": code_version(),
         "background_style_url": settings.map_background_url,
         "login_url": settings.login_url,
@@ -113,7 +113,7 @@ def page_answer(
         "Referrer-Policy": "same-origin",
         "Cache-Control": REVALIDATE,
     }
-    return file_answer(request, _page(name, json.dumps(told), plainly, content), headers)
+    return file_answer(request, _page(name, json.dumps(settings_shown), plainly, content), headers)
 
 
 def file_answer(request: Request, file: File, headers: dict[str, str]) -> Response:
@@ -163,5 +163,5 @@ def web_file(request: Request, name: Annotated[str, PathParameter(max_length=200
     file = None if name.endswith(".html") else built_file(name)
     if file is None:
         raise NotFoundError(f"There is no file {name!r} among those of the pages.")
-    kept = FOR_EVER if name.startswith("assets/") else REVALIDATE
-    return file_answer(request, file, {"Cache-Control": kept, "X-Content-Type-Options": "nosniff"})
+    caching = FOR_EVER if name.startswith("assets/") else REVALIDATE
+    return file_answer(request, file, {"Cache-Control": caching, "X-Content-Type-Options": "nosniff"})

@@ -93,10 +93,10 @@ class Forwarded:
         """Pass the request on as its client's."""
         if scope["type"] == "http":
             peer = (scope.get("client") or (UNKNOWN, 0))[0]
-            told = [value for name, value in scope["headers"] if name == b"x-forwarded-for"]
+            headers = [value for name, value in scope["headers"] if name == b"x-forwarded-for"]
             if is_within(peer, self._proxies):
-                scope = self._believed(scope, peer, told)
-            elif told and not self._warned:
+                scope = self._believed(scope, peer, headers)
+            elif headers and not self._warned:
                 self._warned = True
                 log.warning(
                     "a request says that it was forwarded (X-Forwarded-For), by an address that is not in "

@@ -216,11 +216,11 @@ class BoundedProtocol(HttpToolsProtocol):
 
     def _watch_answer(self, size: int) -> None:
         def look() -> None:
-            left = self.transport.get_write_buffer_size()
-            if left >= size:
+            unread = self.transport.get_write_buffer_size()
+            if unread >= size:
                 self.transport.abort()
             else:
-                self._watch_answer(left)
+                self._watch_answer(unread)
 
         self._unread_timer = self.loop.call_later(UNREAD_S, look)
 

@@ -59,12 +59,12 @@ class Measure:
 
     def series(self, totals: Mapping[str, float]) -> dict[tuple[str, ...], dict[str, float]]:
         """The parts of each combination of labels that was counted."""
-        found: dict[tuple[str, ...], dict[str, float]] = {}
+        series: dict[tuple[str, ...], dict[str, float]] = {}
         for key, total in sorted(totals.items()):
             name, *values, part = json.loads(key)
             if name == self.name and len(values) == len(self.labels):
-                found.setdefault(tuple(values), {})[part] = total
-        return found
+                series.setdefault(tuple(values), {})[part] = total
+        return series
 
     def cumulative(self, parts: Mapping[str, float]) -> tuple[list[tuple[str, float]], float]:
         """A histogram's buckets as Prometheus has them, each with all below it; and the sum of the durations."""

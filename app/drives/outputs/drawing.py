@@ -56,9 +56,9 @@ class Drawing:
         with self._lock:
             self._stop()
 
-    def _asked(self, wanted: tuple[Profile, str, DrawnMeasurements | None, str | None]) -> bytes:
+    def _asked(self, picture: tuple[Profile, str, DrawnMeasurements | None, str | None]) -> bytes:
         pipe = self._pipe or self._start()
-        pipe.send(wanted)
+        pipe.send(picture)
         if not pipe.poll(LONGEST_S):
             self._stop()
             raise NotReadyError(f"The picture took more than {LONGEST_S:g} s. Ask for the profile as JSON.")

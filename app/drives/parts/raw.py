@@ -87,8 +87,8 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         part = part_of(request.headers.get("range"), request.headers.get("if-range"), etag, size)
     except NoSuchRangeError:
         detail = f"The file has {size} bytes, and the range {request.headers['range'][:80]!r} begins beyond its end."
-        said = {"Content-Range": f"bytes */{size}", "ETag": etag}
-        return problem_response(request, STATUS_KINDS[416], detail, headers=said)
+        range_headers = {"Content-Range": f"bytes */{size}", "ETag": etag}
+        return problem_response(request, STATUS_KINDS[416], detail, headers=range_headers)
     file = _opened(service, drive)
     headers = shared | {
         "Content-Disposition": attachment(_name(drive, file)),

@@ -154,10 +154,10 @@ class _Sink:
         """Whoever gave ``write`` closes what is behind it."""
 
 
-def _own_name(name: str, taken: Iterable[str]) -> str:
+def _own_name(name: str, used: Iterable[str]) -> str:
     """``name`` without leading dots, and with a number where it is taken in whatever case."""
     path = PurePosixPath(name.lstrip(".") or "file")
-    names = {other.lower() for other in taken}
+    names = {other.lower() for other in used}
     own, number = path.name, 1
     while own.lower() in names:
         number += 1

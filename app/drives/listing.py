@@ -1,8 +1,10 @@
-"""The orders in which drives are listed, each with an index of its own, and the places in them where a page begins.
+"""Lists of drives: their orders, each with an index of its own, the places where a page begins, and the search.
 
-Every order ends with the upload's time and the id, so that it is a total one and a page begins behind any drive, also
-one that is gone. What is not known (when or how far an unfinished drive went) comes last in either direction: known
-and unknown keys are two stretches of the same index, read one after the other.
+Every order ends with the upload's time and the id, so that it is total and a page can begin behind any drive, also one
+that is gone. Unknown keys (when or how far an unfinished drive went) come last in either direction: known and unknown
+keys are two stretches of the same index, read one after the other. Drives are searched by the beginnings of words of a
+file's name, or of an id, both from an index. Migration 0026 takes a name apart at whatever is neither letter nor digit
+and between both; so `karl 2026` finds `2026-11-20_Karlsruhe.csv`.
 """
 
 from __future__ import annotations
@@ -10,11 +12,15 @@ from __future__ import annotations
 import base64
 import json
 import math
+import re
 import uuid
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any, NamedTuple
+
+from sqlalchemy import text
+from sqlalchemy.orm import Session
 
 from app.core.errors import BadRequestError
 from app.core.query import cursor_of, parse_cursor
@@ -110,9 +116,9 @@ def stretches(order: Order, place: DrivePlace | None, *, backwards: bool) -> Ite
         yield Stretch(*_beyond("", place, sign), f"d.created_at {way}, d.id {way}")
         return
     order_by = f"{key.expression} {way}, d.created_at {way}, d.id {way}"
-    known = [True, False] if key.nullable else [True]
+    halves = [True, False] if key.nullable else [True]
     begun = place is None
-    for is_known in reversed(known) if backwards else known:
+    for is_known in reversed(halves) if backwards else halves:
         here = place if place is not None and is_known is (place.key is not None) else None
         begun = begun or here is not None
         if begun:
@@ -141,17 +147,17 @@ def cursor(order: Order, place: DrivePlace) -> str:
     if order.sort not in _KEYS:
         return cursor_of(place.created_at, place.id.int)
     key = place.key.isoformat() if isinstance(place.key, datetime) else place.key
-    said = json.dumps([order.sort, key, place.created_at.isoformat(), place.id.hex])
-    return base64.urlsafe_b64encode(said.encode()).decode("ascii")
+    place_text = json.dumps([order.sort, key, place.created_at.isoformat(), place.id.hex])
+    return base64.urlsafe_b64encode(place_text.encode()).decode("ascii")
 
 
-def place_of(order: Order, text: str, field: str) -> DrivePlace:
+def place_of(order: Order, cursor_text: str, field: str) -> DrivePlace:
     """The place; ``BadRequestError`` for a text that ``cursor`` did not make for this sort."""
     try:
         if order.sort not in _KEYS:
-            moment, number = parse_cursor(text)
+            moment, number = parse_cursor(cursor_text)
             return DrivePlace(moment, uuid.UUID(int=number))
-        return _read(order.sort, text)
+        return _read_cursor(order.sort, cursor_text)
     except (ValueError, TypeError, OverflowError, AttributeError, RecursionError, BadRequestError):
         raise BadRequestError(
             f"{field}: this is no place in the list ordered so. Take it from a next or prev link, or begin again "
@@ -160,11 +166,38 @@ def place_of(order: Order, text: str, field: str) -> DrivePlace:
         ) from None
 
 
-def _read(sort: Sort, text: str) -> DrivePlace:
-    if len(text) > _CURSOR_LENGTH:
-        raise ValueError(text)
-    named, key, created_at, drive_id = json.loads(base64.b64decode(text, altchars="-_", validate=True))
+def _read_cursor(sort: Sort, cursor_text: str) -> DrivePlace:
+    if len(cursor_text) > _CURSOR_LENGTH:
+        raise ValueError(cursor_text)
+    named, key, created_at, drive_id = json.loads(base64.b64decode(cursor_text, altchars="-_", validate=True))
     if named != sort or (key is None and not _KEYS[sort].nullable):
-        raise ValueError(text)
+        raise ValueError(cursor_text)
     value = None if key is None else _KEYS[sort].of_json(key)
     return DrivePlace(_moment(created_at), uuid.UUID(drive_id), value)
+
+
+# The words are made by the function that the index is made by. They are asked for first: only what it is told as a
+# constant lets the server see whether few or many drives have such a name.
+_WORDS = text(
+    "SELECT string_agg(quote_literal(word) || ':*', ' & ') FROM unnest(tsvector_to_array(file_words(:q))) AS word"
+)
+_NAMED = "file_words(d.filename) @@ CAST(:q_words AS tsquery)"
+_OF_ID = "d.id BETWEEN :q_first AND :q_last"
+_ID_LENGTH = 32
+_ID = re.compile(r"[0-9a-f]{8,32}")
+"""The beginning of an id that is long enough to be meant as one."""
+
+
+def matching(session: Session, q: str) -> tuple[str, dict[str, Any]]:
+    """The condition, which begins with AND, and its values."""
+    conditions: list[str] = []
+    values: dict[str, Any] = {}
+    if words := session.execute(_WORDS, {"q": q.replace("\0", " ")}).scalar():
+        conditions.append(_NAMED)
+        values["q_words"] = words
+    digits = q.strip().lower().replace("-", "")
+    if _ID.fullmatch(digits):
+        conditions.append(_OF_ID)
+        values["q_first"] = uuid.UUID(digits.ljust(_ID_LENGTH, "0"))
+        values["q_last"] = uuid.UUID(digits.ljust(_ID_LENGTH, "f"))
+    return f" AND ({' OR '.join(conditions) or 'false'})", values

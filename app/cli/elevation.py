@@ -116,15 +116,15 @@ def remove(
             active = current_dem(session, settings.dem_dir)
             former = active.sources if active else ()
             gone = chosen(former, names)
-            left = [source for source in former if source not in gone]
-            effect = effect_of_removal(session, gone, left)
-        typer.echo(_told(gone, left, effect))
+            remaining = [source for source in former if source not in gone]
+            effect = effect_of_removal(session, gone, remaining)
+        typer.echo(_told(gone, remaining, effect))
         if not dry_run:
             _confirm(effect, yes)
             with console.progress() as bars:
                 remove_dem(factory, names, settings.dem_dir, bars.work("elevation"))
             typer.echo(f"Removed: {', '.join(source.name for source in gone)}. {_ADVICE}")
-    figures = {"removed": [s.name for s in gone], "left": [s.name for s in left], "dry_run": dry_run}
+    figures = {"removed": [s.name for s in gone], "left": [s.name for s in remaining], "dry_run": dry_run}
     write_json(json_file, figures | asdict(effect))
 
 
@@ -134,11 +134,11 @@ _ADVICE = (
 )
 
 
-def _told(gone: Sequence[DemSource], left: Sequence[DemSource], effect: Effect) -> str:
+def _told(gone: Sequence[DemSource], remaining: Sequence[DemSource], effect: Effect) -> str:
     names = ", ".join(source.name for source in gone)
     return (
         f"Under {names} lie {effect.segments} segments, {effect.measured} of them measured, and {effect.drives} "
-        f"drives. {effect.bare} measured segments lie under no other raster ({len(left)} left)."
+        f"drives. {effect.bare} measured segments lie under no other raster ({len(remaining)} left)."
     )
 
 
@@ -157,7 +157,7 @@ def _facts(source: DemSource, dem_dir: FilePlace) -> dict[str, Any]:
     from app.terrain.store import local_raster
     from fusion.terrain.dem import Dem
 
-    known: dict[str, Any] = {
+    facts: dict[str, Any] = {
         "name": source.name,
         "priority": source.priority,
         "bounds_deg": source.bounds_deg,
@@ -172,8 +172,8 @@ def _facts(source: DemSource, dem_dir: FilePlace) -> dict[str, Any]:
                 "mib": path.stat().st_size / _MIB,
             }
     except TerrainError as error:
-        return known | unread | {"problem": str(error)}
-    return known | read | {"problem": None}
+        return facts | unread | {"problem": str(error)}
+    return facts | read | {"problem": None}
 
 
 def _box(bounds_deg: Sequence[float] | None) -> str | None:
