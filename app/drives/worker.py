@@ -34,8 +34,8 @@ from app.exports.run import tend as tend_exports
 from app.jobs.memory import limit_growth
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
-from app.map import figures, growth
 from app.map.derived import following
+from app.map.statistics import figures, growth
 from app.operations.run import operation_task
 from app.operations.run import tend as tend_operations
 from app.roads import retired

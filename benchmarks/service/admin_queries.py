@@ -25,10 +25,10 @@ from sqlalchemy.orm import Session
 from accuracy.scoring import write_json
 from app.core.db import Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
-from app.map import figures
 from app.map.heights.choice import nearest
 from app.map.heights.road_heights import heights_of
 from app.map.heights.store import roads_near
+from app.map.statistics import figures
 from app.ops.admin.queries import QUERIES, Asked
 from bulk import fill
 

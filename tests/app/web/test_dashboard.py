@@ -13,7 +13,7 @@ import pytest
 from app.core import databases
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
-from app.map import figures
+from app.map.statistics import figures
 from app.operations.run import Desk, operate
 from browser_fixtures import Tab
 from fusion.simulate.scene.town import Town
