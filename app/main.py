@@ -64,7 +64,6 @@ from app.map.tiles import ogc_routes as ogc_tiles
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
-from app.map.tiles.told import WatchedMap
 from app.operations import routes as operations
 from app.operations import sources
 from app.ops import health, stats
@@ -206,7 +205,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
     )
     app.state.tiles = Tiles(url, settings, app.state.request_classes)
-    app.state.live = Live(WatchedMap(app.state.tiles.watch), streams)
+    app.state.live = Live(app.state.tiles.watch, streams)
     running = (app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
     beside = [asyncio.create_task(one) for one in running]
     try:

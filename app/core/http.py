@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
@@ -109,11 +110,29 @@ def found(row: Any, what: str, key: object) -> Any:
     return row
 
 
-def etag_matches(request: Request, etag: str) -> bool:
+def is_named(etag: str, if_none_match: str) -> bool:
     """Whether If-None-Match names ``etag`` (weak comparison, RFC 9110 section 13.1.2)."""
-    header = request.headers.get("if-none-match", "")
-    names = {name.strip().removeprefix("W/") for name in header.split(",")}
+    names = {name.strip().removeprefix("W/") for name in if_none_match.split(",")}
     return "*" in names or etag.removeprefix("W/") in names
+
+
+def etag_matches(request: Request, etag: str) -> bool:
+    """Whether the client has what ``etag`` stands for."""
+    return is_named(etag, request.headers.get("if-none-match", ""))
+
+
+def unless_known(
+    request: Request,
+    content: bytes,
+    media_type: str,
+    headers: Mapping[str, str],
+    *,
+    more: Mapping[str, str] = MappingProxyType({}),
+) -> Response:
+    """The content with these headers, an ETag among them, or 304 where the client has it; ``more``: of the content."""
+    if etag_matches(request, headers["ETag"]):
+        return Response(status_code=304, headers=dict(headers))
+    return Response(content, media_type=media_type, headers={**headers, **more})
 
 
 def preferred(accept: str | None, offered: Sequence[str]) -> str | None:

@@ -36,8 +36,8 @@ from app.jobs.requests import upkeep
 from app.jobs.requests.run import RequestKind
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
-from app.map import figures, growth
 from app.map.derived import following
+from app.map.statistics import figures, growth
 from app.operations.run import OPERATION
 from app.roads import retired
 from app.terrain.files import sweep_rasters

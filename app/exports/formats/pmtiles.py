@@ -42,8 +42,8 @@ class PmTiles(Format):
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """As ``Format``; counts tiles."""
-        # A module of routes: who exports no tiles need not load it.
-        from app.map.tiles.routes import SEGMENT_FIELDS, kinds  # noqa: PLC0415
+        # It brings what a service stands on: who exports no tiles need not load it.
+        from app.map.tiles.documents import SEGMENT_FIELDS, kinds  # noqa: PLC0415
         from app.map.tiles.store import LAYER  # noqa: PLC0415
 
         zooms = (options.min_zoom, options.max_zoom)

@@ -14,7 +14,7 @@ from urllib.parse import urlencode
 from fastapi import Query, Request, Response
 
 from app.core.errors import BadQueryError, NotAcceptableError
-from app.core.http import JSON, REVALIDATE, Link, etag_matches, link, preferred
+from app.core.http import JSON, REVALIDATE, Link, link, preferred, unless_known
 from app.core.text import GEO_JSON
 
 HTML = "text/html"
@@ -117,12 +117,9 @@ def answered(
     """The answer, or 304 where the client has it; ``etag`` where what it says does not tell, such as with a clock."""
     content = body.encode() if isinstance(body, str) else body
     tag = etag or f'W/"{hashlib.blake2b(content, digest_size=12).hexdigest()}"'
-    all_headers = {"ETag": tag, "Cache-Control": REVALIDATE, "Vary": "Accept", **(headers or {})}
-    if etag_matches(request, tag):
-        return Response(status_code=304, headers=all_headers)
-    if in_header := link_header(list(links)):
-        all_headers["Link"] = in_header
-    return Response(content, media_type=media_type, headers=all_headers)
+    own = {"ETag": tag, "Cache-Control": REVALIDATE, "Vary": "Accept", **(headers or {})}
+    in_header = link_header(list(links))
+    return unless_known(request, content, media_type, own, more={"Link": in_header} if in_header else {})
 
 
 def link_header(links: Sequence[Link]) -> str:

@@ -21,15 +21,16 @@ from app.core.http import (
     problems,
 )
 from app.core.query import refuse_unknown
-from app.map.tiles.answers import DEEPEST_ZOOM, LAYERS, QUAD, SUFFIXES, check_tile
 from app.map.tiles.documents import (
     QUAD_URI,
     WEB_MERCATOR,
     matrix_set_document,
+    tilejson,
     tileset_document,
     tilesets_document,
 )
-from app.map.tiles.routes import EMPTY, MVT_ANSWER, tilejson, vector_tile
+from app.map.tiles.front import DEEPEST_ZOOM, LAYERS, QUAD, SUFFIXES, check_tile
+from app.map.tiles.routes import EMPTY, MVT_ANSWER, vector_tile
 from app.map.tiles.store import SEGMENTS, Address
 
 _CLASSES = "http://www.opengis.net/spec/ogcapi-tiles-1/1.0/conf/"

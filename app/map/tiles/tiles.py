@@ -23,8 +23,7 @@ from app.core.telemetry.logs import tell
 from app.map.tiles import store
 from app.map.tiles.connections import Connection, Connections
 from app.map.tiles.store import SEGMENTS, WAYS, Address
-from app.map.tiles.versions import Versions
-from app.map.tiles.watch import Watch
+from app.map.tiles.watch import Versions, Watch
 
 TILE_SCHEMA = 6
 """Raise it whenever tiles change without their data changing, so that caches notice."""
@@ -125,7 +124,7 @@ class Tiles:
     async def made(self, at: Address, *, is_admitted: bool = False) -> Tile:
         """The tile as it is now, with an ETag of its content; not kept. Raises as ``get`` does.
 
-        Ways follow their segments a moment later, each for its whole length: no square tells when they have.
+        Ways follow their segments a moment later, each for its whole length: no cell tells when they have.
         """
         return await self.get(at, f"{next(self._serial)}", is_admitted=is_admitted)
 

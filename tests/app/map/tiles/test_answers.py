@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import create_engine, text
 
 from app.core.settings import Settings
-from app.map.tiles.answers import asked_by, takes_gzip
+from app.map.tiles.front import parse_path, takes_gzip
 from app.map.tiles.store import Address
 from mvt_support import layers
 from problem_support import check
@@ -151,7 +151,7 @@ def test_a_request_with_a_body_is_answered_too(reading: Any) -> None:
     ],
 )
 def test_the_quick_way_takes_only_what_is_a_tile_beyond_doubt(path: str) -> None:
-    assert asked_by(path, 18) is None
+    assert parse_path(path, 18) is None
 
 
 def test_the_row_is_before_the_column_where_the_standard_has_it_so() -> None:
@@ -163,10 +163,10 @@ def test_the_row_is_before_the_column_where_the_standard_has_it_so() -> None:
         "/tiles/WebMercatorQuad/13/2813/4287.mvt",
         "/collections/segments/tiles/WebMercatorQuad/13/2813/4287.pbf",
     ):
-        asked = asked_by(path, 18)
+        asked = parse_path(path, 18)
         assert asked is not None
         assert asked.at == wanted
-    ways = asked_by("/collections/ways/tiles/WebMercatorQuad/13/2813/4287", 18)
+    ways = parse_path("/collections/ways/tiles/WebMercatorQuad/13/2813/4287", 18)
     assert ways is not None
     assert ways.at == wanted._replace(layer="ways")
 

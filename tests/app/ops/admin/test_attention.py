@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from app.map import figures, growth
+from app.map.statistics import figures, growth
 from app.ops.admin.attention import attention
 from app.ops.admin.queries import QUERIES, Asked
 from web_fixtures import Web, add_drive

@@ -13,7 +13,7 @@ from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.map.tiles.census import tiles_by_zoom
+from app.map.statistics.stored_tiles import tiles_by_zoom
 
 LOOK_EVERY_S = 60.0
 """How often a worker looks."""
