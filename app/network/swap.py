@@ -20,7 +20,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.telemetry.logs import tell
-from app.core.telemetry.measures import SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
+from app.core.telemetry.measures import CELLS_SOLVED, SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
 from app.network.condensed import AT_ONCE, condense, condensed_by_drive, portions
 from app.network.locks import CellClaims, cell_claims, try_share_network
@@ -122,6 +122,7 @@ def publish_cells(
 def log_solution(kind: str, found: Found, squares: int, took_s: float, tries: int) -> None:
     """Count and log what was solved and written; which squares it was is nobody's business: somebody drove there."""
     SOLVE_S.observe(took_s, kind)
+    CELLS_SOLVED.count(kind, by=squares)
     SQUARES_SOLVED.count(kind, by=squares)
     segments = 0 if found.solution is None else int(found.shown.sum())
     marks = len(found.marks) or None
