@@ -29,7 +29,7 @@ _SHOWN = f"""
     d.*, ARRAY(SELECT DISTINCT m.cell FROM network_marks AS m
                WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries > {PATIENCE}
                ORDER BY m.cell) AS unsolved_cells,
-    (SELECT w.id FROM drives AS w WHERE w.id = d.duplicate_of AND {IS_SHOWN.format("w")}) AS heard_instead,
+    (SELECT w.id FROM drives AS w WHERE w.id = d.duplicate_of AND {IS_SHOWN.format("w")}) AS duplicate_of_shown,
     CASE WHEN d.bounds IS NOT NULL
          THEN ARRAY[ST_XMin(d.bounds), ST_YMin(d.bounds), ST_XMax(d.bounds), ST_YMax(d.bounds)] END AS bbox
 """  # noqa: S608 - constants
@@ -255,11 +255,11 @@ def _one(session: Session, statement: TextClause, values: Mapping[str, Any]) -> 
 
 def _shown(session: Session, rows: Iterable[Row[Any]]) -> list[Drive]:
     """The drives of these rows, each with how it agrees with the others by now."""
-    columns_of_each = [{**row._mapping, "duplicate_of": row.heard_instead} for row in rows]
-    acceptance = rejections_of(
+    columns_of_each = [{**row._mapping, "duplicate_of": row.duplicate_of_shown} for row in rows]
+    rejections = rejections_of(
         session, [columns["id"] for columns in columns_of_each if columns["report"] is not None]
     )
-    return [Drive.of({**columns, "hearing": acceptance.get(columns["id"])}) for columns in columns_of_each]
+    return [Drive.of({**columns, "rejections": rejections.get(columns["id"])}) for columns in columns_of_each]
 
 
 def changed(session: Session, statement: TextClause, values: Mapping[str, Any]) -> bool:

@@ -4,7 +4,7 @@ How a drive comes to say so is not known here, nor what is shown of a segment (`
 (``app.network.swap``).
 
 The rule that keeps the map right whatever runs at the same time: what drives say is only ever stored together with
-marks of the squares that it touches, and a square is solved from everything that is stored.
+marks of the cells that it touches, and a cell is solved from everything that is stored.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class RunProvenance:
     road_version_id: int
     dem_version_id: int | None
     road_state: int | None = None
-    """Of the squares that the roads were taken from, the highest (``app.network.road_states``)"""
+    """Of the cells that the roads were taken from, the highest (``app.network.road_states``)"""
 
 
 # The published slopes of these segments may rest on the drive: on its own estimates or, until it is computed again, on
@@ -92,7 +92,7 @@ def append_result(
     *,
     delay_s: float = 0.0,
 ) -> list[int]:
-    """Replace what the drive says, and mark what has to be solved for it, within ``delay_s``; the squares marked.
+    """Replace what the drive says, and mark what has to be solved for it, within ``delay_s``; the cells marked.
 
     ``segment_ids`` maps the segments of estimates and factors (indices into the network of the run) to the
     database's ids. ``epoch_s`` are the times of the log's positions (e,): without them two logs of one drive are
@@ -110,7 +110,7 @@ def append_result(
 
 
 def append_removal(session: Session, drive: MarkedBy) -> list[int]:
-    """Take back all that the drive says, and mark what has to be solved for it; the squares marked.
+    """Take back all that the drive says, and mark what has to be solved for it; the cells marked.
 
     The caller has begun the change (``begin_change``) and holds the drive's row.
     """

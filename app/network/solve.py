@@ -39,7 +39,7 @@ LARGEST_GROWING = 1_000
 known, and there roads are few; a window twice as wide has four times as many."""
 
 SETTLING_SCALE = 2.0
-"""Of the one window in which a square of a network is solved that is solved whole."""
+"""Of the one window in which a cell of a network is solved that is solved whole."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +110,9 @@ def solve_around(session: Session, touched: Collection[int]) -> tuple[Solution, 
 
 
 def settle_cell(session: Session, segment_ids: Collection[int]) -> Solution:
-    """Solve one square of a network that is solved whole: these segments are all that it has of the network.
+    """Solve one cell of a network that is solved whole: these segments are all that it has of the network.
 
-    What was found before has no part in it, so slopes do not depend on which square came first.
+    What was found before has no part in it, so slopes do not depend on which cell came first.
     """
     return _solve(session, segment_ids, SETTLING_SCALE)
 

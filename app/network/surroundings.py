@@ -56,7 +56,7 @@ class Surroundings:
     table: RoadTable
     ids: Ints
     cell: Ints
-    """The square of each row (``app.network.cells``)."""
+    """The cell of each row (``app.network.cells``)."""
     driven: Bools
     drives: Ints
     """As stored: -1 where the network has no slope."""

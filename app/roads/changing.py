@@ -1,6 +1,6 @@
 """The steps of an import that write: each a short transaction of the caller, after which everything fits together.
 
-Whatever a step changes of roads, it says so of their squares (``app.network.road_states``), marks what has to be solved
+Whatever a step changes of roads, it says so of their cells (``app.network.road_states``), marks what has to be solved
 anew, and names the drives that are to be computed again, in one transaction with the change: an import may be cut off
 after any step, and another goes on. Steps that touch evidence own the network; what only comes or is renamed shares it.
 """
@@ -140,7 +140,7 @@ class _Told:
     nodes: set[int] = field(default_factory=set)
 
     def add(self, session: Session, ids: Collection[int], *, ends: bool = True) -> None:
-        """The squares of segments as they are now, and their nodes."""
+        """The cells of segments as they are now, and their nodes."""
         self.shown |= set(cells_over(session, ids))
         self.met |= cells_met(session, ids)
         if ends:
@@ -148,7 +148,7 @@ class _Told:
                 self.nodes |= {row.from_node, row.to_node}
 
     def say(self, session: Session, step: Step, *, courses: bool, combined: Iterable[int] = ()) -> None:
-        """Say it: squares, and marks around the nodes."""
+        """Say it: cells, and marks around the nodes."""
         raise_roads(session, step.state, shown=self.shown, met=self.met, courses=self.met if courses else ())
         count_driven(session, self.shown)
         about = self.met | {near for cell in self.met - {WIDE} for near in beside(cell)} | self.shown

@@ -41,7 +41,7 @@ _OTHER = text(
     ORDER BY {ROAD_ORDER}
     """  # noqa: S608 - constants
 )
-# New rows square by square: what is added together is near together.
+# New rows cell by cell: what is added together is near together.
 _NEW = text(
     f"""
     SELECT i.n FROM road_import AS i LEFT JOIN segments AS s ON {_ON} WHERE s.id IS NULL

@@ -31,7 +31,7 @@ from app.map.heights.road_heights import heights_of
 from app.map.heights.store import roads_near
 from app.map.statistics import figures
 from app.network.cells import raise_versions
-from app.ops.admin.queries import QUERIES, Asked
+from app.ops.admin.queries import QUERIES, Parameters
 
 READS = 11
 PLACES = 512
@@ -108,7 +108,7 @@ def measure(sessions: Sessions) -> dict[str, float]:
     while figures.renew_one(sessions):
         pass
     for name, query in QUERIES.items():
-        times_ms[name] = ms_of(sessions, lambda session: query.read(session, Asked(days=366)))  # noqa: B023
+        times_ms[name] = ms_of(sessions, lambda session: query.read(session, Parameters(days=366)))  # noqa: B023
     rng = np.random.default_rng(3)
     places = np.column_stack([rng.uniform(8, 8.4, PLACES), 49 + 3e-4 * rng.integers(0, 1000, PLACES) + 5e-5])
 

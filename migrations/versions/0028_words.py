@@ -1,4 +1,4 @@
-"""Plain names for tables and columns; nothing else changes, and no row is read or written.
+"""Plain names for tables and columns; every row stays as it is, but for figures that a worker makes again.
 
 Programs of the revision before do not find the new names: stop them before this migration, and start those of this
 revision after it.
@@ -71,6 +71,9 @@ _SEQUENCES = {
     "attic_estimates_id_seq": "retired_estimates_id_seq",
 }
 
+# They name a column of their own as the program of their time does.
+_FORGET_FIGURES = "DELETE FROM kept_figures WHERE name = 'disagreements'"
+
 
 def upgrade() -> None:
     """Apply."""
@@ -85,10 +88,12 @@ def upgrade() -> None:
     for old, new in _SEQUENCES.items():
         op.execute(f"ALTER SEQUENCE {old} RENAME TO {new}")
     op.execute("ALTER FUNCTION versant_region(integer) RENAME TO versant_partition")
+    op.execute(_FORGET_FIGURES)
 
 
 def downgrade() -> None:
     """Take back: the former names."""
+    op.execute(_FORGET_FIGURES)
     op.execute("ALTER FUNCTION versant_partition(integer) RENAME TO versant_region")
     for old, new in _SEQUENCES.items():
         op.execute(f"ALTER SEQUENCE {new} RENAME TO {old}")

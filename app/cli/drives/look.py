@@ -174,7 +174,7 @@ def _of_drive(document: Mapping[str, Any]) -> dict[str, Any]:
         "method": document["method"],
         "options": options,
         "duplicate of": document.get("duplicate_of"),
-        "squares not solved": ", ".join(document.get("unsolved") or ()),
+        "cells not solved": ", ".join(document.get("unsolved") or ()),
     }
 
 
@@ -186,7 +186,7 @@ def _of_result(document: Mapping[str, Any], report: Mapping[str, Any]) -> dict[s
         "median sigma": _sigma(report.get("median_slope_sigma_percent")),
         "positions": document.get("epochs"),
         "matched to roads": _percent(report.get("matched_share")),
-        "segments not heard": report.get("rejected_segments"),
+        "rejected segments": report.get("rejected_segments"),
         "west,south,east,north": None if bbox is None else ",".join(f"{degrees:.5f}" for degrees in bbox),
         "code version": report.get("code_version"),
         "roads version": report.get("road_version"),

@@ -44,7 +44,7 @@ MIDDLE_CELL = """versant_cell(
     (ST_X(ST_StartPoint(geom_3857)) + ST_X(ST_EndPoint(geom_3857))) / 2,
     (ST_Y(ST_StartPoint(geom_3857)) + ST_Y(ST_EndPoint(geom_3857))) / 2)
 """
-"""The square of a segment; ``versant_cell`` is a function of the database, made by a migration."""
+"""The cell of a segment; ``versant_cell`` is a function of the database, made by a migration."""
 
 SRID_DEGREES = 4326
 SRID_TILES = 3857
@@ -143,7 +143,7 @@ class Segment(Base):
     regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger), server_default=text("'{}'"))
     """The regions whose files have it; a segment of none is nobody's, and stays."""
     cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True))
-    """The square that the segment's middle lies in (``app.network.cells``)."""
+    """The cell that the segment's middle lies in (``app.network.cells``)."""
 
     __table_args__ = (
         UniqueConstraint("osm_way_id", "from_node", "to_node"),
@@ -205,7 +205,7 @@ class Drive(Base):
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
     computed_at: Mapped[datetime | None]
-    """When its last run had said all; from then on it waited for its squares to be solved."""
+    """When its last run had said all; from then on it waited for its cells to be solved."""
     traceparent: Mapped[str | None]
     """The trace of the request that asked for it (W3C Trace Context); NULL where none is recorded."""
 
@@ -244,7 +244,7 @@ class Provenance(Base):
     code_version: Mapped[str]
     road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
     road_state: Mapped[int | None] = mapped_column(BigInteger)
-    """Of the squares that the run took its roads from, the highest (``Cell.road_state``); NULL of older runs."""
+    """Of the cells that the run took its roads from, the highest (``Cell.road_state``); NULL of older runs."""
     dem_version_id: Mapped[int | None] = mapped_column(ForeignKey("dem_versions.id"))
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
 

@@ -32,7 +32,7 @@ class DrivePass(Base):
     sequence: Mapped[int]
     """Its place among the drive's passes, in the order of driving."""
     partition: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
-    """The tile of zoom 6 that the segment's square lies in: ``versant_partition(cell)``."""
+    """The tile of zoom 6 that the segment's cell lies in: ``versant_partition(cell)``."""
     factor: Mapped[bytes]
 
     __table_args__ = (

@@ -83,9 +83,9 @@ class Way(Base):
 
 
 class DrawnPiece(Base):
-    """A stretch of road as low zooms draw it, derived square by square (``app.map.derived``).
+    """A stretch of road as low zooms draw it, derived cell by cell (``app.map.derived``).
 
-    A square of a level is a tile two zooms below it: of 12 a tile of zoom 14, of 6 one of zoom 8, as ``x << zoom | y``.
+    A cell of a level is a tile two zooms below it: of 12 a tile of zoom 14, of 6 one of zoom 8, as ``x << zoom | y``.
     """
 
     __tablename__ = "drawn_pieces"
@@ -145,7 +145,7 @@ class DerivedSegment(Base):
 
 
 class CellToDraw(Base):
-    """A square of a level whose pieces are to be derived anew."""
+    """A cell of a level whose pieces are to be derived anew."""
 
     __tablename__ = "cells_to_draw"
 

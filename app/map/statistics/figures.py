@@ -52,23 +52,23 @@ SIGMAS = text(
     """
 )
 
-# Where passes are not heard since they contradict the rest, drives disagree; by how many, and how far apart they are.
+# Drives disagree where passes are rejected; by how many, and how far apart they are.
 DISAGREEMENTS = text(
     """
     WITH worst AS (
-        SELECT r.segment_id, count(DISTINCT r.drive_id) AS unheard
-        FROM rejected_passes AS r GROUP BY r.segment_id ORDER BY unheard DESC, r.segment_id LIMIT 5 * :most
+        SELECT r.segment_id, count(DISTINCT r.drive_id) AS rejected
+        FROM rejected_passes AS r GROUP BY r.segment_id ORDER BY rejected DESC, r.segment_id LIMIT 5 * :most
     )
     SELECT w.segment_id, s.osm_way_id, s.highway, s.name, a.slope_percent, a.slope_sigma_percent,
-           coalesce(a.drives, 0) AS drives, w.unheard AS drives_unheard, e.lowest_percent, e.highest_percent,
-           e.farthest_sigmas
+           coalesce(a.drives, 0) AS drives, w.rejected AS drives_rejected, w.rejected AS drives_unheard,
+           e.lowest_percent, e.highest_percent, e.farthest_sigmas
     FROM worst AS w JOIN segments AS s ON s.id = w.segment_id
     LEFT JOIN segment_slopes AS a ON a.segment_id = w.segment_id
     CROSS JOIN LATERAL (
         SELECT min(d.slope_percent) AS lowest_percent, max(d.slope_percent) AS highest_percent,
                max(abs(d.slope_percent - a.slope_percent) / d.slope_sigma_percent) AS farthest_sigmas
         FROM drive_segments AS d WHERE d.segment_id = w.segment_id) AS e
-    ORDER BY w.unheard * least(coalesce(e.farthest_sigmas, 0), 100) DESC, w.segment_id LIMIT :most
+    ORDER BY w.rejected * least(coalesce(e.farthest_sigmas, 0), 100) DESC, w.segment_id LIMIT :most
     """
 )
 

@@ -223,9 +223,9 @@ def test_operators_are_told_which_square_it_is_and_who_waits(
             ),
             {"id": int(ids[4])},
         ).one()
-    assert (figures.squares_waiting, figures.squares_unsolved) == gauges.squares == (1, 1)
+    assert (figures.cells_waiting, figures.cells_unsolved) == gauges.cells == (1, 1)
     (one,) = figures.unsolved
-    assert [one.square] == shown(sessions, drive).unsolved
+    assert [one.cell] == shown(sessions, drive).unsolved
     assert (one.solvers, one.drives) == (marks.PATIENCE + 1, [drive])
     assert one.since < one.next_at
     west, south, east, north = one.bbox

@@ -97,7 +97,8 @@ def test_a_drive_says_no_more_that_a_removed_one_is_heard_in_its_place(filled: W
     with filled.sessions.begin() as session:
         same = "UPDATE drives SET duplicate_of = :heard WHERE id = :id"
         session.execute(text(same), {"heard": heard, "id": not_heard})
-    assert filled.client.get(f"/v1/drives/{not_heard}").json()["duplicate_of"] == str(heard)
+    document = filled.client.get(f"/v1/drives/{not_heard}").json()
+    assert document["duplicate_of"] == document["same_as"] == str(heard)
     filled.client.delete(f"/v1/drives/{heard}")
     assert str(heard) not in filled.client.get(f"/v1/drives/{not_heard}").text
 

@@ -149,7 +149,7 @@ def test_whether_a_segment_is_driven_is_one_look(
         cell = session.execute(text("SELECT cell FROM segments WHERE id = :id"), of_segment).scalar_one()
         plans = [
             session.execute(text(f"EXPLAIN (ANALYZE, TIMING OFF) {query.text}"), values).scalars().all()
-            for query, values in ((settle._IN_NETWORK_OF_CELL, {"cell": cell}), (settle._SQUARES, {}))
+            for query, values in ((settle._IN_NETWORK_OF_CELL, {"cell": cell}), (settle._CELLS, {}))
         ]
         known = {"ids": segment_ids, "partitions": partitions_around(np.array([cell]))}
         rows = fetch_binary(session, f"EXPLAIN (ANALYZE, TIMING OFF) {surroundings.KNOWN}", known)
