@@ -22,8 +22,8 @@ from app.core.settings import ENV_PREFIX, Settings
 from app.core.telemetry.measures import MEASURES
 from app.exports.formats import FORMATS as EXPORTS
 from app.main import create_app
-from app.map.items.collections import SEGMENTS, WAYS, Collection
 from app.map.handover import HANDOVERS
+from app.map.items.collections import SEGMENTS, WAYS, Collection
 from app.ops.metrics import LABELS, Gauges, Metrics
 from app.ops.store import Squares
 from app.web.guides import sections, slug
@@ -105,7 +105,11 @@ def _command_section(name: str, command: Any) -> str:
         if parameter.name == "help" or getattr(parameter, "hidden", False):
             continue
         metavar = parameter.metavar or ""
-        shown = metavar if parameter.param_type_name == "argument" else " ".join(parameter.opts + parameter.secondary_opts)
+        shown = (
+            metavar
+            if parameter.param_type_name == "argument"
+            else " ".join(parameter.opts + parameter.secondary_opts)
+        )
         rows.append((code(shown), plain_default(parameter), parameter.help or ""))
     lines = "\n".join(line.strip() for line in inspect.cleandoc(command.help or "").splitlines())
     return f"### versant {name}\n\n{lines}\n\n{table(('argument or option', 'default', 'meaning'), rows)}"
@@ -388,7 +392,9 @@ if __name__ == "__main__":
         one.write_text(
             TABLE.sub(
                 lambda match: (
-                    f"<!-- table: {match[1]} -->\n{MAKERS[match[1]]()}<!-- end -->" if match[1] in MAKERS else match[0]
+                    f"<!-- table: {match[1]} -->\n{MAKERS[match[1]]()}<!-- end -->"
+                    if match[1] in MAKERS
+                    else match[0]
                 ),
                 one.read_text(),
             )

@@ -1,6 +1,7 @@
 """Files that other programs take, each in the form that its consumer reads. One file here is one consumer's form.
 
-A new one is a class that follows ``Handover`` (``base``), and one line below. ``docs/how-to/feed-routers-and-editors.md`` lists them.
+A new one is a class that follows ``Handover`` (``base``), and one line below.
+``docs/how-to/feed-routers-and-editors.md`` lists them.
 """
 
 from __future__ import annotations
