@@ -1,4 +1,7 @@
-"""Puts the documents of ``docs/`` into the package, where ``app/web/guides.py`` finds them. All else: pyproject.toml."""
+"""Puts the documents of ``docs/`` into the package, where ``app/web/guides.py`` finds them.
+
+Everything else is in pyproject.toml.
+"""
 
 from __future__ import annotations
 

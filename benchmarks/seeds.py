@@ -11,7 +11,7 @@ DATA_DIR (the folder ``karlsruhe``; ``roadtruth.py`` makes logs of them as for `
 the last part is left out.
 
 Each row shows what the document prints beside the median, least and most of ours over the seeds, and where they differ
-a sentence. ``--write`` puts the tables into .docs/experiments.md, and with ``calais`` draws its picture beside it.
+a sentence. ``--write`` puts the tables into the pages of docs/published/, and with ``calais`` draws its picture.
 """
 
 from __future__ import annotations
@@ -35,8 +35,16 @@ PARTS = {
     "saadaoui": "published.gps_ins.saadaoui",
     "methods": "published.methods",
 }
-DOCUMENT = Path(__file__).resolve().parent.parent / ".docs" / "experiments.md"
-PICTURE = DOCUMENT.with_name("calais.png")
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+PAGES = {
+    "calais": DOCS / "published" / "al-assaad-2020.md",
+    "lahrech": DOCS / "published" / "lahrech-2005.md",
+    "saadaoui": DOCS / "published" / "saadaoui-2011.md",
+    "methods": DOCS / "published" / "index.md",
+}
+PICTURE = DOCS / "images" / "calais.png"
+MARKERS = {"methods": "methods_on_roads"}
+"""Names of tables that are not the part's."""
 
 
 def run_part(part: str, args: argparse.Namespace) -> list[Row]:
@@ -63,16 +71,17 @@ def renewed(document: str, part: str, rows: list[Row]) -> str:
     tables = "\n\n".join(
         f"### {name}\n\n{markdown_table(group)}" for name, group in by_experiment(rows).items()
     )
-    pattern = re.compile(rf"(<!-- table: {part} -->\n).*?(\n<!-- end -->)", re.DOTALL)
+    pattern = re.compile(rf"(<!-- table: {MARKERS.get(part, part)} -->\n).*?(\n<!-- end -->)", re.DOTALL)
     text, count = pattern.subn(lambda markers: f"{markers[1]}\n{tables}\n{markers[2]}", document)
     if count != 1:
-        raise ValueError(f"{DOCUMENT.name} has {count} places for the tables of {part}, not one")
+        raise ValueError(f"{PAGES[part].name} has {count} places for the tables of {part}, not one")
     return text
 
 
 def write(part: str, rows: list[Row]) -> None:
     """Renew the page."""
-    DOCUMENT.write_text(renewed(DOCUMENT.read_text(encoding="utf-8"), part, rows), encoding="utf-8")
+    page = PAGES[part]
+    page.write_text(renewed(page.read_text(encoding="utf-8"), part, rows), encoding="utf-8")
     if part == "calais":
         importlib.import_module("published.particle.calais_picture").draw(PICTURE)
 
@@ -94,7 +103,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--roadtruth", type=Path)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--write", action="store_true", help="renew the tables in .docs/experiments.md")
+    parser.add_argument("--write", action="store_true", help="renew the tables in docs/published/")
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     all_rows: list[Row] = []

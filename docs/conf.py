@@ -1,4 +1,4 @@
-"""Settings of the site that ``make docs`` builds of these pages, for Sphinx. The service shows the same pages under /docs.
+"""Settings of the site that ``make docs`` builds of these pages, for Sphinx.
 
 ``index.md`` is the one list of pages: what it lists section by section becomes the site's navigation.
 """

@@ -142,6 +142,17 @@ def test_the_script_makes_a_file_of_logs(
     assert (segments.slope_sigma_percent > 0).all()
 
 
+@pytest.mark.slow
+def test_the_page_on_reports_has_every_field(bundle: Bundle) -> None:
+    page = (DOCS / "reference" / "drive-report.md").read_text(encoding="utf-8")
+    stored = page.partition("## Added when")[0]
+    cells = re.findall(r"^\| (`.*?) \|", stored, re.MULTILINE)
+    named = [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
+    roads, dem = fusion.read_roads(bundle.osm), fusion.Dem.open([bundle.dem])
+    _, result = fusion.run_drive(fusion.read_log(bundle.drives[0]), roads, dem)
+    assert sorted(named) == sorted(result.report)
+
+
 if __name__ == "__main__":
     if sys.argv[1:] != ["--write"]:
         sys.exit(__doc__)

@@ -275,7 +275,7 @@ console.log(JSON.stringify(errors.map((error) => error.message)));
 
 @pytest.fixture(scope="module")
 def validator() -> Callable[[dict[str, Any]], list[str]]:
-    """The reference validator of the specification, where Node and its package are (see docs/how-to/connect-programs.md)."""
+    """The specification's own validator, where Node and its package are (docs/how-to/connect-programs.md)."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("Node is not installed")
