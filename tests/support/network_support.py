@@ -199,17 +199,18 @@ def walks(town: Town, count: int) -> list[Said]:
     for row in range(len(table)):
         for node in (int(table.from_node[row]), int(table.to_node[row])):
             at_node.setdefault(node, []).append(row)
-    found = []
+    drives: list[Mapping[int, tuple[float, float]]] = []
     for _ in range(count):
-        node, said = int(table.from_node[len(table) // 2]), {}
+        node = int(table.from_node[len(table) // 2])
+        slopes: dict[int, tuple[float, float]] = {}
         for _ in range(40):
             row = int(rng.choice(at_node[node]))
             sigma = float(rng.uniform(0.3, 1.5))
             if rng.uniform() < 0.8:  # elsewhere the receiver saw nothing
-                said[row] = (float(town.true_slope_percent[row] + sigma * rng.normal()), sigma)
+                slopes[row] = (float(town.true_slope_percent[row] + sigma * rng.normal()), sigma)
             node = int(table.to_node[row] if table.from_node[row] == node else table.from_node[row])
-        found.append(said)
-    return found
+        drives.append(slopes)
+    return drives
 
 
 def delete(sessions: Sessions, drive: uuid.UUID) -> None:

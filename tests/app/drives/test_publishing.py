@@ -13,6 +13,7 @@ from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.drives import claims, publishing, queue
 from app.drives import store as drives
+from app.drives.documents import Drive
 from app.network import cells, marks, swap
 from app.network.swap import solve_marked
 from app.ops import metrics, stats
@@ -164,7 +165,7 @@ def publishing_drive(sessions: Sessions, streets: Driven, rows: Collection[int])
     return drive
 
 
-def shown(sessions: Sessions, drive: uuid.UUID) -> drives.Drive:
+def shown(sessions: Sessions, drive: uuid.UUID) -> Drive:
     with sessions() as session:
         found = drives.get_drive(session, drive)
     assert found is not None

@@ -60,7 +60,7 @@ def of_one(data: bytes) -> str:
 
 
 def backwards(files: Mapping[str, bytes]) -> dict[str, bytes]:
-    return dict(reversed(files.items()))
+    return dict(reversed(files.items()))  # type: ignore[call-overload]
 
 
 FORMS: dict[str, bytes] = {

@@ -106,10 +106,10 @@ def test_points_from_another_importance_density_are_put_right_by_the_ratio() -> 
         def aim(points: np.ndarray, z: np.ndarray = z) -> np.ndarray:
             return points @ TRANSITION.T + (z - points @ TRANSITION.T @ DESIGN.T) @ gain.T
 
-        def draw(points: np.ndarray, rng: np.random.Generator, aim=aim) -> np.ndarray:
+        def draw(points: np.ndarray, rng: np.random.Generator, aim=aim) -> np.ndarray:  # type: ignore[no-untyped-def]
             return aim(points) + rng.multivariate_normal([0, 0], left, len(points))
 
-        def ratio(points: np.ndarray, before: np.ndarray, aim=aim) -> np.ndarray:
+        def ratio(points: np.ndarray, before: np.ndarray, aim=aim) -> np.ndarray:  # type: ignore[no-untyped-def]
             return log_gaussian(points - before @ TRANSITION.T, PROCESS) - log_gaussian(
                 points - aim(before), left
             )

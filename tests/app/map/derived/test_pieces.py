@@ -39,7 +39,7 @@ def stretches(*roads: dict[str, Any]) -> Stretches:
     return Stretches(
         ids=np.arange(1, len(rows) + 1),
         **columns,  # type: ignore[arg-type]
-        points=np.array([point for row in rows for point in row["points"]], float).reshape(-1, 2),
+        points=np.array([point for row in rows for point in row["points"]], float).reshape(-1, 2),  # type: ignore[type-var]
         first=np.cumsum([0, *(len(row["points"]) for row in rows)]),
     )
 

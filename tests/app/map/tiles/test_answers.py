@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import httpx
 import pytest
@@ -22,12 +22,18 @@ QUICK_AND_NOT = pytest.mark.parametrize("query", ["", "?v=2"])
 """On the quick way, and through the route."""
 
 
-def raw(web: Any, path: str, method: str = "GET", **headers: str) -> httpx.Response:
+class RawResponse(httpx.Response):
+    """An answer with its body as it was sent."""
+
+    sent: bytes
+
+
+def raw(web: Any, path: str, method: str = "GET", **headers: str) -> RawResponse:
     """The answer with its body as it was sent."""
     named = {name.replace("_", "-"): value for name, value in headers.items()}
     with web.client.stream(method, path, headers={"Accept-Encoding": "identity", **named}) as answer:
         answer.sent = b"".join(answer.iter_raw())
-        return answer
+        return cast(RawResponse, answer)
 
 
 @QUICK_AND_NOT

@@ -143,7 +143,7 @@ def test_points_of_a_map_lie_apart_as_asked(make_log: MakeLog, town: Town) -> No
         taken.append(match(*args))
         return taken[-1]
 
-    run.roads.match = watch
+    run.roads.match = watch  # type: ignore[method-assign]
     run.run(no_progress)
     points = [m for m in taken if m is not None]
     assert len(points) > 150
