@@ -68,6 +68,7 @@ SERVICE = {
 """Room -> the rooms of the service that it may import from."""
 
 FRAGMENTS: Mapping[str, str] = {
+    "app/drives/lags.py": "a session each round, before the network is owned",
     "app/drives/outputs/drawing_process.py": "a program of its own",
     "app/map/outputs/flatgeobuf.py": "one output, one file",
     "fusion/formats/nmea.py": "one log format, one file",
