@@ -35,9 +35,8 @@ from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.registry import DEFAULT_METHOD
 from fusion.report import Ground, advice_of, drive_report, ground_under, without_placeholders
-from fusion.roads.along import boxes_along
 from fusion.roads.network import RoadNetwork
-from fusion.roads.table import RoadTable
+from fusion.roads.table import RoadTable, boxes_along
 from fusion.terrain.datum import datum_of_network
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints, Progress, no_progress
@@ -199,7 +198,13 @@ def solve_network(
     surveyed, far = place(control, roads.subset(near))
     for _ in range(LAG_ROUNDS):
         solved = _solved(roads, dem, near, passes, surveyed)
-        if not _relinearised(passes, drives, solved.lag_s):
+        anew = {
+            k: factors
+            for k, lag_s in solved.lag_s.items()
+            if (factors := factors_for_lag(drives[k].result, passes[k], lag_s))
+        }
+        passes |= {k: _in_file(drives[k], factors) for k, factors in anew.items()}
+        if not anew:
             break
     for (number, _), weight in solved.accepted.items():
         rejected[number] += weight == 0
@@ -242,19 +247,19 @@ def _in_file(one: FusedDrive, factors: Sequence[PassFactor]) -> list[PassFactor]
     return [f.over(int(one.rows[f.segment])) for f in factors]
 
 
-def _relinearised(
-    passes: dict[int, list[PassFactor]], drives: Sequence[FusedDrive], lag_s: Mapping[int, float]
-) -> bool:
-    """Make the factors of drives anew whose altimeter turned out to be later or sooner than was thought."""
-    changed = False
-    for number, lag in lag_s.items():
-        one, before = drives[number], passes[number][0].lag_s
-        step = float(np.clip(LAG_GAIN * (lag - before), -LAG_STEP_S, LAG_STEP_S))
-        if one.result.late_by is None or abs(step) < LAG_SETTLED_S:
-            continue
-        passes[number] = _in_file(one, one.result.late_by(before + step))
-        changed = True
-    return changed
+def factors_for_lag(
+    result: DriveResult, factors: Sequence[PassFactor], lag_s: float | None
+) -> tuple[PassFactor, ...] | None:
+    """The factors of a drive made anew for the altimeter's lag that a network's solution finds, ``lag_s``.
+
+    ``factors`` are those that were solved. None where the lag is settled, or nothing is known of one: the factors stay.
+    A drive alone rarely shows the lag: where everybody drives the same way, lag and slope look alike.
+    """
+    if result.late_by is None or lag_s is None:
+        return None
+    before_s = factors[0].lag_s
+    step_s = float(np.clip(LAG_GAIN * (lag_s - before_s), -LAG_STEP_S, LAG_STEP_S))
+    return None if abs(step_s) < LAG_SETTLED_S else result.late_by(before_s + step_s)
 
 
 class _Solved(NamedTuple):

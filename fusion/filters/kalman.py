@@ -1,16 +1,24 @@
-"""The Kalman filter: Al Assaad 2020, (1.33) and (1.34); Saadaoui 2011, Algorithm 1.
+"""The Kalman filter and the extended one: Al Assaad 2020, (1.33)-(1.37); Saadaoui 2011, Algorithms 1 and 2.
 
-States are a mean x (n,) and a symmetric covariance P (n, n), both float64. The functions are compiled and may be
-called from Python and from compiled loops alike; they return new arrays, but for ``correct_scalar``. ``extended`` puts
-a model on top of them.
+States are a mean x (n,) and a symmetric covariance P (n, n), both float64. The functions of the linear filter are
+compiled and may be called from Python and from compiled loops alike; they return new arrays, but for
+``correct_scalar``.
+
+In the extended filter the mean goes through the model itself, the covariance through the model's Jacobian at the newest
+mean. Two slips of the prints are put right: (1.37) takes the transition's Jacobian at the predicted mean, which is not
+known by then, and Algorithm 2 leaves the measurement out of the innovation.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from fusion.compiled import compiled
 from fusion.types import Floats
+
+Model = Callable[[Floats], Floats]
 
 
 @compiled
@@ -98,3 +106,27 @@ def correct_scalar(mean: Floats, covariance: Floats, innovation: float, row: Flo
 @compiled
 def _symmetric(matrix: Floats) -> Floats:
     return 0.5 * (matrix + matrix.T)
+
+
+def predict_extended(
+    mean: Floats, covariance: Floats, f: Model, jacobian: Model, process_noise: Floats
+) -> tuple[Floats, Floats]:
+    """f(x) and F P F' + Q, where F = ``jacobian(x)`` (n, n), ``f(x)`` (n,) and ``process_noise`` Q (n, n)."""
+    _, predicted = predict(mean, covariance, jacobian(mean), process_noise)
+    return f(mean), predicted
+
+
+def correct_extended(
+    mean: Floats,
+    covariance: Floats,
+    measured: Floats,
+    h: Model,
+    jacobian: Model,
+    measurement_noise: Floats,
+    subtract: Callable[[Floats, Floats], Floats] = np.subtract,
+) -> tuple[Floats, Floats]:
+    """The Kalman correction by the innovation ``subtract(measured, h(x))`` (m,), with H = ``jacobian(x)`` (m, n).
+
+    ``measurement_noise`` is R (m, m). ``subtract`` wraps what is an angle. The covariance has Joseph's form.
+    """
+    return correct(mean, covariance, subtract(measured, h(mean)), jacobian(mean), measurement_noise)

@@ -234,20 +234,3 @@ class DriveMatcher:
             offset_m=offset,
             breaks=breaks,
         )
-
-
-def match_drive(
-    network: RoadNetwork,
-    time_s: ArrayLike,
-    x_m: ArrayLike,
-    y_m: ArrayLike,
-    *,
-    heading_rad: ArrayLike | None = None,
-    speed_mps: ArrayLike | None = None,
-    sigma_m: ArrayLike | None = None,
-    options: MatchOptions = MatchOptions(),
-) -> PathMatch:
-    """``DriveMatcher(network, options).match(...)``, for one drive."""
-    return DriveMatcher(network, options).match(
-        time_s, x_m, y_m, heading_rad=heading_rad, speed_mps=speed_mps, sigma_m=sigma_m
-    )

@@ -12,8 +12,9 @@ segment; hence ``SHARE_ELSEWHERE``.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -102,28 +103,10 @@ class CondensedPasses:
         )
 
     def __add__(self, other: CondensedPasses) -> CondensedPasses:
-        return CondensedPasses(
-            self.information + other.information,
-            self.vector + other.vector,
-            self.rows + other.rows,
-            self.log_roughness + other.log_roughness,
-            self.covered + other.covered,
-            self.passes + other.passes,
-            self.drives + other.drives,
-            self.observations + other.observations,
-        )
+        return CondensedPasses(*map(operator.add, _VALUES(self), _VALUES(other)))
 
     def __neg__(self) -> CondensedPasses:
-        return CondensedPasses(
-            -self.information,
-            -self.vector,
-            -self.rows,
-            -self.log_roughness,
-            -self.covered,
-            -self.passes,
-            -self.drives,
-            -self.observations,
-        )
+        return CondensedPasses(*map(operator.neg, _VALUES(self)))
 
     def factor(self, segment: int, length_m: float) -> PassFactor:
         """The sum in the place of one pass of a drive without errors of its own.
@@ -171,6 +154,9 @@ class CondensedPasses:
         passes, drives, observations = (int(v) for v in head[3:])
         rows, rough = float(head[1]), float(head[2])
         return cls(symmetric(upper, n), vector, rows, rough, covered, passes, drives, observations)
+
+
+_VALUES = operator.attrgetter(*(spec.name for spec in fields(CondensedPasses)))
 
 
 def condense(

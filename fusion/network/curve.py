@@ -146,26 +146,6 @@ def place_rows(length_m: Floats) -> tuple[Floats, Floats]:
     return 6 * start / length**2 + 3 * slope / length, 6 * end / length**2 - 3 * slope / length
 
 
-def slope_row(start_m: float, end_m: float, length_m: float) -> Floats:
-    """``slope_rows`` for one segment: shape (variables,)."""
-    row: Floats = slope_rows(*(np.array([v]) for v in (start_m, end_m, length_m)))[0]
-    return row
-
-
-def smoothness(length_m: float, roughness: ArrayLike) -> Floats:
-    """Information matrix (variables, variables) of a grade that is a random walk of variance q per metre.
-
-    ``roughness`` is q (1/m), one for the segment or one an interval.
-    """
-    intervals = int(interval_count(length_m))
-    d = length_m / intervals
-    out = np.zeros((2 * intervals + 2, 2 * intervals + 2))
-    block = smoothness_block(d)
-    for j, q in enumerate(np.broadcast_to(np.asarray(roughness, float), (intervals,))):
-        out[2 * j : 2 * j + 4, 2 * j : 2 * j + 4] += block / q
-    return out
-
-
 def smoothness_block(spacing_m: ArrayLike) -> Floats:
     """Information (..., 4, 4) over (h0, g0, h1, g1) of intervals of these spacings (...) for q = 1."""
     d = np.asarray(spacing_m, float)

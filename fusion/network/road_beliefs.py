@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from fusion.network.cells import Cells
+from fusion.frames import METRES_PER_DEGREE
 from fusion.network.curve import smoothness_block
 from fusion.network.equations import Blocks, Solution
 from fusion.network.joints import couplings
@@ -26,12 +26,12 @@ ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 ROUGHNESS_FREEDOM = 3.0
 """Degrees of freedom of the Student's t that an interval's change of grade follows."""
 ROUGHNESS_PRIOR_COUNT = 20.0
-"""Imaginary changes of grade about each cell that are as large as the drives learned of themselves; and as many for
+"""Imaginary changes of grade about each place that are as large as the drives learned of themselves; and as many for
 each class of roads there that are as large as the others'."""
 UNSEEN_VARIANCE = ROUGHNESS_FREEDOM / (ROUGHNESS_FREEDOM - 2)
 """Variance of that Student's t over its scale squared: where nobody drove, nothing says which are even."""
 FAR_SHARE = 0.01
-"""All passes together say so much of what is usual about a cell as this share of one that is there."""
+"""All passes together say so much of what is usual about a place as this share of one that is there."""
 STRUCTURE_FACTOR = 0.1
 """Bridges and tunnels are built to a design: their roughness over that of other roads."""
 NODE_SIGMA_M = 0.2
@@ -43,6 +43,11 @@ GRADE_SIGMA = 0.2
 LEVEL_SIGMA_M = 1000.0
 """The mean height of all roads that hang together, before anything is measured: it keeps the equations solvable where
 nothing speaks of heights, and weighs nothing where anything does."""
+PLACE_M = 250.0
+"""Spacing of the places over which roughness is averaged. It is less than what a subnetwork is wider than its published
+part, so that subnetworks agree; with 500 m they do as well (``benchmarks/adjustment.py``)."""
+
+_CORNERS = ((0, 0), (0, 1), (1, 0), (1, 1))
 
 
 class RoadBeliefs:
@@ -74,12 +79,12 @@ class RoadBeliefs:
         none = np.zeros((len(row), 4))
         self.roughness = Blocks(first[:, None] + np.arange(4), unit, none, np.ones(len(row)))
         self.factor = np.where(u.structure[row], STRUCTURE_FACTOR, 1.0)
-        self._cells = Cells(network)
+        self._places = Places(network)
         _, kind = np.unique(network.highway.astype(str), return_inverse=True)
-        self._cells_of_class = Cells(network, kind)
+        self._places_of_class = Places(network, kind)
         measured = [p for p in passes if p.rows]  # the others know nothing of roads
-        self._begin = _as_drives_learned(self._cells, measured)
-        self.usual = self._cells.at_rows(self._begin)
+        self._begin = _as_drives_learned(self._places, measured)
+        self.usual = self._places.at_rows(self._begin)
         """The usual roughness about each segment (n,), 1/m"""
         self._open = _open_intervals(u, row, step, measured)
         self.roughness.weight = 1 / (self.usual[row] * self.factor)
@@ -106,23 +111,23 @@ class RoadBeliefs:
         First of all roads of a place, then how much rougher those of each class are there than the others.
         """
         row, change = self._row[~self._open], change[~self._open]
-        of_class, prior = self._cells_of_class, ROUGHNESS_PRIOR_COUNT
-        count, count_of_class = (2 * c.sums(row) + prior for c in (self._cells, of_class))
+        of_class, prior = self._places_of_class, ROUGHNESS_PRIOR_COUNT
+        count, count_of_class = (2 * c.sums(row) + prior for c in (self._places, of_class))
         for _ in range(5):
             square = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM + change / self.usual[row]) * change
-            place = self._cells.at_rows((self._cells.sums(row, square) + prior * self._begin) / count)
+            place = self._places.at_rows((self._places.sums(row, square) + prior * self._begin) / count)
             more = (of_class.sums(row, square / place[row]) + prior) / count_of_class
             self.usual = place * of_class.at_rows(more)
 
 
-def _as_drives_learned(cells: Cells, passes: Sequence[PassFactor]) -> Floats:
-    """The mean (of logs) of what drives learned of themselves about each cell (c,); far from all, that of all."""
+def _as_drives_learned(places: Places, passes: Sequence[PassFactor]) -> Floats:
+    """The mean (of logs) of what drives learned of themselves about each place (c,); far from all, that of all."""
     row = np.array([p.segment for p in passes], np.int64)
     count = np.array([max(p.condensed, 1) for p in passes] or [1], float)
     learned = count * np.log([p.roughness for p in passes] or [DEFAULT_ROUGHNESS])
-    total = cells.sums(row, learned[: len(row)]) + FAR_SHARE * learned.sum() / count.sum()
+    total = places.sums(row, learned[: len(row)]) + FAR_SHARE * learned.sum() / count.sum()
     return np.asarray(
-        np.clip(np.exp(total / (cells.sums(row, count[: len(row)]) + FAR_SHARE)), *ROUGHNESS_BOUNDS)
+        np.clip(np.exp(total / (places.sums(row, count[: len(row)]) + FAR_SHARE)), *ROUGHNESS_BOUNDS)
     )
 
 
@@ -151,3 +156,39 @@ def _open_intervals(u: RoadUnknowns, row: Ints, step: Ints, passes: Sequence[Pas
     np.maximum.at(high, of_pass, [p.end_m for p in passes])
     middle = (step + 0.5) / u.intervals[row] * u.length_m[row]
     return np.asarray((middle < low[row]) | (middle > high[row]), np.bool_)
+
+
+class Places:
+    """c places of a square grid over the n segments of a network; each segment has a share in its four nearest ones.
+
+    ``share`` (n, c), rows adding up to 1, falls linearly with the distance to the north and to the east. The grid is
+    fixed on earth, so a part of a network learns what the whole does, but for its edge. Segments of another ``kind``
+    (n,) have places of their own.
+    """
+
+    def __init__(self, network: RoadTable, kind: Ints | None = None) -> None:
+        lat = 0.5 * (network.lat0_deg + network.lat1_deg)
+        lon = 0.5 * (network.lon0_deg + network.lon1_deg)
+        band = np.rint(lat)  # columns are as wide as in the middle of their degree
+        place = np.array([lat, lon * np.cos(np.radians(band))]) * (METRES_PER_DEGREE / PLACE_M)
+        low = np.floor(place)
+        part = place - low
+        corners = [(band, *(low + np.array(corner)[:, None])) for corner in _CORNERS]
+        share = [np.prod(np.where(np.array(corner)[:, None], part, 1 - part), axis=0) for corner in _CORNERS]
+        names = np.concatenate([np.array(c, float).reshape(3, -1).T for c in corners])
+        _, number = np.unique(names @ [1e14, 1e7, 1.0], return_inverse=True)
+        row = np.tile(np.arange(len(network)), len(_CORNERS))
+        if kind is not None:
+            _, number = np.unique(number * (kind.max(initial=0) + 1) + kind[row], return_inverse=True)
+        self.share = sparse.csr_matrix(
+            (np.concatenate(share), (row, number)), (len(network), number.max() + 1)
+        )
+
+    def sums(self, rows: Ints, values: Floats | float = 1.0) -> Floats:
+        """Values (m,) at ``rows`` (m,) added up in each place (c,), by share."""
+        weights = np.broadcast_to(np.asarray(values, float), rows.shape)
+        return np.asarray(self.share.T @ np.bincount(rows, weights, minlength=self.share.shape[0]))
+
+    def at_rows(self, values: Floats) -> Floats:
+        """What places (c,) have, at each segment (n,)."""
+        return np.asarray(self.share @ values)

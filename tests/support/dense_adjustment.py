@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dense_equations import Equation, inverted, observed
 from dense_roughness import DenseUsual
@@ -16,10 +17,11 @@ from fusion.network import pass_factor as factors
 from fusion.network import road_beliefs as roads
 from fusion.network import segment_slopes as shown
 from fusion.network.adjust import ROUNDS
-from fusion.network.curve import interval_count, place_rows, slope_row, variable_count
+from fusion.network.curve import interval_count, place_rows, slope_rows, smoothness_block, variable_count
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import Terrain
 from fusion.roads.table import RoadTable
+from fusion.types import Floats
 
 CONSTANTS, SENSORS = len(factors.CONSTANTS), len(factors.HEIGHT_SENSORS)
 
@@ -302,3 +304,23 @@ class DenseAdjustment:
     def accepted(self) -> list[bool]:
         """Whether each pass is, in the order of drives and of driving."""
         return [self._misfit(p, e) <= drives.REJECT_SIGMAS**2 for _, p, e in self.passes]
+
+
+def slope_row(start_m: float, end_m: float, length_m: float) -> Floats:
+    """``slope_rows`` for one segment: shape (variables,)."""
+    row: Floats = slope_rows(*(np.array([v]) for v in (start_m, end_m, length_m)))[0]
+    return row
+
+
+def smoothness(length_m: float, roughness: ArrayLike) -> Floats:
+    """Information matrix (variables, variables) of a grade that is a random walk of variance q per metre.
+
+    ``roughness`` is q (1/m), one for the segment or one an interval.
+    """
+    intervals = int(interval_count(length_m))
+    d = length_m / intervals
+    out = np.zeros((2 * intervals + 2, 2 * intervals + 2))
+    block = smoothness_block(d)
+    for j, q in enumerate(np.broadcast_to(np.asarray(roughness, float), (intervals,))):
+        out[2 * j : 2 * j + 4, 2 * j : 2 * j + 4] += block / q
+    return out

@@ -19,7 +19,8 @@ from app.network.marks import MarkedBy
 from app.network.rejections import Rejections, rejections_of
 from app.network.swap import solve_all_marked
 from app.roads import store as roads
-from fusion.network.curve import knot_length, slope_row
+from dense_adjustment import slope_row
+from fusion.network.curve import knot_length
 from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.filters import extended, kalman
+from fusion.filters import kalman
 from fusion.published.nine_state.measurements import SLOWEST_MPS
 from fusion.published.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
 from fusion.published.nine_state.options import NineStateOptions
@@ -101,7 +101,7 @@ class ReferenceFilter:
         )
 
     def _curved(self, z: float, h: Function, variance: float) -> None:
-        self.mean, self.covariance = extended.correct(
+        self.mean, self.covariance = kalman.correct_extended(
             self.mean,
             self.covariance,
             np.array([z]),

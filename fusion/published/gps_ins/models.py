@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fusion.filters import extended, kalman
+from fusion.filters import kalman
 from fusion.filters.unscented import Unscented
 from fusion.types import Floats
 
@@ -97,7 +97,7 @@ class ExtendedModel:
                 out[:HEADING, HEADING] = self._heading_column(step, float(state[HEADING]))
             return out
 
-        return extended.predict(mean, covariance, f, jacobian, noise)
+        return kalman.predict_extended(mean, covariance, f, jacobian, noise)
 
     def correct(
         self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
@@ -113,7 +113,7 @@ class ExtendedModel:
         def innovation(z: Floats, expected: Floats) -> Floats:
             return _floats(expected if self.printed_innovation else z - expected)
 
-        return extended.correct(mean, covariance, measured, h, derivative, noise, subtract=innovation)
+        return kalman.correct_extended(mean, covariance, measured, h, derivative, noise, subtract=innovation)
 
     def _heading_column(self, step: Step, heading_rad: float) -> Floats:
         if self.printed_jacobian:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fusion.filters import extended, kalman
+from fusion.filters import kalman
 from fusion.filters.smoother import LinearModel
 from fusion.filters.unscented import Unscented
 
@@ -30,8 +30,8 @@ def linear() -> list[Moments]:
 def linearised() -> list[Moments]:
     state, states = (np.zeros(4), 10.0 * np.eye(4)), []
     for z in VALUES:
-        predicted = extended.predict(*state, lambda x: TRANSITION @ x, lambda _: TRANSITION, PROCESS)  # type: ignore[return-value]
-        state = extended.correct(*predicted, z, lambda x: DESIGN @ x, lambda _: DESIGN, NOISE)
+        predicted = kalman.predict_extended(*state, lambda x: TRANSITION @ x, lambda _: TRANSITION, PROCESS)
+        state = kalman.correct_extended(*predicted, z, lambda x: DESIGN @ x, lambda _: DESIGN, NOISE)
         states.append(state)
     return states
 

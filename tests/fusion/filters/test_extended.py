@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.filters import extended, kalman
+from fusion.filters import kalman
 
 
 def wrap(angle_rad: np.ndarray) -> np.ndarray:
@@ -20,10 +20,10 @@ def test_on_a_linear_model_it_is_the_kalman_filter(seed: int, n: int, m: int) ->
     x, f, h, z = rng.normal(size=n), rng.normal(size=(n, n)), rng.normal(size=(m, n)), rng.normal(size=m)
     p, q, r = np.cov(rng.normal(size=(n, 30))).reshape(n, n), np.eye(n), np.eye(m)
     linear = kalman.predict(x, p, f, q)
-    general = extended.predict(x, p, lambda x: f @ x, lambda _: f, q)
+    general = kalman.predict_extended(x, p, lambda x: f @ x, lambda _: f, q)
     assert general[0] == pytest.approx(linear[0], rel=1e-12, abs=1e-12)
     assert np.array_equal(general[1], linear[1])
-    corrected = extended.correct(*linear, z, lambda x: h @ x, lambda _: h, r)
+    corrected = kalman.correct_extended(*linear, z, lambda x: h @ x, lambda _: h, r)
     expected = kalman.correct(*linear, z - h @ linear[0], h, r)
     assert corrected[0] == pytest.approx(expected[0], rel=1e-12, abs=1e-12)
     assert np.array_equal(corrected[1], expected[1])
@@ -32,9 +32,13 @@ def test_on_a_linear_model_it_is_the_kalman_filter(seed: int, n: int, m: int) ->
 def test_each_jacobian_is_taken_at_the_newest_mean() -> None:
     """x -> x^2 from 3: the transition's slope is 6, and the measurement's, at the predicted 9, is 18."""
     one = np.eye(1)
-    x, p = extended.predict(3.0 * np.ones(1), 0.5 * one, np.square, lambda x: 2 * x.reshape(1, 1), 2.0 * one)
+    x, p = kalman.predict_extended(
+        3.0 * np.ones(1), 0.5 * one, np.square, lambda x: 2 * x.reshape(1, 1), 2.0 * one
+    )
     assert (x[0], p[0, 0]) == pytest.approx((9.0, 36 * 0.5 + 2.0))
-    x, p = extended.correct(x, p, np.array([85.0]), np.square, lambda x: 2 * x.reshape(1, 1), 3.0 * one)
+    x, p = kalman.correct_extended(
+        x, p, np.array([85.0]), np.square, lambda x: 2 * x.reshape(1, 1), 3.0 * one
+    )
     gain = 20.0 * 18.0 / (18.0 * 20.0 * 18.0 + 3.0)
     assert x[0] == pytest.approx(9.0 + gain * 4.0)
     assert p[0, 0] == pytest.approx(20.0 * 3.0 / (18.0 * 20.0 * 18.0 + 3.0))
@@ -42,7 +46,7 @@ def test_each_jacobian_is_taken_at_the_newest_mean() -> None:
 
 def test_an_angle_is_corrected_the_short_way_round() -> None:
     one = np.eye(1)
-    x, _ = extended.correct(
+    x, _ = kalman.correct_extended(
         np.array([np.pi - 0.01]), one, np.array([-np.pi + 0.03]), np.copy, lambda _: one, one,
         subtract=lambda a, b: wrap(a - b),
     )  # fmt: skip
@@ -67,10 +71,10 @@ def test_a_turning_vehicle_is_followed_with_honest_covariances() -> None:
 
     for _ in range(1000):
         truth = move(truth) + rng.multivariate_normal(np.zeros(3), q)
-        x, p = extended.predict(x, p, move, slope, q)
+        x, p = kalman.predict_extended(x, p, move, slope, q)
         z = rng.multivariate_normal(truth, r)
         z[2] = wrap(z[2])
-        x, p = extended.correct(x, p, z, np.copy, lambda _: np.eye(3), r, differ)
+        x, p = kalman.correct_extended(x, p, z, np.copy, lambda _: np.eye(3), r, differ)
         error = differ(truth, x)
         squares.append(error @ np.linalg.solve(p, error))
     # Errors of neighbouring epochs hang together, so that the mean of 1000 scatters about 3 by some tenths.

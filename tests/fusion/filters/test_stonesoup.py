@@ -29,7 +29,7 @@ from stonesoup.types.state import GaussianState, ParticleState
 from stonesoup.types.track import Track
 from stonesoup.updater.kalman import ExtendedKalmanUpdater, KalmanUpdater, UnscentedKalmanUpdater
 
-from fusion.filters import extended, kalman
+from fusion.filters import kalman
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.smoother import LinearModel
 from fusion.filters.unscented import Unscented
@@ -201,8 +201,8 @@ def test_the_extended_filter() -> None:
     def ours() -> Iterator[Moments]:
         x, p = TURN_START, TURN_COVARIANCE
         for z in values:
-            x, p = extended.predict(x, p, turn, turn_slope, TURN_NOISE)
-            x, p = extended.correct(
+            x, p = kalman.predict_extended(x, p, turn, turn_slope, TURN_NOISE)
+            x, p = kalman.correct_extended(
                 x, p, z, bearing_and_range, bearing_and_range_slope, np.diag([1e-4, 4.0]), bearing_difference
             )
             yield x, p

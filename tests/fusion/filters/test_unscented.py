@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.filters import extended, kalman
+from fusion.filters import kalman
 from fusion.filters.unscented import Unscented
 
 filters = st.builds(Unscented, st.floats(0.3, 2.0), st.floats(0.0, 4.0), st.floats(-0.5, 3.0))
@@ -193,8 +193,8 @@ def test_small_alpha_is_stable_over_thousands_of_steps() -> None:
             u.correct(*u.predict(*state, move, q, differ), z, np.copy, r, differ)
             for u, state in ((Unscented(1e-3), small), (Unscented(1.0), wide))
         )
-        predicted = extended.predict(*linearised, move, slope, q)
-        linearised = extended.correct(*predicted, z, np.copy, lambda _: np.eye(3), r, differ)
+        predicted = kalman.predict_extended(*linearised, move, slope, q)
+        linearised = kalman.correct_extended(*predicted, z, np.copy, lambda _: np.eye(3), r, differ)
         error = differ(truth, small[0])
         squares.append(error @ np.linalg.solve(small[1], error))
         apart.append(np.abs(small[0] - wide[0]).max())

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drive_matching_support import PLANE, Place, along, check, nodes_of, roads, town
-from fusion.matching.drive import DriveMatcher, MatchOptions, match_drive
+from fusion.matching.drive import DriveMatcher, MatchOptions
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 
@@ -34,7 +34,7 @@ def test_a_walk_through_the_grid_is_found(
     if len(corners) < 2:
         return
     time, x, y = along(corners, speed, noise, seed)
-    match = match_drive(network, time, x, y)
+    match = DriveMatcher(network).match(time, x, y)
     check(network, match, time, x, y)
     assert len(match.breaks) == 0
     assert np.median(match.offset_m) < 2 * noise + 1e-6
@@ -46,7 +46,7 @@ def test_a_walk_through_the_grid_is_found(
 def test_the_path_comes_in_order_with_times() -> None:
     network = town()
     time, x, y = along([(0, 0), (240, 0), (240, 240), (600, 240)])
-    match = match_drive(network, time, x, y)
+    match = DriveMatcher(network).match(time, x, y)
     check(network, match, time, x, y)
     assert nodes_of(network, match) == [0, 1, 2, 3, 4, 15, 26, 37, 48, 49, 50, 51, 52, 53, 54]
     np.testing.assert_allclose(match.enter_time_s, 6.0 * np.arange(14), atol=0.1)
@@ -59,8 +59,8 @@ def test_the_path_comes_in_order_with_times() -> None:
 def test_reversed_in_time_the_path_is_reversed(seed: int) -> None:
     network = town()
     time, x, y = along([(10, 0), (240, 0), (240, 360), (470, 360)], noise=2.0, seed=seed)
-    ahead = match_drive(network, time, x, y)
-    back = match_drive(network, time, x[::-1].copy(), y[::-1].copy())
+    ahead = DriveMatcher(network).match(time, x, y)
+    back = DriveMatcher(network).match(time, x[::-1].copy(), y[::-1].copy())
     assert back.segment[::-1].tolist() == ahead.segment.tolist()
     assert np.array_equal(back.forward[::-1], ~ahead.forward)
 
@@ -70,7 +70,7 @@ def test_one_way_streets_are_respected() -> None:
     nodes = {0: (0.0, 0.0), 1: (500.0, 0.0), 2: (0.0, 12.0), 3: (500.0, 12.0)}
     network = roads(nodes, [([0, 1], 1), ([2, 3], -1)])
     time, x, y = along([(0, 8), (500, 8)])
-    match = match_drive(network, time, x, y)
+    match = DriveMatcher(network).match(time, x, y)
     check(network, match, time, x, y)
     assert network.table.osm_way_id[match.segment].tolist() == [0]
 
@@ -78,14 +78,14 @@ def test_one_way_streets_are_respected() -> None:
 def test_u_turns_are_found_and_not_invented() -> None:
     network = roads({0: (0.0, 0.0), 1: (1000.0, 0.0)}, [([0, 1], 0)])
     time, x, y = along([(100, 0), (600, 0), (200, 0)])
-    match = match_drive(network, time, x, y)
+    match = DriveMatcher(network).match(time, x, y)
     check(network, match, time, x, y)
     assert match.forward.tolist() == [True, False]
     assert match.leave_m[0] == pytest.approx(600, abs=15)
     assert match.enter_m[1] == match.leave_m[0]
-    assert match_drive(network, *along([(100, 0), (600, 0), (592, 0), (900, 0)], 4)).forward.tolist() == [
-        True
-    ]
+    assert DriveMatcher(network).match(
+        *along([(100, 0), (600, 0), (592, 0), (900, 0)], 4)
+    ).forward.tolist() == [True]
 
 
 def test_a_missing_road_is_a_break_and_no_detour() -> None:
@@ -100,7 +100,7 @@ def test_a_missing_road_is_a_break_and_no_detour() -> None:
     }
     network = roads(nodes, [([0, 1], 0), ([2, 3], 0), ([1, 4, 5, 2], 0)])
     time, x, y = along([(0, 0), (1200, 0)], noise=1.0)
-    match = match_drive(network, time, x, y)
+    match = DriveMatcher(network).match(time, x, y)
     check(network, match, time, x, y)
     assert set(network.table.osm_way_id[match.segment].tolist()) <= {0, 1, 2}
     assert match.run.max() == 1
@@ -115,14 +115,14 @@ def test_a_gap_breaks_the_path_and_an_outage_in_a_tunnel_does_not() -> None:
     time, x, y = along([nodes[i] for i in range(4)], speed=16.0)
     dark = (time > 35) & (time < 95)
     hidden = np.where(dark, np.nan, x), np.where(dark, np.nan, y)
-    match = match_drive(network, time, *hidden)
+    match = DriveMatcher(network).match(time, *hidden)
     check(network, match, time, *hidden)
     assert match.segment.tolist() == [0, 1, 2]
     assert match.breaks == ()
-    match = match_drive(network, time, *hidden, speed_mps=np.full(len(x), 16.0))
+    match = DriveMatcher(network).match(time, *hidden, speed_mps=np.full(len(x), 16.0))
     assert match.segment.tolist() == [0, 1, 2]
     later = time + np.where(time > 60, 3600.0, 0.0)
-    match = match_drive(network, later, *hidden)
+    match = DriveMatcher(network).match(later, *hidden)
     check(network, match, later, *hidden)
     assert match.run.max() == 1
     assert [b.reason for b in match.breaks] == ["outage of the recording"]
@@ -140,10 +140,10 @@ def test_parallel_carriageways_are_told_apart_by_where_they_lead() -> None:
     }
     network = roads(nodes, [([0, 1], 1), ([1, 2], 1), ([1, 3, 4, 5], 1)])
     time, x, y = along([nodes[0], nodes[1], (260.0, -3.0), (900.0, -3.0), nodes[4], nodes[5]], speed=15)
-    ramp = match_drive(network, time, x, y)
+    ramp = DriveMatcher(network).match(time, x, y)
     assert network.table.osm_way_id[ramp.segment].tolist() == [0, 2, 2, 2]
     time, x, y = along([nodes[0], nodes[1], (260.0, -6.0), (900.0, -6.0), (1200.0, 0.0)], speed=15)
-    road = match_drive(network, time, x, y)
+    road = DriveMatcher(network).match(time, x, y)
     assert network.table.osm_way_id[road.segment].tolist() == [0, 1]
 
 
@@ -152,7 +152,7 @@ def test_a_bridge_is_no_junction() -> None:
     nodes = {0: (-300.0, 0.0), 1: (300.0, 0.0), 2: (-300.0, -40.0), 3: (300.0, 40.0)}
     network = roads(nodes, [([0, 1], 0), ([2, 3], 0)])
     time, x, y = along([(-300, 0), (-40, 0), (0, 5), (40, 5), (80, 0), (300, 0)])
-    match = match_drive(network, time, x, y)
+    match = DriveMatcher(network).match(time, x, y)
     assert match.segment.tolist() == [0]
 
 
@@ -166,18 +166,18 @@ def test_standing_invents_nothing() -> None:
     _, x3, y3 = along([(240, 140), (240, 360)])
     x2, y2 = np.concatenate([x2, x3]), np.concatenate([y2, y3])
     time = np.arange(len(x2), dtype=float)
-    match = match_drive(network, time, x2, y2)
+    match = DriveMatcher(network).match(time, x2, y2)
     check(network, match, time, x2, y2)
     assert nodes_of(network, match) == [0, 1, 2, 3, 4, 15, 26, 37, 48, 59, 70]
     assert match.length_m == pytest.approx(600, abs=15)
-    still = match_drive(network, np.arange(600.0), 240 + wander[:, 0], 100 + wander[:, 1])
+    still = DriveMatcher(network).match(np.arange(600.0), 240 + wander[:, 0], 100 + wander[:, 1])
     assert still.length_m < 30
 
 
 def test_the_course_tells_the_direction_of_few_samples() -> None:
     network = roads({0: (0.0, 0.0), 1: (1000.0, 0.0)}, [([0, 1], 0)])
     for course, forward in ((0.1, True), (3.0, False)):
-        match = match_drive(network, [0.0], [500.0], [2.0], heading_rad=[course], speed_mps=[10.0])
+        match = DriveMatcher(network).match([0.0], [500.0], [2.0], heading_rad=[course], speed_mps=[10.0])
         assert match.forward.tolist() == [forward]
         assert match.confidence[0] > 0.6
 
@@ -187,8 +187,8 @@ def test_a_choice_between_equals_is_not_certain() -> None:
     nodes = {0: (0.0, 0.0), 1: (600.0, 0.0), 2: (0.0, 16.0), 3: (600.0, 16.0)}
     network = roads(nodes, [([0, 1], 1), ([2, 3], 1)])
     time, x, y = along([(50, 8), (550, 8)])
-    assert match_drive(network, time, x, y).confidence.max() < 0.6
-    assert match_drive(network, time, x, y - 8).confidence.min() > 0.9
+    assert DriveMatcher(network).match(time, x, y).confidence.max() < 0.6
+    assert DriveMatcher(network).match(time, x, y - 8).confidence.min() > 0.9
 
 
 def test_an_outlier_does_not_interrupt() -> None:
@@ -196,7 +196,7 @@ def test_an_outlier_does_not_interrupt() -> None:
     time, x, y = along([(0, 0), (600, 0)])
     y[30] += 45.0
     x[31] += 900.0
-    match = match_drive(network, time, x, y)
+    match = DriveMatcher(network).match(time, x, y)
     check(network, match, time, x, y)
     assert nodes_of(network, match) == list(range(11))
     assert match.traversal[31] == -1
@@ -206,7 +206,7 @@ def test_an_outlier_does_not_interrupt() -> None:
 def test_low_rates(step: int) -> None:
     network = town()
     time, x, y = along([(0, 0), (240, 0), (240, 360), (600, 360), (600, 600)], speed=10, noise=2.0)
-    match = match_drive(network, time[::step], x[::step], y[::step])
+    match = DriveMatcher(network).match(time[::step], x[::step], y[::step])
     check(network, match, time[::step], x[::step], y[::step])
     assert match.run.max() == 0
     assert match.length_m == pytest.approx(np.ptp(time[::step]) * 10, abs=30)
@@ -215,7 +215,7 @@ def test_low_rates(step: int) -> None:
 def test_high_rate_samples_are_all_placed() -> None:
     network = town()
     time, x, y = along([(0, 0), (240, 0), (240, 240)], speed=0.1, noise=0.5)
-    match = match_drive(network, time / 100, x, y)
+    match = DriveMatcher(network).match(time / 100, x, y)
     check(network, match, time / 100, x, y)
     assert nodes_of(network, match) == [0, 1, 2, 3, 4, 15, 26, 37, 48]
     assert (match.traversal >= 0).all()
@@ -225,7 +225,7 @@ def test_high_rate_samples_are_all_placed() -> None:
 def test_nothing_to_match() -> None:
     network = town()
     for x in (np.array([]), np.array([np.nan]), np.array([np.nan, np.nan])):
-        match = match_drive(network, np.arange(float(len(x))), x, x)
+        match = DriveMatcher(network).match(np.arange(float(len(x))), x, x)
         check(network, match, np.arange(float(len(x))), x, x)
         assert len(match) == 0
         assert match.breaks == ()
@@ -233,14 +233,14 @@ def test_nothing_to_match() -> None:
     empty = RoadNetwork.project(RoadTable.empty(), PLANE)
     time, x, y = along([(0, 0), (100, 0)])
     for where, away in ((empty, 0.0), (network, 5000.0)):
-        match = match_drive(where, time, x + away, y)
+        match = DriveMatcher(where).match(time, x + away, y)
         assert (match.traversal == -1).all()
         assert [b.reason for b in match.breaks] == ["no road near"]
 
 
 def test_one_sample() -> None:
     network = town()
-    match = match_drive(network, [5.0], [30.0], [3.0])
+    match = DriveMatcher(network).match([5.0], [30.0], [3.0])
     check(network, match, np.array([5.0]), np.array([30.0]), np.array([3.0]))
     assert match.traversal.tolist() == [0]
     assert match.offset_m[0] == pytest.approx(3.0)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dense_adjustment import slope_row, smoothness
 from fusion.network.curve import (
     MAX_INTERVALS,
     SPACING_M,
@@ -16,9 +17,7 @@ from fusion.network.curve import (
     height_variance,
     interval_count,
     place_rows,
-    slope_row,
     slope_rows,
-    smoothness,
     smoothness_block,
     variable_count,
 )

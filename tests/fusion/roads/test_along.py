@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from fusion.roads.along import LONGEST_GAP_M, STRETCH_M, boxes_along
+from fusion.roads.table import LONGEST_GAP_M, STRETCH_M, boxes_along
 
 WGS84 = Geod(ellps="WGS84")
 LATITUDES = st.floats(-70, 70)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion.filters import extended
+from fusion.filters import kalman
 from fusion.gnss.measurements import Aids, Measurements, Solution
 from fusion.gnss.solvers.ekf import Ekf, EkfOptions, correct_ranges, correct_rates, motion, surprises
 from fusion.gnss.solvers.state import (
@@ -57,7 +57,7 @@ def test_an_epoch_is_the_textbook_s(seed: int, repeats: float) -> None:
         return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
 
     noise = np.diag(rows.variance_m2[part] * repeats)
-    expected = extended.correct(
+    expected = kalman.correct_extended(
         mean, covariance, rows.range_m[part], lambda x: both(x)[0], lambda x: both(x)[1], noise
     )
     variance, usual = surprises(rows, 1, mean, covariance, repeats)
