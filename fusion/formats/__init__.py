@@ -13,7 +13,6 @@ from fusion.formats.base import LogFormat, NamedColumnsFormat, NamedFileFormat, 
 from fusion.formats.container import load, refuse
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.gpx import GpxFormat
-from fusion.formats.merging import Part, join
 from fusion.formats.nmea import NmeaFormat
 from fusion.formats.phones.gnsslogger import GnssLoggerFormat
 from fusion.formats.phones.mounting import in_vehicle_axes
@@ -25,6 +24,7 @@ from fusion.formats.tcx import TcxFormat
 from fusion.formats.torque import TorqueFormat
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat
+from fusion.formats.upload_bundle import Part, join
 from fusion.formats.versant_csv import VersantCsvFormat
 from fusion.registry import Registry, check_columns
 from fusion.signals import Navigation
@@ -76,7 +76,7 @@ def read_log(
     data = load(source, max_bytes, job.notes, progress)
     if is_zip(data) and (files := members(data, max_bytes, job.notes)):
         del data
-        return _usable(_together(files, job))
+        return _usable(_read_bundle(files, job))
     name = source.name if isinstance(source, Path) else ""
     return _usable(_alone(name, data, job))
 
@@ -89,7 +89,7 @@ def read_logs(
     max_bytes: int = MAX_BYTES,
     progress: Progress = no_progress,
 ) -> DriveLog:
-    """Read the files of one drive, each as by ``read_log``, and join them (``together``); one alone is that log.
+    """Read the files of one drive, each as by ``read_log``, and join them into one log; a single file is that log.
 
     ``names`` are what messages call them, for want of which paths have their own and others are numbered.
     ``max_bytes`` bounds the unpacked size of all of them. Files that are no logs are left out with a warning, unless
@@ -109,7 +109,7 @@ def read_logs(
         inside = inside or [Member(name, data)]
         bytes_left -= sum(len(member.data) for member in inside)
         files += inside
-    return _usable(_together(files, job))
+    return _usable(_read_bundle(files, job))
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,9 @@ def _alone(name: str, data: bytes, job: _Job) -> DriveLog:
     """The log of a file that is all there is of its drive."""
     chosen = _format_of(data[:HEAD_BYTES], name, job.columns)
     if job.columns and not isinstance(chosen, NamedColumnsFormat):
-        job.notes.warn(f"columns are said in vain: a {chosen.description} has no columns to be named.")
+        job.notes.warn(
+            f"The names given for columns are not used: a {chosen.description} has no columns to name."
+        )
     return _noted(_guarded(chosen, data, job.progress, None), job.notes)
 
 
@@ -179,8 +181,8 @@ def _noted(log: DriveLog, notes: Notes) -> DriveLog:
     )
 
 
-def _together(members: list[Member], job: _Job) -> DriveLog:
-    """Read files and join them; a file alone is as if it came without the zip."""
+def _read_bundle(members: list[Member], job: _Job) -> DriveLog:
+    """Read the files of an upload bundle as one log; a single file is read as if it came without the zip."""
     notes, progress = job.notes, job.progress
     if len(members) == 1 and not is_zip(members[0].data):
         return _alone(members[0].name, load(members[0].data, job.max_bytes, notes, progress), job)
