@@ -157,16 +157,16 @@ def run(
             with service.started(*service.worker):
                 service.send(logs[-1])
                 service.await_done()
-            known = cluster.log_path.stat().st_size
+            log_bytes = cluster.log_path.stat().st_size
             for log in logs[:drives]:
                 service.send(log)
             with started_all(service, workers):
                 service.await_done(
-                    lambda done: show_progress(f"{code}, {workers} workers: {done} of {drives}")
+                    lambda finished: show_progress(f"{code}, {workers} workers: {finished} of {drives}")
                 )
                 rate, longest = service.throughput(drives)
                 alone = [service.alone(log) for log in logs[drives : drives + args.alone]]
-            waits = lock_waits(cluster.log_path, known)
+            waits = lock_waits(cluster.log_path, log_bytes)
         moved = service.moved_by_settling() if settle else (None, None)
     return Result(
         code,

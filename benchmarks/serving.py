@@ -148,16 +148,16 @@ class Bench:
         """Every row once, at one zoom."""
         own = self.paths(zoom, "/tiles/{z}/{x}/{y}.mvt")
         its = "/collections/bench.tiles/tiles/WebMercatorQuad/{z}/{x}/{y}?properties=" + ",".join(PROPERTIES)
-        found = {
+        rates = {
             "tipg": ask(self.theirs, self.paths(zoom, its), seconds=self.seconds, compressed=False),
             "bare": ask(self.plain, self.paths(zoom, "/{z}/{x}/{y}"), seconds=self.seconds, compressed=False),
             "first": self.first_builds(own),
         }
         ask(self.ours, own)
-        found["warm"] = ask(self.ours, own, seconds=self.seconds)
+        rates["warm"] = ask(self.ours, own, seconds=self.seconds)
         tagged = tags_of(self.ours, [one.path for one in own])
-        found["304"] = ask(self.ours, tagged, seconds=self.seconds)
-        return found
+        rates["304"] = ask(self.ours, tagged, seconds=self.seconds)
+        return rates
 
     def first_builds(self, own: list[Asked]) -> Rates:
         """Passes over all tiles, each after every square has changed."""
@@ -260,15 +260,15 @@ def fill_once(cluster: EmbeddedPostgres, roads: Path, folder: Path, segments: in
 
 def measure(bench: Bench, rounds: int) -> dict[str, Any]:
     """Medians over the rounds, ratios within rounds."""
-    found: dict[str, list[tuple[float, float, float]]] = {}
+    samples: dict[str, list[tuple[float, float, float]]] = {}
     ratios: dict[str, list[float]] = {}
     odd: dict[str, dict[int, int]] = {}
 
-    def note(name: str, got: Rates, beside: Rates | None) -> None:
-        found.setdefault(name, []).append((got.per_second, got.p95_ms, got.mean_bytes))
+    def note(name: str, rates: Rates, beside: Rates | None) -> None:
+        samples.setdefault(name, []).append((rates.per_second, rates.p95_ms, rates.mean_bytes))
         if beside is not None:
-            ratios.setdefault(name, []).append(got.per_second / beside.per_second)
-        strange = {status: n for status, n in got.statuses.items() if status not in {200, 304}}
+            ratios.setdefault(name, []).append(rates.per_second / beside.per_second)
+        strange = {status: n for status, n in rates.statuses.items() if status not in {200, 304}}
         if strange:
             odd[name] = strange
 
@@ -276,8 +276,8 @@ def measure(bench: Bench, rounds: int) -> dict[str, Any]:
         for zoom in ZOOMS:
             show_progress(f"round {n + 1} of {rounds}, zoom {zoom}")
             rows = bench.round(zoom)
-            for name, got in rows.items():
-                note(f"z{zoom} {name}", got, rows["tipg"])
+            for name, rates in rows.items():
+                note(f"z{zoom} {name}", rates, rows["tipg"])
             note(f"z{zoom} beside", bench.beside(zoom), rows["warm"])
         pages = bench.items()
         note("items", pages["items"], pages["items, tipg"])
@@ -290,7 +290,7 @@ def measure(bench: Bench, rounds: int) -> dict[str, Any]:
             "ratio": statistics.median(ratios[name]) if name in ratios else None,
             **({"other_statuses": odd[name]} if name in odd else {}),
         }
-        for name, values in found.items()
+        for name, values in samples.items()
     }
 
 
