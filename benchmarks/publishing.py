@@ -12,7 +12,7 @@ one worker do, and one drive goes through them to warm up. Then all drives are u
 workers started.
 
     drives/s    drives over the time from the first that was begun to the last that was done
-    longest s   from the beginning of a drive to its end, at most: solvers let squares wait while drives do
+    longest s   from the beginning of a drive to its end, at most: solvers let cells wait while drives do
     alone s     of ``--alone`` further drives, one by one into the idle service: from upload to ``done``, median
     lock waits  of 100 ms and longer, as PostgreSQL logs them, and the longest
     settled     how far slopes are from what ``versant settle`` makes of the same drives: 99 % within, and all, sigmas

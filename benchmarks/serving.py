@@ -13,7 +13,7 @@ and two clients that keep their connections and ask for tiles where the roads ar
 servers; figures are medians of the rounds, ratios those within one round. Rows:
 
     tipg, bare   a tile built for each request: five properties; tipg from a flat table without a join, not compressed
-    first        our first build of a tile: before each pass every square gets a new version, so no stored tile counts
+    first        our first build of a tile: before each pass every cell gets a new version, so no stored tile counts
     warm         our stored tile, whose version is looked up in the database at each request
     304          the same with If-None-Match
     items        pages of 1,000 features of GeoJSON with all properties, in boxes of 1,000 and more (tiles of zoom 14),
@@ -160,7 +160,7 @@ class Bench:
         return rates
 
     def first_builds(self, own: list[Asked]) -> Rates:
-        """Passes over all tiles, each after every square has changed."""
+        """Passes over all tiles, each after every cell has changed."""
         passes: list[Rates] = []
         while sum(one.seconds for one in passes) < self.seconds and len(passes) < 40:
             with self.sessions.begin() as session:

@@ -42,7 +42,7 @@ class Streams:
 
     @property
     def fewest_events(self) -> int:
-        """What the stream heard that heard least, of those that were accepted."""
+        """Events on the stream that received fewest, of those that were accepted."""
         return min((s.events for s in self.members if s.status == "200"), default=0)
 
     def listen(self, over: threading.Event) -> None:

@@ -131,13 +131,13 @@ def _fixes(lines: LogLines, notes: Notes) -> dict[str, SensorTable]:
 
 
 def _positions(table: Table, notes: Notes) -> dict[str, SensorTable]:
-    col = {ours: _first_known(table, variants) for ours, variants in _FIX.items()}
+    col = {ours: _first_present(table, variants) for ours, variants in _FIX.items()}
     time_s = col.pop("time_ms") / 1000.0
     good = usable_positions(time_s, col["lat_deg"], col["lon_deg"], notes, table.place)
     return fix_and_velocity(time_s[good], {name: column[good] for name, column in col.items()}, notes)
 
 
-def _first_known(table: Table, names: tuple[str, ...]) -> Floats:
+def _first_present(table: Table, names: tuple[str, ...]) -> Floats:
     present = [table.columns[name] for name in names if name in table.columns]
     return present[0].astype(float) if present else np.full(len(table), np.nan)
 
@@ -157,7 +157,7 @@ def _pressure(lines: LogLines, notes: Notes) -> Pressure:
     for kind in _PRESSURES:
         table = lines.table(kind, (*_CLOCK, *_PRESSURE_COLUMNS), notes)
         if table is not None and len(table):
-            value = _first_known(table, _PRESSURE_COLUMNS)
+            value = _first_present(table, _PRESSURE_COLUMNS)
             return Pressure.assemble(_sensor_times(table, notes), None, pressure_pa=value * 100)
     return Pressure.empty()
 
