@@ -24,7 +24,7 @@ import pandas as pd
 import pytest
 
 import fusion
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 NOTEBOOK = DOCS / "files" / "notebook.ipynb"
@@ -122,13 +122,13 @@ def test_what_the_page_names_of_the_library_is_offered() -> None:
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return write_all(tmp_path_factory.mktemp("town"), 2, seed=1, duration_s=60.0)
 
 
 @pytest.mark.slow
 def test_the_script_makes_a_file_of_logs(
-    bundle: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    bundle: Demonstration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "slopes.gpkg"
     arguments = [*bundle.drives, "--roads", bundle.osm, "--dem", bundle.dem, "-o", out]

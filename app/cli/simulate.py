@@ -31,7 +31,7 @@ def simulate(
     json_file: JsonFile = None,
 ) -> None:
     """Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv)."""
-    from fusion.simulate.bundle import write_all
+    from fusion.simulate.demonstration import write_all
     from fusion.simulate.drive import simulate_drive
     from fusion.simulate.motion.routes import structures
     from fusion.simulate.write.csv_file import write_csv
