@@ -10,7 +10,7 @@ from fastapi.responses import StreamingResponse
 
 from app.changes.live import Change, Live
 from app.core.http import problems
-from app.core.sse import EventStream, event, events_of, stream_answer
+from app.core.receiving.sse import EventStream, event, events_of, stream_answer
 from app.core.text import dumps
 
 DIGITS = 6

@@ -19,8 +19,8 @@ from anyio import CapacityLimiter, to_thread
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.core.receiving.clients import Shares
+from app.core.receiving.sse import Follower, Followers
 from app.core.settings.places import libpq_url
-from app.core.sse import Follower, Followers
 from app.drives.documents import Drive, linked
 
 CHANNEL = "versant_drives"

@@ -24,9 +24,9 @@ from app.core.settings import Settings
 from app.jobs import memory
 from app.jobs.computations import Witness, charge, forget_gone
 from app.jobs.runs import Runs, make_queue
-from app.jobs.silence import Silence
 from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
 from app.jobs.task import QUEUE, Task
+from app.jobs.watchdog import Watchdog
 
 logger = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ class Worker:
         url = str(settings.database_url)
         self._runs = Runs(Witness(url), settings.run_limit_s)
         self._queue = make_queue(url, tasks, self._runs)
-        self._silence = Silence(self._queue, self._runs.current)
+        self._watchdog = Watchdog(self._queue, self._runs.current)
         self._unended: set[int] = set()
         self._stop, self._too_large = asyncio.Event(), False
         self._stopping = Stopping(
@@ -140,7 +140,7 @@ class Worker:
             )
         )
         stopping = asyncio.create_task(stop.wait())
-        silent = asyncio.create_task(self._silence.lasts())
+        silent = asyncio.create_task(self._watchdog.wait())
         try:
             await asyncio.wait({worker, stopping, silent}, return_when=asyncio.FIRST_COMPLETED)
             worker.cancel()  # a worker that is cancelled ends its jobs first
