@@ -7,6 +7,6 @@ The queue is procrastinate. What stands here beside it, its release 3.10 does no
 - ``computations``: it counts attempts, and does not tell a job that kills its worker from one whose worker was stopped
   or cut off. ``runs`` gives up the one and repeats the other.
 - ``stopping``: its graceful shutdown asks a job to abort, and waits for threads that do not hear it.
-- ``worker``: jobs of silent workers are found (its heartbeats), and it is left to its user to put them back. A job whose
+- ``worker``: its heartbeats find jobs of silent workers, and leave it to the user to put them back. A job whose
   end could not be written stays "doing".
 """
