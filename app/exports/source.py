@@ -122,13 +122,13 @@ class Source:
 
     def tiles(self, zooms: tuple[int, int]) -> Iterator[tuple[Tile, bytes]]:
         """The vector tiles of these zooms that hold anything, in the order of an archive, as the service shows them."""
-        wanted = [
+        addresses = [
             (z, *place)
             for z in range(zooms[0], zooms[1] + 1)
             for place in sorted(self._places(z), key=lambda place, z=z: tile_number(z, *place))  # type: ignore[misc]
         ]
-        for done, (z, x, y) in enumerate(wanted):
-            self._on_progress(done / len(wanted))
+        for done, (z, x, y) in enumerate(addresses):
+            self._on_progress(done / len(addresses))
             if data := mvt(self.session, z, x, y, full_zoom=self._full_zoom):
                 yield (z, x, y), data
 

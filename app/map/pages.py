@@ -24,9 +24,9 @@ def all_segments(
 ) -> Iterator[Segment]:
     """Every segment that meets the box, or of them those that were driven; ``gaps`` and ``region`` as in
     ``segment_items``."""
-    after, wanted = 0, True if driven else None
+    after, only_driven = 0, True if driven else None
     while rows := segment_items(
-        session, bbox=bbox, after_id=after, limit=PAGE, driven=wanted, gaps=gaps, region=region
+        session, bbox=bbox, after_id=after, limit=PAGE, driven=only_driven, gaps=gaps, region=region
     ):
         yield from rows
         after = rows[-1].stored_id

@@ -119,7 +119,7 @@ class ObservationRow:
     """One drive behind a segment's slope, with the provenance of its estimate.
 
     ``in_network``: the drive contributes factors, which are solved with all others. ``accepted``: whether any
-    of its passes over the segment is heard; None for a slope-only drive. ``weight`` is its share in the slope,
+    of its passes over the segment is accepted; None for a slope-only drive. ``weight`` is its share in the slope,
     0 to 1, by the inverse variance of its own estimate.
     """
 
@@ -142,15 +142,15 @@ class ObservationRow:
     estimated_at: datetime
 
 
-# The drives behind a segment, each with how its estimate was made, and whether any pass of it is heard. What one
-# contributes, 1/percent squared, is nothing where a drive of the network is not heard. A share is one of all drives,
+# The drives behind a segment, each with how its estimate was made, and whether any pass of it is accepted. What
+# one contributes, 1/percent squared, is nothing where a drive of the network is rejected. A share is one of all drives,
 # so all are read, as three columns, whichever page is shown.
 _OBSERVATIONS = text(
     f"""
     WITH shown AS (
         SELECT e.* FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id AND {IS_SHOWN.format("d")}
         WHERE e.segment_id = :id
-    ), said AS (
+    ), weighed AS (
         SELECT e.drive_id, e.first_at, h.accepted,
                CASE WHEN h.accepted OR NOT e.in_network THEN e.slope_sigma_percent ^ -2 ELSE 0 END AS information
         FROM shown AS e
@@ -163,7 +163,7 @@ _OBSERVATIONS = text(
                    LEFT JOIN (SELECT drive_id, count(*) AS passes FROM rejected_passes WHERE segment_id = :id
                               GROUP BY drive_id) AS r ON r.drive_id = p.drive_id) AS h ON h.drive_id = e.drive_id
     ), page AS (
-        SELECT *, (SELECT sum(information) FROM said) AS total FROM said
+        SELECT *, (SELECT sum(information) FROM weighed) AS total FROM weighed
         WHERE CAST(:after_first_at AS timestamptz) IS NULL
             OR (first_at, drive_id) < (CAST(:after_first_at AS timestamptz), CAST(:after_id AS uuid))
         ORDER BY first_at DESC, drive_id DESC LIMIT :limit

@@ -1,4 +1,4 @@
-"""Figures of the whole map: what takes a look at every segment, or every verdict, is made by a worker and kept."""
+"""Figures of the whole map: what reads every segment, or every rejected pass, is computed by a worker and stored."""
 
 from __future__ import annotations
 
@@ -52,15 +52,17 @@ SIGMAS = text(
     """
 )
 
-# Where passes are not heard since they contradict the rest, drives disagree; by how many, and how far apart they are.
+# Where passes are rejected since they contradict the rest, drives disagree: how many, and how far apart they are.
+# ``drives_unheard`` is the old name of ``drives_rejected``, for one version.
 DISAGREEMENTS = text(
     """
     WITH worst AS (
-        SELECT r.segment_id, count(DISTINCT r.drive_id) AS unheard
-        FROM rejected_passes AS r GROUP BY r.segment_id ORDER BY unheard DESC, r.segment_id LIMIT 5 * :most
+        SELECT r.segment_id, count(DISTINCT r.drive_id) AS rejected
+        FROM rejected_passes AS r GROUP BY r.segment_id ORDER BY rejected DESC, r.segment_id LIMIT 5 * :most
     )
     SELECT w.segment_id, s.osm_way_id, s.highway, s.name, a.slope_percent, a.slope_sigma_percent,
-           coalesce(a.drives, 0) AS drives, w.unheard AS drives_unheard, e.lowest_percent, e.highest_percent,
+           coalesce(a.drives, 0) AS drives, w.rejected AS drives_rejected,
+           w.rejected AS drives_unheard, e.lowest_percent, e.highest_percent,
            e.farthest_sigmas
     FROM worst AS w JOIN segments AS s ON s.id = w.segment_id
     LEFT JOIN segment_slopes AS a ON a.segment_id = w.segment_id
@@ -68,7 +70,7 @@ DISAGREEMENTS = text(
         SELECT min(d.slope_percent) AS lowest_percent, max(d.slope_percent) AS highest_percent,
                max(abs(d.slope_percent - a.slope_percent) / d.slope_sigma_percent) AS farthest_sigmas
         FROM drive_segments AS d WHERE d.segment_id = w.segment_id) AS e
-    ORDER BY w.unheard * least(coalesce(e.farthest_sigmas, 0), 100) DESC, w.segment_id LIMIT :most
+    ORDER BY w.rejected * least(coalesce(e.farthest_sigmas, 0), 100) DESC, w.segment_id LIMIT :most
     """
 )
 
@@ -110,7 +112,7 @@ KEPT: Mapping[str, Callable[[Session], Rows]] = {
 OF_NO_STATE = frozenset({"tiles"})
 """They change by themselves, whatever becomes of the map."""
 
-# The last transaction that changed what any square shows, the roads, and the rasters.
+# The last transaction that changed what any cell shows, the roads, and the rasters.
 _STATE = text(
     """
     SELECT concat_ws('.', (SELECT max(changed_xid) FROM cells), (SELECT max(id) FROM road_versions),
@@ -156,15 +158,15 @@ def kept(session: Session, name: str) -> Kept | None:
 
 
 def state(session: Session) -> str:
-    """Of all that the figures are made from but verdicts, which come with slopes."""
+    """Of all that the figures are computed from but rejected passes, which come with slopes."""
     return str(session.execute(_STATE).scalar_one())
 
 
 def due(session: Session, state_now: str, age_s: float) -> str | None:
     """The name of figures that are of another state and older than that, or were never made."""
     values = {"names": sorted(KEPT), "state": state_now, "age_s": age_s}
-    found = session.execute(_DUE, values).scalar_one_or_none()
-    return None if found is None else str(found)
+    name = session.execute(_DUE, values).scalar_one_or_none()
+    return None if name is None else str(name)
 
 
 def keep(session: Session, name: str, rows: list[dict[str, Any]], took_s: float, state_then: str) -> None:

@@ -186,9 +186,9 @@ def look_question(seen: str) -> list[bytes | None]:
     return [seen.partition(":")[0].encode(), seen.encode()]
 
 
-def look_answer(found: PGresult) -> Look:
+def look_answer(result: PGresult) -> Look:
     """What a look found."""
-    epoch, snapshot, cells = (found.get_value(0, k) or b"" for k in range(3))
+    epoch, snapshot, cells = (result.get_value(0, k) or b"" for k in range(3))
     if not cells:
         return Look(epoch.decode(), snapshot.decode(), [])
     numbers = [int(number) for number in _NUMBER.findall(cells)]
@@ -220,8 +220,8 @@ async def kept_or_made(
     statement = _KEPT_OR_MADE.format(tile=_tile(at, full_zoom))
     cursor = connection.cursor(binary=True)
     await cursor.execute(statement, {**at._asdict(), "tag": tag, "most": NO_LIMIT})
-    found: Any = await cursor.fetchone()
-    return found[0], found[1] or b""
+    row: Any = await cursor.fetchone()
+    return row[0], row[1] or b""
 
 
 async def most_important(connection: Connection, at: Address, most: int | None) -> tuple[bytes, int]:
@@ -232,16 +232,16 @@ async def most_important(connection: Connection, at: Address, most: int | None) 
     statement = _MADE_AGAIN.format(tile=_COUNTED.format(layer=at.layer, features=features))
     cursor = connection.cursor(binary=True)
     await cursor.execute(statement, {**at._asdict(), "most": most})
-    found: Any = await cursor.fetchone()
-    return found[0] or b"", found[1]
+    row: Any = await cursor.fetchone()
+    return row[0] or b"", row[1]
 
 
 async def specks(connection: Connection, at: Address) -> bytes:
     """The tile of a low zoom in which no road is long enough to be seen; empty where there are none."""
     cursor = connection.cursor(binary=True)
     await cursor.execute(_SPECKS.format(level=drawn_level(at.z)), at._asdict())
-    found: Any = await cursor.fetchone()
-    return found[0] or b""
+    row: Any = await cursor.fetchone()
+    return row[0] or b""
 
 
 async def keep(connection: Connection, at: Address, tag: str, body: bytes) -> None:
@@ -273,10 +273,10 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM,
     values = {**at._asdict(), "most": NO_LIMIT}
     # In an order, so that equal data make equal bytes.
     tile = _tile(at, full_zoom, order=" ORDER BY id")
-    ((found,),) = fetch_binary(session, _MADE_AGAIN.format(tile=tile), values)
-    if not found and layer == SEGMENTS and z < full_zoom:
-        ((found,),) = fetch_binary(session, _SPECKS.format(level=drawn_level(z)), values)
-    return bytes(found or b"")
+    ((tile_bytes,),) = fetch_binary(session, _MADE_AGAIN.format(tile=tile), values)
+    if not tile_bytes and layer == SEGMENTS and z < full_zoom:
+        ((tile_bytes,),) = fetch_binary(session, _SPECKS.format(level=drawn_level(z)), values)
+    return bytes(tile_bytes or b"")
 
 
 def drop_tiles(session: Session, boxes: Sequence[Bounds]) -> None:

@@ -196,8 +196,8 @@ for _query in (
     AdminQuery(
         "disagreements",
         "Worst disagreements between drives",
-        "Segments on which drives are not heard since they contradict the others, the worst first: by how many are not "
-        "heard, times how far off the farthest is. A parallel road, a changed road, or a bad mount.",
+        "Segments on which drives are rejected since they contradict the others, the worst first: by how many are "
+        "rejected, times how far off the farthest is. A parallel road, a changed road, or a bad mount.",
         {
             "segment_id": "Number; /v1/segments/{id}/observations tells which drive says what",
             "osm_way_id": "Way in OpenStreetMap",
@@ -206,7 +206,8 @@ for _query in (
             "slope_percent": "Published",
             "slope_sigma_percent": "Its sigma",
             "drives": "Drives behind it",
-            "drives_unheard": "Drives that are not heard",
+            "drives_rejected": "Drives that are rejected there",
+            "drives_unheard": "The same by its old name; deprecated",
             "lowest_percent": "The least that any drive says",
             "highest_percent": "The most",
             "farthest_sigmas": "How far from the published slope the farthest is, in its own sigmas",
