@@ -17,9 +17,8 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds, Sessions
 from app.core.settings.places import FilePlace
 from app.exports.writing.pmtiles_archive import Tile, tile_number
-from app.map.pages import PAGE, all_segments
 from app.map.segment import Segment, Way
-from app.map.store import FULL_ZOOM, corners, count_segments
+from app.map.store import FULL_ZOOM, PAGE, all_segments, corners, count_segments, in_box_sql
 from app.map.tiles.store import mvt
 from app.network.cells import ZOOM, square_bounds
 from app.roads.region_files import kept_file
@@ -38,7 +37,6 @@ _WAYS = """
     SELECT {columns}, ST_AsBinary(w.geom) AS line FROM ways AS w
     WHERE w.id > :after_id AND {driven} AND {in_box} AND {in_region} ORDER BY w.id LIMIT :limit
 """
-_BOX = "ST_Intersects(w.geom, ST_MakeEnvelope({west}, :south, {east}, :north, 4326))"
 _IN_REGION = """
     EXISTS (SELECT FROM segments AS s WHERE s.id = w.id AND s.regions @> ARRAY[CAST(:region AS smallint)])
 """
@@ -107,7 +105,7 @@ class Source:
             _WAYS.format(
                 columns=", ".join(f"{column.sql} AS {name}" for name, column in Way.columns.items()),
                 driven="w.drives > 0" if asked.driven else "true",
-                in_box=_in_box(asked.bbox),
+                in_box=in_box_sql("w.geom", asked.bbox),
                 in_region="true" if asked.region is None else _IN_REGION,
             )
         )
@@ -185,14 +183,6 @@ def snapshot(sessions: Sessions) -> Iterator[Session]:
             execution_options={"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
         )
         yield session
-
-
-def _in_box(bbox: Bounds | None) -> str:
-    if bbox is None:
-        return "true"
-    if bbox[0] <= bbox[2]:
-        return _BOX.format(west=":west", east=":east")
-    return f"({_BOX.format(west=':west', east='180')} OR {_BOX.format(west='-180', east=':east')})"
 
 
 def _meet(one: Bounds, other: Bounds) -> bool:

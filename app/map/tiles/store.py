@@ -28,6 +28,8 @@ BUFFER = 64
 NO_LIMIT = 2_000_000_000
 DEEPEST_KEPT = 30
 """No zoom is below."""
+EDGE_DEG = 85.0511287798066
+"""Latitude at which the plane of tiles ends."""
 DEM_DIGITS = 1
 """Of slopes by the elevation model in tiles."""
 _WORLD_M = 2 * math.pi * 6_378_137
@@ -282,7 +284,7 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM,
 def drop_tiles(session: Session, boxes: Sequence[Bounds]) -> None:
     """Keep no tile any more that meets one of these boxes, degrees: whoever asks for it has it built anew."""
     ranges = [
-        (z, *sorted((_column(z, west), _column(z, east))), *sorted((_row(z, north), _row(z, south))))
+        (z, *sorted((column_of(z, west), column_of(z, east))), *sorted((row_of(z, north), row_of(z, south))))
         for west, south, east, north in boxes
         for z in range(DEEPEST_KEPT + 1)
     ]
@@ -290,13 +292,15 @@ def drop_tiles(session: Session, boxes: Sequence[Bounds]) -> None:
     send_binary(session, _DROP, {**dict(named), "layers": [SEGMENTS, WAYS]})
 
 
-def _column(z: int, lon_deg: float) -> int:
+def column_of(z: int, lon_deg: float) -> int:
+    """The column of a zoom that a longitude lies in."""
     return min(max(int((lon_deg + 180) / 360 * (1 << z)), 0), (1 << z) - 1)
 
 
-def _row(z: int, lat_deg: float) -> int:
-    north = math.asinh(math.tan(math.radians(min(max(lat_deg, -85.0), 85.0)))) / math.pi
-    return min(max(int((1 - north) / 2 * (1 << z)), 0), (1 << z) - 1)
+def row_of(z: int, lat_deg: float) -> int:
+    """The row of a zoom that a latitude lies in; the first or last one beyond the map's edge."""
+    bounded = math.radians(min(max(lat_deg, -EDGE_DEG), EDGE_DEG))
+    return min(max(int((1 - math.asinh(math.tan(bounded)) / math.pi) / 2 * (1 << z)), 0), (1 << z) - 1)
 
 
 def drawn_level(z: int) -> int:
