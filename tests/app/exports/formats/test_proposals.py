@@ -24,7 +24,7 @@ from app.exports.writing.inclines import (
     sections,
     steepest_percent,
     tagged_percent,
-    told,
+    worth_telling,
 )
 from app.exports.writing.osm_files import OsmNode, OsmWay
 from app.map.segment import Segment
@@ -71,7 +71,7 @@ def test_a_section_is_a_run_of_one_sign_and_its_value_the_steepest_part() -> Non
 def test_a_way_that_is_steep_throughout_is_not_split() -> None:
     (section,) = found(6.0, 8.0, 7.0)
     assert section.whole and section.value == "8%"
-    assert "on the whole way" in section.told()
+    assert "on the whole way" in section.describe()
     (nearly,) = found(1.0, 60.0, 62.0, length_m=25.0)
     assert nearly.whole  # what is left is shorter than any section
 
@@ -79,7 +79,7 @@ def test_a_way_that_is_steep_throughout_is_not_split() -> None:
 def test_where_nothing_was_measured_a_section_ends_and_says_so() -> None:
     (section,) = found(6.0, 8.0, None, 7.0)[:1]
     assert (section.first, section.last, section.open_ends, section.whole) == (0, 2, (False, True), False)
-    assert "Beyond node 2 nothing was measured" in section.told()
+    assert "Beyond node 2 nothing was measured" in section.describe()
 
 
 def test_a_short_dip_does_not_end_a_section_and_a_turn_of_sign_does() -> None:
@@ -266,14 +266,14 @@ def test_what_is_tagged_today_counts(tag: str | None, only: str, is_told: bool) 
     (section,) = found(8.0, 9.0)
     value = tag and tag.format(p=section.percent + 1, m=-section.percent, up="up", down="down")
     tagged = replace(section, way=way(2, **({"incline": value} if value else {})))
-    assert told([tagged], InclineOptions(only=only)) == ([tagged] if is_told else [])
+    assert worth_telling([tagged], InclineOptions(only=only)) == ([tagged] if is_told else [])
 
 
 def test_a_tag_that_is_meant_for_the_steepest_section_is_in_no_conflict_with_the_others() -> None:
     two = [replace(s, way=way(8, incline="9%")) for s in found(1.0, 6.0, 9.0, 7.0, 1.0, -6.0, -8.0, 0.5)]
-    assert len(two) == 2 and told(two, USUAL) == []
+    assert len(two) == 2 and worth_telling(two, USUAL) == []
     other = [replace(s, way=way(8, incline="20%")) for s in two]
-    assert told(other, USUAL) == other
+    assert worth_telling(other, USUAL) == other
 
 
 def test_tags_that_xml_can_not_hold_make_no_broken_layer() -> None:
