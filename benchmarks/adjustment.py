@@ -36,10 +36,10 @@ import numpy as np
 from accuracy.adjustment_drives import Synthetic
 from fusion.network.adjust import adjust
 from fusion.network.blocks import Partition, bisected
-from fusion.network.outside_passes import ConstantsSaid
+from fusion.network.outside_passes import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
-from fusion.network.window import WINDOW_RADIUS_M, Window, boxes_around, gap_rows, window_around
+from fusion.network.subnetwork import SOLVE_RADIUS_M, Subnetwork, boxes_around, gap_rows, subnetwork_around
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
@@ -112,7 +112,7 @@ class Store:
 
     def __init__(self, roads: RoadTable, drives: Drives) -> None:
         self.roads, self.drives = roads, dict(drives)
-        self.said = {k: ConstantsSaid.of_passes(passes).encode() for k, passes in drives.items()}
+        self.said = {k: ConstantsInformation.of_passes(passes).encode() for k, passes in drives.items()}
 
     def read(self, factors: Sequence[PassFactor]) -> Read:
         """What lies around the passes of a further drive."""
@@ -120,7 +120,7 @@ class Store:
         r = self.roads
         lines = (r.lon0_deg[rows], r.lat0_deg[rows], r.lon1_deg[rows], r.lat1_deg[rows])
         mask = np.zeros(len(r), bool)
-        for west, south, east, north in boxes_around(*lines, WINDOW_RADIUS_M + 100.0):
+        for west, south, east, north in boxes_around(*lines, SOLVE_RADIUS_M + 100.0):
             for lon, lat in ((r.lon0_deg, r.lat0_deg), (r.lon1_deg, r.lat1_deg)):
                 mask |= (lon >= west) & (lon <= east) & (lat >= south) & (lat <= north)
         near = inside(self.drives, mask)
@@ -129,12 +129,12 @@ class Store:
         return Read(r.subset(mask), np.flatnonzero(mask), passes, {k: self.said[k] for k in near}, further)
 
 
-def update(read: Read) -> tuple[Adjustment, Window, dict[str, float]]:
+def update(read: Read) -> tuple[Adjustment, Subnetwork, dict[str, float]]:
     """A further drive, as the service does it without its database; with the seconds of each step."""
     clock, times = time.process_time, [time.process_time()]
     driven = read.touched
     driven[[row for passes in read.passes.values() for _, row, _ in passes]] = True
-    window = window_around(read.table, driven, read.touched, driven)
+    window = subnetwork_around(read.table, driven, read.touched, driven)
     times.append(clock())
     number, chosen = (np.cumsum(window.solved) - 1).tolist(), window.solved.tolist()
     stored = [
@@ -148,12 +148,12 @@ def update(read: Read) -> tuple[Adjustment, Window, dict[str, float]]:
         mine.setdefault(k, []).append(one)
     times.append(clock())
     said = {
-        k: ConstantsSaid.decode(read.said[k]) - ConstantsSaid.of_passes(passes)
+        k: ConstantsInformation.decode(read.said[k]) - ConstantsInformation.of_passes(passes)
         for k, passes in mine.items()
         if k >= 0
     }
     times.append(clock())
-    found = adjust(read.table.subset(window.solved), mine, elsewhere=said)
+    found = adjust(read.table.subset(window.solved), mine, outside=said)
     times.append(clock())
     names = ("window", "decode", "elsewhere", "solve")
     return found, window, dict(zip(names, np.diff(times).tolist(), strict=True))

@@ -28,11 +28,11 @@ from fusion.methods.computed_positions import (
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
 from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
-from fusion.network.duplicates import Witness, repeated
+from fusion.network.duplicates import DriveTrace, find_duplicates
 from fusion.network.pass_factor import PassFactor
+from fusion.network.subnetwork import gap_rows
 from fusion.network.terrain import heights_at
 from fusion.network.unknowns import knot_positions, knot_rows
-from fusion.network.window import gap_rows
 from fusion.registry import DEFAULT_METHOD
 from fusion.report import Ground, advice_of, drive_report, ground_under, without_placeholders
 from fusion.roads.along import boxes_along
@@ -175,8 +175,8 @@ class SolvedNetwork(NamedTuple):
     """By row of the road file: driven segments and gaps."""
     rejected: list[int]
     """For each drive, the segments that it passed and on which it is rejected, for it contradicts the others."""
-    repeated: dict[int, int]
-    """Drives that another log is of too, each with that one: they are not heard a second time."""
+    duplicates: dict[int, int]
+    """Duplicate drives, each with the one that counts"""
     remarks: list[str]
     """Sentences on control points that have no road, or that the drives contradict, and on a wrong elevation model."""
 
@@ -186,14 +186,14 @@ def solve_network(
 ) -> SolvedNetwork:
     """Solve the drives that give factors together, as the service does; the others have no part in it."""
     rejected = [0] * len(drives)
-    again = repeated({k: _witness(one) for k, one in enumerate(drives)})
+    duplicates = find_duplicates({k: _trace(one) for k, one in enumerate(drives)})
     # In the order of driving, so that the order in which logs are named changes no digit.
     numbers = sorted(
-        (k for k, one in enumerate(drives) if one.result.factors and k not in again),
+        (k for k, one in enumerate(drives) if one.result.factors and k not in duplicates),
         key=lambda k: float(drives[k].result.track.time_s[0]),
     )
     if not numbers:
-        return SolvedNetwork({}, rejected, again, [])
+        return SolvedNetwork({}, rejected, duplicates, [])
     passes = {k: _in_file(drives[k], drives[k].result.factors) for k in numbers}
     near = surroundings([drives[k] for k in numbers])
     surveyed, far = place(control, roads.subset(near))
@@ -201,13 +201,13 @@ def solve_network(
         solved = _solved(roads, dem, near, passes, surveyed)
         if not _relinearised(passes, drives, solved.lag_s):
             break
-    for (number, _), weight in solved.heard.items():
+    for (number, _), weight in solved.accepted.items():
         rejected[number] += weight == 0
     remarks = [
         f"Control point {point.called} lies more than {REACH_M:g} m from the roads around the drives."
         for point in far
     ]
-    return SolvedNetwork(solved.parts, rejected, again, remarks + solved.remarks)
+    return SolvedNetwork(solved.parts, rejected, duplicates, remarks + solved.remarks)
 
 
 def network_datum(
@@ -227,9 +227,9 @@ def surroundings(drives: Sequence[FusedDrive]) -> Ints:
     return np.unique(np.concatenate([one.rows for one in drives]))
 
 
-def _witness(one: FusedDrive) -> Witness:
+def _trace(one: FusedDrive) -> DriveTrace:
     said = one.result.factors or one.result.slopes
-    return Witness(
+    return DriveTrace(
         one.rows[np.array([s.segment for s in said], np.int64)],
         np.array([s.first_time_s for s in said], float),
         one.epoch_s,
@@ -259,7 +259,7 @@ def _relinearised(
 
 class _Solved(NamedTuple):
     parts: dict[int, list[SlopePart]]
-    heard: dict[tuple[int, int], int]
+    accepted: dict[tuple[int, int], int]
     lag_s: dict[int, float]
     remarks: list[str]
 
@@ -271,7 +271,7 @@ def _solved(
     passes: Mapping[int, Sequence[PassFactor]],
     surveyed: ControlHeights,
 ) -> _Solved:
-    """The solution over the rows ``near``, and for each drive and row how many of its passes are heard there."""
+    """The solution over the rows ``near``, and for each drive and row how many of its passes are accepted there."""
     table = roads.subset(near)
     driven = np.isin(near, [f.segment for said in passes.values() for f in said])
     solved = driven | gap_rows(table, driven)
@@ -281,11 +281,11 @@ def _solved(
     own = {k: [f.over(row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
     result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)
-    heard: dict[tuple[int, int], int] = {}
-    for (k, sequence), good in result.heard.items():
+    accepted: dict[tuple[int, int], int] = {}
+    for (k, sequence), good in result.accepted.items():
         row = int(rows[next(f.segment for f in own[k] if f.sequence == sequence)])
-        heard[names[k], row] = heard.get((names[k], row), 0) + good
-    drives_on = Counter(row for (_, row), count in heard.items() if count)
+        accepted[names[k], row] = accepted.get((names[k], row), 0) + good
+    drives_on = Counter(row for (_, row), count in accepted.items() if count)
     undriven = [
         f"Control point {name} lies on a road that no drive knows."
         for name, row in zip(surveyed.names, surveyed.row.tolist(), strict=True)
@@ -295,4 +295,4 @@ def _solved(
     lags = {names[k]: lag for k, lag in result.lag_s.items()}
     counted = [drives_on[row] for row in rows.tolist()]
     said = zip(rows.tolist(), result.parts(counted), strict=True)
-    return _Solved({row: [part] for row, part in said if part is not None}, heard, lags, remarks)
+    return _Solved({row: [part] for row, part in said if part is not None}, accepted, lags, remarks)

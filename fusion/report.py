@@ -3,7 +3,7 @@
 ``report["warnings"]`` is the one place of these sentences: the command line, the service's documents and its pages show
 them as they stand. What a reader or a method found by itself it has said in words of its own, which go before those
 that are made here. What a report says of other drives changes as they come and go, so it is added when somebody looks
-(``with_contradiction``, ``with_twin``). Nothing is estimated here.
+(``with_contradiction``, ``with_duplicate``). Nothing is estimated here.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def track_length_m(track: Track) -> float | None:
         return None
     lon, lat, pause_s = track.lon_deg[known], track.lat_deg[known], np.diff(track.time_s[known])
     step_m = np.asarray(_WGS84.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
-    driven = (pause_s <= PAUSE_S) & ~track.after_gap[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
+    driven = (pause_s <= PAUSE_S) & ~track.after_outage[known][1:] & (step_m <= MAX_SPEED_MPS * pause_s)
     return float(step_m[driven].sum())
 
 
@@ -178,7 +178,7 @@ def advice_of(log: DriveLog, cues: Collection[str], dem: Dem | None, ground: Gro
 
 
 def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) -> list[str]:
-    """The warnings with that of a drive that is not heard on ``rejected`` of its ``segments``, where these are many.
+    """The warnings with that of a drive that is rejected on ``rejected`` of its ``segments``, where these are many.
 
     What an earlier look said of the same goes.
     """
@@ -187,18 +187,18 @@ def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) ->
         return kept
     return [
         *kept,
-        f"{_CONTRADICTS}{rejected} of {segments} segments ({rejected / segments:.0%}) and is not heard there; its "
+        f"{_CONTRADICTS}{rejected} of {segments} segments ({rejected / segments:.0%}) and is rejected there; its "
         "other segments count. Look whether it was driven on another road beside, whether its clock and its sensors' "
         "axes are right, and whether the mounting moved.",
     ]
 
 
-def with_twin(warnings: Sequence[str], other: str) -> list[str]:
-    """The warnings with that of a drive that another log, named ``other``, is of too."""
+def with_duplicate(warnings: Sequence[str], other: str) -> list[str]:
+    """The warnings with that of a drive of which another log, named ``other``, exists."""
     return [
         *warnings,
-        f"This is the same drive as {other}: over the same segments at the same times. That one holds more "
-        "measurements and is heard; this one adds nothing to the map as long as that one is there.",
+        f"This drive is a duplicate of {other}: both go over the same segments at the same times. The other holds more "
+        "measurements and counts; this one adds nothing to the map as long as the other is there.",
     ]
 
 

@@ -34,7 +34,7 @@ class Solution:
 
     ``slopes`` has one entry a segment, slopes positive uphill from from_node to to_node, sigma one standard deviation;
     ``dem_slope_percent`` (k,) is what the elevation model alone says, NaN where it says nothing. ``rejected`` counts
-    for each drive the segments on which it contradicts the others and is not heard; ``repeated`` names drives that
+    for each drive the segments on which it contradicts the others and is rejected; ``duplicates`` names drives that
     another log is of too, each with that one; ``remarks`` are sentences on control points and the elevation model;
     ``height_datum`` says what heights refer to, None where there are none.
     """
@@ -43,7 +43,7 @@ class Solution:
     slopes: tuple[CombinedSlope, ...]
     dem_slope_percent: Floats
     rejected: list[int]
-    repeated: dict[int, int]
+    duplicates: dict[int, int]
     remarks: list[str]
     height_datum: str | None
 
@@ -53,7 +53,8 @@ class Solution:
 
 @dataclass(frozen=True)
 class _Drive:
-    """A drive as ``run_drive`` returns it. When its receiver measured is not known, which finds twins less surely."""
+    """A drive as ``run_drive`` returns it. The times of its positions are unknown, so duplicates are
+    found less surely."""
 
     rows: Ints
     result: DriveResult
@@ -91,7 +92,7 @@ def solve_fused(
     solved = solve_network(roads, dem, drives, control)
     parts = solved.parts
     for k, one in enumerate(drives):
-        for slope in () if one.result.factors or k in solved.repeated else one.result.slopes:
+        for slope in () if one.result.factors or k in solved.duplicates else one.result.slopes:
             said = SlopePart(
                 slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations,
                 of_terrain=one.result.report.get("method") in OF_TERRAIN,
@@ -104,7 +105,7 @@ def solve_fused(
         slopes=tuple(published_slope(parts[row]) for row in shown),
         dem_slope_percent=dem_slopes(dem, table) if dem else np.full(len(table), np.nan),
         rejected=solved.rejected,
-        repeated=solved.repeated,
+        duplicates=solved.duplicates,
         remarks=solved.remarks,
         height_datum=network_datum(dem, drives, control),
     )
@@ -179,7 +180,8 @@ def track_frame(result: DriveResult, network: RoadNetwork) -> GeoDataFrame:
     columns |= {
         "distance_m": np.where(matched, track.distance_m, np.nan),
         "has_gnss": track.has_gnss,
-        "after_gap": track.after_gap,
+        "after_outage": track.after_outage,
+        "after_gap": track.after_outage,  # deprecated name of the column before
     }
     known = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
     points = np.full(len(track), None, object)

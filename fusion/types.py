@@ -21,9 +21,9 @@ from fusion.signals import RawGnss
 
 MAX_SPEED_MPS = 150.0
 """No road vehicle is faster: where positions ask for more, one of them is wrong."""
-LONGEST_BRIDGED_GAP_S = 120.0
-"""An estimate bridges gaps of the recording up to this long; after a longer one, or one that the log states, it begins
-anew."""
+LONGEST_BRIDGED_OUTAGE_S = 120.0
+"""An estimate bridges outages of the recording up to this long. After a longer one, or one that the log states, it
+begins anew."""
 
 PAUSE_S = 10.0
 """Longer pauses between two epochs interrupt a track: nothing is counted or drawn over what was not recorded."""
@@ -212,9 +212,9 @@ class DeviceMotion:
 class DriveLog:
     """One drive as its sensors recorded it: a table per sensor, never resampled to a common clock.
 
-    ``gaps_s`` holds times at which the recording has a gap that the log states (a new track or segment begins): nothing
-    may be interpolated across them. In an outage, which is another thing, positions are missing and other sensors go
-    on. ``geoid`` says what ``alt_msl_m`` refers to, as far as the format says it. ``missing`` lists sensors and columns
+    ``outages_s`` holds the times of outages of the recording that the log states (a new track or segment begins):
+    nothing may be interpolated across them. In a GNSS outage only positions are missing, and other sensors go on.
+    ``geoid`` says what ``alt_msl_m`` refers to, as far as the format says it. ``missing`` lists sensors and columns
     that the log does not have, ``skipped`` counts input that could not be used (by reason), ``repaired`` counts what
     was put right (by reason), ``warnings`` are sentences for the driver. ``raw`` holds pseudoranges and ephemerides,
     where there are any; a log may have those and no position yet. ``device`` holds what a phone's inertial sensors say
@@ -229,7 +229,7 @@ class DriveLog:
     attitude: Attitude = field(default_factory=Attitude.empty)
     odometry: Odometry = field(default_factory=Odometry.empty)
     pressure: Pressure = field(default_factory=Pressure.empty)
-    gaps_s: Floats = field(default_factory=lambda: np.empty(0))
+    outages_s: Floats = field(default_factory=lambda: np.empty(0))
     geoid: str = "unknown"
     skipped: Counter[str] = field(default_factory=Counter)
     repaired: Counter[str] = field(default_factory=Counter)
@@ -282,7 +282,7 @@ class Track:
     ``segment`` is an index into the road network's segments, -1 where unmatched; ``distance_m`` is measured
     from the segment's from_node to the projection of the estimate. ``alt_m`` is the height of the road
     surface (not of the antenna) where the method knows the difference. ``heading_rad`` is clockwise from north,
-    0 to 2 pi. ``after_gap`` marks rows where the estimate begins anew, after a gap of the recording or
+    0 to 2 pi. ``after_outage`` marks rows where the estimate begins anew, after an outage of the recording or
     of the filter: nothing may be drawn or fitted across to the row before. Sigmas are one standard deviation.
     """
 
@@ -299,7 +299,7 @@ class Track:
     segment: Ints
     distance_m: Floats
     has_gnss: Bools
-    after_gap: Bools
+    after_outage: Bools
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -18,7 +18,7 @@ from fusion.network.combine import NETWORK_ONLY
 from fusion.network.control import ControlPoint
 from fusion.network.unknowns import knot_positions
 from fusion.pipeline import positions_of, run_drive, surroundings
-from fusion.report import with_contradiction, with_twin
+from fusion.report import with_contradiction, with_duplicate
 from fusion.results import Solution, solve_fused
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
@@ -48,7 +48,7 @@ class Combined(NamedTuple):
     features: list[Segment]
     rejected: list[int]
     """For each log, on how many segments it contradicts the others and is not heard."""
-    repeated: dict[int, int]
+    duplicates: dict[int, int]
     """Logs of a drive that another log is of too, each with that one, by their places in ``Fusion.fused``."""
     remarks: list[str]
     """Sentences on control points and the elevation model."""
@@ -106,7 +106,7 @@ class Fusion:
         features = [_feature(solved, row, now) for row in range(len(solved))]
         rasters = self.dem.sources_at(*knot_positions(solved.roads)) if self.dem else ()
         datum = solved.height_datum
-        return Combined(features, solved.rejected, solved.repeated, solved.remarks, datum, rasters)
+        return Combined(features, solved.rejected, solved.duplicates, solved.remarks, datum, rasters)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
@@ -161,7 +161,7 @@ def outcome_of(fused: FusedLog) -> dict[str, Any]:
 def agreement(together: Combined, names: Sequence[str], outcomes: Sequence[dict[str, Any]]) -> None:
     """Add to the outcomes of the logs that were fused, of these names, how each agrees with the others."""
     for k, (outcome, rejected) in enumerate(zip(outcomes, together.rejected, strict=True)):
-        report, twin = outcome["report"], together.repeated.get(k)
+        report, twin = outcome["report"], together.duplicates.get(k)
         warnings = with_contradiction(report["warnings"], rejected, report["segments_in_network"])
-        report["warnings"] = warnings if twin is None else with_twin(warnings, names[twin])
+        report["warnings"] = warnings if twin is None else with_duplicate(warnings, names[twin])
         report["rejected_segments"] = outcome["rejected_segments"] = rejected

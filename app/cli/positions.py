@@ -28,7 +28,7 @@ GAP_S = 10.0
 
 @dataclass(frozen=True)
 class Positions:
-    """The positions of one log; ``gaps_s`` are known interruptions, ``geoid`` what ``alt_msl_m`` is above.
+    """The positions of one log; ``outages_s`` are known interruptions, ``geoid`` what ``alt_msl_m`` is above.
 
     ``report`` says how they were computed, ``solved`` what a solver of raw measurements knows of each, ``warnings``
     what a person should know of the log.
@@ -36,7 +36,7 @@ class Positions:
 
     log: str
     fix: GnssFix
-    gaps_s: Floats
+    outages_s: Floats
     geoid: str
     report: Mapping[str, Any] = field(default_factory=dict)
     solved: SolvedEpochs | None = None
@@ -104,7 +104,7 @@ def _path(one: Positions) -> dict[str, Any]:
     time_s = one.fix.time_s
     broken = np.diff(time_s) > GAP_S
     # A gap is named by the time at which the next piece begins.
-    known = np.searchsorted(time_s, one.gaps_s)
+    known = np.searchsorted(time_s, one.outages_s)
     cuts = np.union1d(np.flatnonzero(broken) + 1, known[(known > 0) & (known < len(time_s))])
     points = np.round(np.column_stack([one.fix.lon_deg, one.fix.lat_deg]), COORDINATE_DIGITS)
     lines = [piece.tolist() for piece in np.split(points, cuts) if len(piece) > 1]

@@ -108,5 +108,5 @@ def _read(
     found = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))
     log, solved = found.log, found.solved_epochs()
     return Positions(
-        source.short_name, log.fix, log.gaps_s, log.geoid, found.report, solved, warnings=log.warnings
+        source.short_name, log.fix, log.outages_s, log.geoid, found.report, solved, warnings=log.warnings
     )

@@ -20,7 +20,7 @@ from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
 from app.network.cells import cell_name
 from app.network.rejections import Rejections
-from fusion.report import with_contradiction, with_twin
+from fusion.report import with_contradiction, with_duplicate
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
 
@@ -156,7 +156,7 @@ def _as_it_is_now(
     segments, rejected = rejections or Rejections(0, 0)
     warnings = with_contradiction(report.get("warnings", ()), rejected, segments)
     if duplicate_of is not None:
-        warnings = with_twin(warnings, str(duplicate_of))
+        warnings = with_duplicate(warnings, str(duplicate_of))
     if unsolved:
         warnings.append(_unsolved_warning(unsolved))
     return {**report, "rejected_segments": rejected, "warnings": warnings}

@@ -63,7 +63,7 @@ class StoredTrack:
     segment_id: Ints
 
 
-_COLUMN_NAMES = {"after_gap": "starts"}
+_COLUMN_NAMES = {"after_outage": "starts"}
 """Fields of ``Track`` that stored tracks know by another name."""
 
 

@@ -196,7 +196,7 @@ def _settle(bench: Bench) -> Outcome:
             bench.sessions,
             bench.look.progress,
             after_cell=int(bench.operation.state.get("cell", -1)),
-            told=lambda cell: bench.look.note(cell=cell),
+            note_done=lambda cell: bench.look.note(cell=cell),
         )
     return Outcome(
         {"segments": segments, "sentence": f"{segments} segments of the network were solved anew."}

@@ -31,8 +31,8 @@ from app.terrain.store import (
     set_terrain,
 )
 from fusion.network.curve import interval_count, knot_length
+from fusion.network.subnetwork import LONGEST_GAP_M, boxes_around
 from fusion.network.unknowns import knot_positions, knot_rows
-from fusion.network.window import LONGEST_GAP_M, boxes_around
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes

@@ -148,11 +148,11 @@ def drives_along(made: Synthetic) -> Iterator[list[PassFactor]]:
         yield made.drive(list(range(SEGMENTS))[:: 1 if number % 2 else -1])
 
 
-def summing(street: Street, summed: Written) -> Callable[[Sessions, swap.Found], None]:
+def summing(street: Street, summed: Written) -> Callable[[Sessions, swap.Proposal], None]:
     """``swap.condense_old_passes``, measured."""
     genuine = swap.condense_old_passes
 
-    def measured(sessions: Sessions, found: swap.Found) -> None:
+    def measured(sessions: Sessions, found: swap.Proposal) -> None:
         before = int(street.one("SELECT count(*) FROM drive_passes WHERE condensed_weight IS NOT NULL"))
         wal, begin = street.wal_bytes(), time.perf_counter()
         genuine(sessions, found)

@@ -261,7 +261,7 @@ def build_log(
     notes: Notes,
     tables: dict[str, SensorTable],
     *,
-    gaps_s: Floats | None = None,
+    outages_s: Floats | None = None,
     geoid: str = "unknown",
     advice: str = "",
     raw: RawGnss | None = None,
@@ -290,7 +290,7 @@ def build_log(
             tables[name] = table.take(sane)
     return DriveLog(
         source_format=format_name,
-        gaps_s=np.empty(0) if gaps_s is None else np.unique(gaps_s),
+        outages_s=np.empty(0) if outages_s is None else np.unique(outages_s),
         geoid=geoid,
         skipped=notes.skipped,
         repaired=notes.repaired,

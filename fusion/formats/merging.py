@@ -50,7 +50,7 @@ def join(parts: Sequence[Part], notes: Notes) -> DriveLog:
     return replace(
         first,
         source_format="+".join(dict.fromkeys(part.log.source_format for part in parts)),
-        gaps_s=np.unique(np.concatenate([part.log.gaps_s for part in parts])),
+        outages_s=np.unique(np.concatenate([part.log.outages_s for part in parts])),
         geoid=geoid,
         skipped=notes.skipped + sum((part.log.skipped for part in parts), Counter()),
         repaired=notes.repaired + sum((part.log.repaired for part in parts), Counter()),

@@ -72,7 +72,11 @@ class TcxFormat:
         )
         odometry = Odometry.assemble(points.time_s[moving], speed_mps=speed[moving])
         return build_log(
-            self.name, self.description, notes, {"fix": fix, "odometry": odometry}, gaps_s=_gaps(points, here)
+            self.name,
+            self.description,
+            notes,
+            {"fix": fix, "odometry": odometry},
+            outages_s=_gaps(points, here),
         )
 
 

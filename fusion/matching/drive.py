@@ -40,7 +40,7 @@ class MatchOptions:
     and ``off_switch_far``: cost of leaving the road at such a sample, and of coming back from one: high where
     a road is near, or the path would jump between carriageways. ``bridge_m``: samples off the road are
     taken for outliers up to this distance, m. ``beam``: candidates so much worse than the best are given up.
-    ``gap_s``, ``gap_m``: a longer gap between positions breaks the path, s and m. ``dwell_s``: without a
+    ``outage_s``, ``outage_m``: a longer outage between positions breaks the path, s and m. ``dwell_s``: without a
     kept sample for so long, the vehicle is taken to stand or creep: the spacing then grows by ``dwell_mps``
     (m/s) up to ``widest_m``. ``heading_weight`` and ``heading_cap``: the course costs
     weight * (1 - cos(difference)), softly bounded by the cap, from ``heading_mps`` (m/s) on. ``fastest_mps``:
@@ -62,8 +62,8 @@ class MatchOptions:
     off_switch_far: float = 15.0
     bridge_m: float = 200.0
     beam: float = 200.0
-    gap_s: float = 180.0
-    gap_m: float = 3000.0
+    outage_s: float = 180.0
+    outage_m: float = 3000.0
     dwell_s: float = 15.0
     dwell_mps: float = 0.5
     widest_m: float = 40.0
@@ -193,10 +193,10 @@ class DriveMatcher:
         driven[0] = np.nan
         driven[1:] = driven_m(drive, kept)
         driven[lapse <= LONG_STEP_S] = np.nan
-        gap = (lapse > o.gap_s) | (chord > o.gap_m)
-        gap &= ~(chord <= 2 * o.widest_m)
+        outage = (lapse > o.outage_s) | (chord > o.outage_m)
+        outage &= ~(chord <= 2 * o.widest_m)
         switch = np.where(cand.off > o.off_far, o.off_switch, o.off_switch_far)
-        return Intervals(chord, driven, lapse, gap, switch)
+        return Intervals(chord, driven, lapse, outage, switch)
 
     def _result(
         self,

@@ -52,13 +52,13 @@ class Costs(NamedTuple):
 
 class Intervals(NamedTuple):
     """What lies between kept sample k - 1 and k: straight ``chord_m``, ``driven_m`` by the speeds (NaN: unknown), time
-    ``lapse_s``; ``gap``: not to be followed; ``switch``: cost of being the first or last sample off the road.
+    ``lapse_s``; ``outage``: not to be followed; ``switch``: cost of being the first or last sample off the road.
     """
 
     chord_m: Floats
     driven_m: Floats
     lapse_s: Floats
-    gap: NDArray[np.bool_]
+    outage: NDArray[np.bool_]
     switch: Floats
 
 

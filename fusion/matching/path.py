@@ -14,14 +14,14 @@ from fusion.types import Floats, Ints
 
 NO_ROAD = "no road near"
 NO_CONNECTION = "no plausible connection"
-GAP = "gap in the recording"
+OUTAGE = "outage of the recording"
 
 
 @dataclass(frozen=True, slots=True)
 class Break:
     """The drive leaves the network, or the path cannot be followed: ``time_s`` is the last time before it.
 
-    ``reason`` is one of ``NO_ROAD``, ``NO_CONNECTION``, ``GAP``.
+    ``reason`` is one of ``NO_ROAD``, ``NO_CONNECTION``, ``OUTAGE``.
     """
 
     time_s: float

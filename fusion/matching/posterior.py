@@ -83,7 +83,7 @@ def _forward(
     alpha, alpha_off = np.zeros(len(cand.edge)), np.zeros(m)
     for k in range(m):
         a0, b0, b1 = cand.start[max(k - 1, 0)], cand.start[k], cand.start[k + 1]
-        if k == 0 or intervals.gap[k]:
+        if k == 0 or intervals.outage[k]:
             alpha[b0:b1] = likelihood[b0:b1]
             alpha_off[k] = off[k]
         else:
@@ -114,7 +114,7 @@ def _backward(
     beta, beta_off = np.zeros(len(cand.edge)), np.ones(m)
     for k in range(m - 1, -1, -1):
         b0, b1 = cand.start[k], cand.start[k + 1]
-        if k == m - 1 or intervals.gap[k + 1]:
+        if k == m - 1 or intervals.outage[k + 1]:
             beta[b0:b1] = 1.0
         else:
             for i in range(transitions.start[k + 1], transitions.start[k + 2]):
@@ -178,7 +178,7 @@ def _of_path(
             continue
         edge = cand.edge[state[k]]
         at[k] = min(_on_chain(cand, k, edge, gamma), 1.0)
-        if k == 0 or intervals.gap[k] or state[k - 1] == OFF or cand.edge[state[k - 1]] == edge:
+        if k == 0 or intervals.outage[k] or state[k - 1] == OFF or cand.edge[state[k - 1]] == edge:
             continue
         left = cand.edge[state[k - 1]]
         whole, from_left, in_left, in_edge = 0.0, 0.0, 0.0, 0.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from fusion.compiled import compiled
 from fusion.matching.lattice import OFF, ROUTE, SAME, START, TURN, Candidates, Intervals, Lattice
-from fusion.matching.path import GAP, NO_CONNECTION, NO_ROAD, Break
+from fusion.matching.path import NO_CONNECTION, NO_ROAD, OUTAGE, Break
 from fusion.matching.shortest_paths import search_from
 from fusion.matching.viterbi import Model, over_nodes, within_chain
 from fusion.types import Floats, Ints
@@ -26,7 +26,7 @@ def trace(lattice: Lattice, final: int) -> Ints:
     state = np.full(len(lattice.off_cost), final)
     for k in range(len(state) - 1, 0, -1):
         back = lattice.off_back[k] if state[k] == OFF else lattice.back[state[k]]
-        # Over a gap the predecessor is written as -3 - state.
+        # Over an outage the predecessor is written as -3 - state.
         state[k - 1] = back if back >= 0 or back == OFF else -3 - back
     return state
 
@@ -41,13 +41,13 @@ def bridge(model: Model, lattice: Lattice, state: Ints, x: Floats, y: Floats) ->
     m = len(state)
     joined = np.full(m, START, np.int64)
     stamp = model.reach.stamp.max()
-    last, gap = -1, False
+    last, outage = -1, False
     for k in range(m):
-        gap = gap or model.intervals.gap[k]
+        outage = outage or model.intervals.outage[k]
         if state[k] == OFF:
             continue
         a, b = state[last] if last >= 0 else START, state[k]
-        if last >= 0 and not gap:
+        if last >= 0 and not outage:
             if last == k - 1 and lattice.back[b] == a:
                 joined[k] = a
             else:
@@ -56,7 +56,7 @@ def bridge(model: Model, lattice: Lattice, state: Ints, x: Floats, y: Floats) ->
                 if kind >= 0:
                     joined[k], lattice.back[b] = a, a
                     lattice.kind[b], lattice.length_m[b] = kind, length
-        last, gap = k, False
+        last, outage = k, False
     return joined
 
 
@@ -118,7 +118,7 @@ def breaks_of(
     """Why and when the path is interrupted, from the last sample before to the first after."""
     on = np.flatnonzero(state != OFF)
     empty = np.concatenate([[0], np.cumsum(np.diff(cand.start) == 0)])
-    gaps = np.concatenate([[0], np.cumsum(intervals.gap)])
+    outages = np.concatenate([[0], np.cumsum(intervals.outage)])
     ends = np.flatnonzero(joined[on] == START)
     pairs = [(int(on[i - 1]) if i else -1, int(on[i])) for i in ends]
     if not len(on) or on[-1] < len(state) - 1:
@@ -127,8 +127,8 @@ def breaks_of(
     for before, after in pairs:
         if after == 0:
             continue
-        if before >= 0 and gaps[min(after, len(state) - 1) + 1] > gaps[before + 1]:
-            reason = GAP
+        if before >= 0 and outages[min(after, len(state) - 1) + 1] > outages[before + 1]:
+            reason = OUTAGE
         else:
             reason = NO_ROAD if empty[after] > empty[before + 1] else NO_CONNECTION
         out.append(Break(float(time[max(before, 0)]), reason))

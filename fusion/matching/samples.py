@@ -88,16 +88,16 @@ def thin(
 
 
 def driven_m(drive: DriveSamples, kept: Ints) -> Floats:
-    """Distance driven from each kept sample to the next by the speeds, NaN where they have gaps; (m - 1,)."""
+    """Distance driven from each kept sample to the next by the speeds, NaN where they have outages; (m - 1,)."""
     known = np.flatnonzero(np.isfinite(drive.speed_mps))
     if len(known) < 2:
         return np.full(max(len(kept) - 1, 0), np.nan)
     time, speed = drive.time_s[known], drive.speed_mps[known]
     lapse = np.diff(time)
     way = np.concatenate([[0.0], np.cumsum(lapse * (speed[1:] + speed[:-1]) / 2)])
-    gaps = np.concatenate([[0], np.cumsum(lapse > _SPEED_STEP_S)])
+    outages = np.concatenate([[0], np.cumsum(lapse > _SPEED_STEP_S)])
     at = drive.time_s[kept]
     before = np.clip(np.searchsorted(time, at), 0, len(time) - 1)
     outside = (at < time[0] - 1.0) | (at > time[-1] + 1.0)
-    broken = (np.diff(gaps[before]) > 0) | outside[1:] | outside[:-1]
+    broken = (np.diff(outages[before]) > 0) | outside[1:] | outside[:-1]
     return np.where(broken, np.nan, np.diff(np.interp(at, time, way)))

@@ -210,9 +210,9 @@ def _best(cand: Candidates, lattice: Lattice, k: int) -> tuple[int, float]:
 
 @inlined
 def _begin(cand: Candidates, lattice: Lattice, k: int) -> None:
-    """A column of the lattice without steps from the one before: the first, and those after a gap.
+    """A column of the lattice without steps from the one before: the first, and those after an outage.
 
-    Over a gap the predecessor is written as -3 - state, so that it cannot be taken for a step.
+    Over an outage the predecessor is written as -3 - state, so that it cannot be taken for a step.
     """
     back, base = START, 0.0
     if k > 0:
@@ -251,7 +251,7 @@ def viterbi(model: Model) -> tuple[Lattice, Transitions, int]:
     and a slack; where nothing is reached so, and where seconds pass, twice that distance and the slack.
     """
     graph, cand, intervals, reach, costs = model
-    m, total = len(intervals.gap), len(cand.edge)
+    m, total = len(intervals.outage), len(cand.edge)
     lattice = Lattice(
         np.full(total, np.inf),
         np.full(total, START, np.int64),
@@ -266,7 +266,7 @@ def viterbi(model: Model) -> tuple[Lattice, Transitions, int]:
     count, stamp = 0, 0
     for k in range(m):
         transitions.start[k] = count
-        if k == 0 or intervals.gap[k]:
+        if k == 0 or intervals.outage[k]:
             _begin(cand, lattice, k)
             continue
         pairs = (cand.start[k] - cand.start[k - 1]) * (cand.start[k + 1] - cand.start[k])

@@ -81,7 +81,7 @@ METHODS: Registry[Method] = Registry("method")
 """Filled by ``fusion.catalogue``."""
 
 OF_TERRAIN = ("dem", "ukf-dem")
-"""Methods whose slopes are the elevation model's, or lean on it: the same model is one witness, however many drive."""
+"""Methods whose slopes are the elevation model's, or lean on it: the same model counts once, however many drive."""
 
 
 @dataclass(frozen=True)

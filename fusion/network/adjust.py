@@ -15,7 +15,7 @@ from fusion.network.blocks import BlockedSystem, Partition, homes
 from fusion.network.control import ControlBeliefs, ControlHeights
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import EquationSystem
-from fusion.network.outside_passes import ConstantsSaid, blocks_elsewhere
+from fusion.network.outside_passes import ConstantsInformation, outside_blocks
 from fusion.network.pass_factor import PassFactor
 from fusion.network.road_beliefs import RoadBeliefs
 from fusion.network.segment_slopes import Adjustment, published
@@ -32,13 +32,13 @@ def adjust(
     terrain: Terrain | None = None,
     control: ControlHeights | None = None,
     *,
-    elsewhere: Mapping[int, ConstantsSaid] | None = None,
+    outside: Mapping[int, ConstantsInformation] | None = None,
     blocks: Partition | None = None,
 ) -> Adjustment:
     """Solve a network; ``PassFactor.segment`` and ``ControlHeights.row`` are its rows, the keys of ``drives`` any
     numbers that differ.
 
-    ``elsewhere`` is what the passes of drives outside the network say about their constants. ``blocks`` are solved
+    ``outside`` is what the passes of drives outside the network say about their constants. ``blocks`` are solved
     one by one, with the same result: for networks of any size.
     """
     everything = [p for d in sorted(drives) for p in drives[d]]
@@ -48,11 +48,11 @@ def adjust(
     driven[[p.segment for p in everything]] = True
     model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
     surveyed = None if control is None else ControlBeliefs(road.unknowns, control, road.usual)
-    outside = blocks_elsewhere(elsewhere or {}, said.unknowns)
+    constants = outside_blocks(outside or {}, said.unknowns)
     equations = [
         *road.blocks(),
         *said.blocks(),
-        *outside,
+        *constants,
         *(b for one in (model, surveyed) if one for b in one.blocks()),
     ]
     if blocks is None:

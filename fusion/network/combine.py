@@ -87,8 +87,8 @@ def published_slope(parts: Sequence[SlopePart]) -> CombinedSlope:
     """What is published of a segment: its parts (at least one) made into one slope.
 
     A gap's slope is a guess that gives way to anything measured, and so does what it says of its inside: its nodes'
-    heights stay, which others measured. The network's own slope, alone, stays as it is. Parts that lean on the
-    elevation model are one witness of it, and none beside the network's, which has heard it.
+    heights stay, which others measured. The network's own slope, alone, stays as it is. Of parts that lean on the
+    elevation model one counts, and none beside the network's, which holds the model already.
     """
     network = next((part for part in parts if part.network), None)
     measured = [part for part in parts if part.drives] or list(parts)

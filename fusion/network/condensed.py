@@ -19,7 +19,7 @@ from typing import Self
 import numpy as np
 
 from fusion.network.drive_beliefs import LAG_MEAN_S, LAG_SIGMA_S
-from fusion.network.outside_passes import FREE_INFORMATION, ConstantsSaid
+from fusion.network.outside_passes import FREE_INFORMATION, ConstantsInformation
 from fusion.network.pass_factor import (
     CONSTANT_SIGMA,
     CONSTANTS,
@@ -49,8 +49,8 @@ _MEAN[LAG] = LAG_MEAN_S[0]
 
 
 @dataclass(frozen=True, eq=False)
-class PassSum:
-    """Information (n, n) and vector (n,) over the n knots of a segment, of passes that are heard.
+class CondensedPasses:
+    """Information (n, n) and vector (n,) over the n knots of a segment, of passes that are accepted.
 
     ``rows`` is the number of their measurements, each as often as its pass counts; ``log_roughness`` the sum of the
     logarithms of what they learned of it (1/m), ``covered`` (``PARTS``,) how many of them were on each part. What is
@@ -71,38 +71,38 @@ class PassSum:
         cls,
         passes: Sequence[PassFactor],
         weight: Sequence[float],
-        whole: ConstantsSaid,
+        whole: ConstantsInformation,
         count: int,
         length_m: float,
     ) -> Self:
-        """What the passes of one drive over one segment say, each ``weight`` times (0: it is not heard).
+        """What the passes of one drive over one segment say, each ``weight`` times (0: it is not accepted).
 
         ``whole`` is what all ``count`` passes of the drive say of its constants; ``length_m`` is what the knots assume.
         """
         share = SHARE_ELSEWHERE * min(count / USUAL_PASSES, 1.0)
         knots = len(passes[0].vector) - NUISANCES
         information, vector = np.zeros((knots, knots)), np.zeros(knots)
-        heard = [(p, w) for p, w in zip(passes, weight, strict=True) if w > 0]
+        accepted = [(p, w) for p, w in zip(passes, weight, strict=True) if w > 0]
         covered = np.zeros(PARTS)
         middle = (np.arange(PARTS) + 0.5) * length_m / PARTS
-        for one, w in heard:
-            said, right = condensed(one, w, whole - ConstantsSaid.of_passes([one]), share)
+        for one, w in accepted:
+            said, right = condense(one, w, whole - ConstantsInformation.of_passes([one]), share)
             information += said
             vector += right
             covered += (one.start_m <= middle) & (middle <= one.end_m)
         return cls(
             information,
             vector,
-            float(sum(w * max(p.rows, 1) for p, w in heard)),
-            float(sum(np.log(p.roughness) for p, _ in heard)),
+            float(sum(w * max(p.rows, 1) for p, w in accepted)),
+            float(sum(np.log(p.roughness) for p, _ in accepted)),
             covered,
-            len(heard),
-            int(bool(heard)),
-            sum(p.observations for p, _ in heard),
+            len(accepted),
+            int(bool(accepted)),
+            sum(p.observations for p, _ in accepted),
         )
 
-    def __add__(self, other: PassSum) -> PassSum:
-        return PassSum(
+    def __add__(self, other: CondensedPasses) -> CondensedPasses:
+        return CondensedPasses(
             self.information + other.information,
             self.vector + other.vector,
             self.rows + other.rows,
@@ -113,8 +113,8 @@ class PassSum:
             self.observations + other.observations,
         )
 
-    def __neg__(self) -> PassSum:
-        return PassSum(
+    def __neg__(self) -> CondensedPasses:
+        return CondensedPasses(
             -self.information,
             -self.vector,
             -self.rows,
@@ -151,7 +151,7 @@ class PassSum:
             observations=self.observations,
             first_time_s=0.0,
             last_time_s=0.0,
-            summed=self.passes,
+            condensed=self.passes,
         )
 
     def encode(self) -> bytes:
@@ -173,8 +173,8 @@ class PassSum:
         return cls(symmetric(upper, n), vector, rows, rough, covered, passes, drives, observations)
 
 
-def condensed(
-    one: PassFactor, weight: float, elsewhere: ConstantsSaid, share: float = 1.0
+def condense(
+    one: PassFactor, weight: float, elsewhere: ConstantsInformation, share: float = 1.0
 ) -> tuple[Floats, Floats]:
     """Information (n, n) and vector (n,) of a pass that counts ``weight`` times over its n knots alone.
 

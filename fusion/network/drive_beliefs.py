@@ -27,7 +27,7 @@ from fusion.types import Floats, Ints
 PASS_FREEDOM = 4.0
 """Degrees of freedom of a pass's misfit for each of its measurements."""
 REJECT_SIGMAS = 4.0
-"""Passes that miss the solution by more than they state, for each of their measurements, are not heard."""
+"""Passes that miss the solution by more than they state, for each of their measurements, are not accepted."""
 WALK_FREEDOM = 2.0
 """Degrees of freedom of a height error's step from pass to pass: fixes jump."""
 WALK_PRIOR_COUNT = 10.0
@@ -61,7 +61,7 @@ class DriveBeliefs:
         self._number = {d: k for k, d in enumerate(self.names)}
         self.pass_scale = np.ones(len(self.names))
         self.overruled: set[int] = set()
-        """Segments whose sums (``fusion.network.condensed``) are heard no longer"""
+        """Segments whose sums (``fusion.network.condensed``) are accepted no longer"""
         self.groups = self._groups(road)
 
     def _beliefs(self, lags: list[int]) -> list[Blocks]:
@@ -172,19 +172,19 @@ class DriveBeliefs:
     def _learn_overruled(self, misfits: list[Floats]) -> None:
         """Where most of the passes contradict a solution with a sum in it, the sum goes: the newest drives know what
         the road is now. Else what is new would be rejected for ever, since it never becomes the most."""
-        summed = {p.segment for said in self.passes.values() for p in said if p.summed}
-        against = dict.fromkeys(summed, 0)
-        for (members, _, _, _), misfit in zip(self.groups if summed else (), misfits, strict=False):
+        condensed = {p.segment for said in self.passes.values() for p in said if p.condensed}
+        against = dict.fromkeys(condensed, 0)
+        for (members, _, _, _), misfit in zip(self.groups if condensed else (), misfits, strict=False):
             contradicts = misfit > REJECT_SIGMAS**2 * self._scales_of(members)
             for (d, k), wrong in zip(members, contradicts.tolist(), strict=True):
                 one = self.passes[d][k]
-                if one.segment in summed and not one.summed:
+                if one.segment in condensed and not one.condensed:
                     against[one.segment] += 1 if wrong else -1
         self.overruled |= {segment for segment, most in against.items() if most > 0}
 
     def _is_overruled(self, d: int, k: int) -> bool:
         one = self.passes[d][k]
-        return one.summed > 0 and one.segment in self.overruled
+        return one.condensed > 0 and one.segment in self.overruled
 
     def _scales_of(self, members: list[tuple[int, int]]) -> Floats:
         return np.array([self.pass_scale[self._number[d]] for d, _ in members])

@@ -28,7 +28,7 @@ EPOCH_S = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Witness:
+class DriveTrace:
     """What tells a drive from others: its passes (p,) with the segment of each and when it was entered, the times of
     its positions (e,), ascending (none: unknown, and only entries count), and how many measurements it has.
 
@@ -41,7 +41,7 @@ class Witness:
     measurements: int
 
 
-def repeated(witnesses: Mapping[int, Witness]) -> dict[int, int]:
+def find_duplicates(witnesses: Mapping[int, DriveTrace]) -> dict[int, int]:
     """Drives that another one says again, each with the other: the one with more measurements.
 
     The order and the names of the drives have no part in it, unless two are alike to the last digit.
@@ -50,7 +50,7 @@ def repeated(witnesses: Mapping[int, Witness]) -> dict[int, int]:
     kept: list[int] = []
     again: dict[int, int] = {}
     for k in best_first:
-        twin = next((other for other in kept if same_drive(witnesses[k], witnesses[other])), None)
+        twin = next((other for other in kept if is_duplicate(witnesses[k], witnesses[other])), None)
         if twin is None:
             kept.append(k)
         else:
@@ -58,11 +58,11 @@ def repeated(witnesses: Mapping[int, Witness]) -> dict[int, int]:
     return again
 
 
-def _rank(one: Witness) -> tuple[float, ...]:
+def _rank(one: DriveTrace) -> tuple[float, ...]:
     return -one.measurements, -len(one.segment), -len(one.epoch_s), float(one.enter_s.sum())
 
 
-def same_drive(one: Witness, other: Witness) -> bool:
+def is_duplicate(one: DriveTrace, other: DriveTrace) -> bool:
     """Whether two logs are of one drive; laps within a log are never compared."""
     if not _overlap(one.enter_s, other.enter_s):
         return False
@@ -81,7 +81,7 @@ def _overlap(one_s: Floats, other_s: Floats) -> bool:
     return bool(max(one_s.min(), other_s.min()) <= min(one_s.max(), other_s.max()) + ENTRY_S)
 
 
-def _met(few: Witness, many: Witness, tolerance_s: float) -> int:
+def _met(few: DriveTrace, many: DriveTrace, tolerance_s: float) -> int:
     """On how many segments of ``few`` both enter at one moment."""
     both = np.concatenate([few.enter_s, many.enter_s])
     _, segment = np.unique(np.concatenate([few.segment, many.segment]), return_inverse=True)

@@ -27,7 +27,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class ConstantsSaid:
+class ConstantsInformation:
     """Information (n, n) and vector (n,) over constants of a drive: ``keys`` (n, 2), ascending, are (kind, setting).
 
     ``kind`` is the number in ``CONSTANTS``; the setting is 0 for constants that have none (``SETTINGS``).
@@ -66,17 +66,17 @@ class ConstantsSaid:
         order = np.flatnonzero(kept)
         return cls(keys[order], information[np.ix_(order, order)], vector[order])
 
-    def __add__(self, other: ConstantsSaid) -> ConstantsSaid:
+    def __add__(self, other: ConstantsInformation) -> ConstantsInformation:
         return self._with(other, 1.0)
 
-    def __sub__(self, other: ConstantsSaid) -> ConstantsSaid:
+    def __sub__(self, other: ConstantsInformation) -> ConstantsInformation:
         left = self._with(other, -1.0)
         # Of what only the other spoke, rounding is left; it would tie together what has nothing to do with each other.
         whole = self._with(other, 0.0).information
         kept = np.flatnonzero(np.diagonal(left.information) > ROUNDING * np.diagonal(whole))
-        return ConstantsSaid(left.keys[kept], left.information[np.ix_(kept, kept)], left.vector[kept])
+        return ConstantsInformation(left.keys[kept], left.information[np.ix_(kept, kept)], left.vector[kept])
 
-    def _with(self, other: ConstantsSaid, sign: float) -> ConstantsSaid:
+    def _with(self, other: ConstantsInformation, sign: float) -> ConstantsInformation:
         keys, where = np.unique(np.concatenate([self.keys, other.keys]), axis=0, return_inverse=True)
         where = where.ravel()
         information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
@@ -86,7 +86,7 @@ class ConstantsSaid:
         ):
             information[np.ix_(at, at)] += share * one.information
             vector[at] += share * one.vector
-        return ConstantsSaid(keys, information, vector)
+        return ConstantsInformation(keys, information, vector)
 
     def onto(self, keys: Sequence[tuple[int, int]]) -> tuple[Floats, Floats]:
         """Information and vector over these constants; the others are integrated out, with what is believed of each."""
@@ -138,8 +138,8 @@ def _marginals(passes: Sequence[PassFactor], weight: Floats) -> tuple[Floats, Fl
     return 0.5 * (information + information.transpose(0, 2, 1)), right[:, kept] - back[:, :, -1]
 
 
-def blocks_elsewhere(
-    said: Mapping[int, ConstantsSaid], unknowns: Mapping[int, DriveUnknowns]
+def outside_blocks(
+    said: Mapping[int, ConstantsInformation], unknowns: Mapping[int, DriveUnknowns]
 ) -> list[Blocks]:
     """The equations of all drives that have passes elsewhere."""
     out = []

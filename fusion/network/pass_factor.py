@@ -69,7 +69,7 @@ class PassFactor:
     place: int = 0
     lag_s: float = 0.0
     """How late the altimeter was taken for when its heights were put in their places"""
-    summed: int = 0
+    condensed: int = 0
     """How many passes of other drives it stands for (``fusion.network.condensed``); 0: it is one pass"""
 
     def over(self, segment: int) -> PassFactor:

@@ -118,7 +118,7 @@ class RoadBeliefs:
 def _as_drives_learned(cells: Cells, passes: Sequence[PassFactor]) -> Floats:
     """The mean (of logs) of what drives learned of themselves about each cell (c,); far from all, that of all."""
     row = np.array([p.segment for p in passes], np.int64)
-    count = np.array([max(p.summed, 1) for p in passes] or [1], float)
+    count = np.array([max(p.condensed, 1) for p in passes] or [1], float)
     learned = count * np.log([p.roughness for p in passes] or [DEFAULT_ROUGHNESS])
     total = cells.sums(row, learned[: len(row)]) + FAR_SHARE * learned.sum() / count.sum()
     return np.asarray(

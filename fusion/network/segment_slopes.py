@@ -41,7 +41,7 @@ class Adjustment:
     slope_percent: Floats
     slope_sigma_percent: Floats
     driven_share: Floats
-    """Share of the segment's length over which passes are heard, 0 to 1"""
+    """Share of the segment's length over which passes are accepted, 0 to 1"""
     height_from_m: Floats
     """Heights of the network's nodes: segments that meet share them, so that loops close"""
     height_to_m: Floats
@@ -54,10 +54,10 @@ class Adjustment:
     """Where that is, metres from from_node on the length that the knots assume"""
     observations: Ints
     passes: Ints
-    """Passes that are heard"""
+    """Passes that are accepted"""
     rejected: Ints
     """Passes that are not"""
-    heard: dict[tuple[int, int], bool]
+    accepted: dict[tuple[int, int], bool]
     """Whether each pass, by drive and sequence, agrees with the solution"""
     weight: dict[tuple[int, int], float]
     """How much each pass counted in the solution, 1: as it states"""
@@ -73,7 +73,7 @@ class Adjustment:
     """Sentences on control points that the drives contradict"""
 
     def parts(self, drives: Sequence[int]) -> list[SlopePart | None]:
-        """The network's part in each segment's slope, None without one; ``drives`` (n,) are those heard there."""
+        """The network's part in each segment's slope, None without one; ``drives`` (n,) are those accepted there."""
         columns: dict[str, list[Any]] = {
             name: [value if np.isfinite(value) else None for value in getattr(self, name).tolist()]
             for name in ("slope_percent", "slope_sigma_percent", *NETWORK_ONLY)
@@ -121,7 +121,7 @@ def published(
     roughness: Floats,
     control: ControlBeliefs | None = None,
 ) -> Adjustment:
-    """Slopes with their sigmas, and which passes are heard."""
+    """Slopes with their sigmas, and which passes are accepted."""
     n = len(u.length_m)
     slope, sigma = np.full(n, np.nan), np.full(n, np.nan)
     for mine in u.by_intervals():
@@ -136,9 +136,9 @@ def published(
         slope[mine], sigma[mine] = 100 * np.sum(rows * x, axis=1), 100 * np.sqrt(variance)
     passes = _passes(said, solution)
     share, observations = _driven(passes, u.length_m)
-    heard, rejected = (
+    accepted, rejected = (
         np.bincount(passes.segment[v], passes.count[v], minlength=n).astype(np.int64)
-        for v in (passes.heard, ~passes.heard)
+        for v in (passes.accepted, ~passes.accepted)
     )
     lags = {d: float(solution.x[q.lag]) for d, q in said.unknowns.items() if q.lag is not None}
     mean = np.nan if said.lag_mean is None else float(solution.x[said.lag_mean])
@@ -158,9 +158,9 @@ def published(
         steepest_from_m=stretch[1],
         steepest_to_m=stretch[2],
         observations=observations,
-        passes=heard,
+        passes=accepted,
         rejected=rejected,
-        heard=dict(zip(passes.names, passes.heard.tolist(), strict=True)),
+        accepted=dict(zip(passes.names, passes.accepted.tolist(), strict=True)),
         weight=dict(zip(passes.names, passes.weight.tolist(), strict=True)),
         lag_s=lags,
         lag_mean_s=mean,
@@ -188,7 +188,7 @@ class _Passes:
     observations: Ints
     start_m: Floats
     end_m: Floats
-    heard: Bools
+    accepted: Bools
     weight: Floats
     count: Ints
     """How many passes each is: one, or those of a sum"""
@@ -208,13 +208,13 @@ def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
         np.array([p.end_m for _, p in members], float),
         np.concatenate([np.empty(0, np.bool_), *verdicts]),
         np.concatenate([np.empty(0), *(blocks.weight for _, blocks, _, _ in said.groups)]),
-        np.array([max(p.summed, 1) for _, p in members], np.int64),
+        np.array([max(p.condensed, 1) for _, p in members], np.int64),
     )
 
 
 def _driven(passes: _Passes, length_m: Floats) -> tuple[Floats, Ints]:
-    """Of each segment (n,) the share over which passes are heard, 0 to 1, and what was observed there."""
-    good = np.flatnonzero(passes.heard)
+    """Of each segment (n,) the share over which passes are accepted, 0 to 1, and what was observed there."""
+    good = np.flatnonzero(passes.accepted)
     row, observed = passes.segment[good], passes.observations[good]
     start, end = (np.clip(v[good] / length_m[row], 0.0, 1.0) for v in (passes.start_m, passes.end_m))
     order = np.lexsort((start, row))

@@ -112,7 +112,7 @@ class Cue:
 
 
 def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Floats) -> Changes:
-    """The changes of a Doppler velocity, samples of shape (m,), where it goes on without gaps and fast enough."""
+    """The changes of a Doppler velocity, samples of shape (m,), where it goes on without outages and fast enough."""
     known = np.isfinite(north_mps + east_mps)
     velocity = (c[known] for c in (north_mps, east_mps, np.nan_to_num(down_mps)))
     time, north, east, down = binned(time_s[known], SAMPLE_S, *velocity)

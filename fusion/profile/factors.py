@@ -103,7 +103,7 @@ def _place(path: DrivenPath) -> Ints:
 
 def _usable(path: DrivenPath) -> Bools:
     match = path.match
-    begin, end = (path.gaps_s[:, [side]] for side in (0, 1))
+    begin, end = (path.outages_s[:, [side]] for side in (0, 1))
     unrecorded = np.any((match.enter_time_s < end) & (match.leave_time_s > begin), axis=0)
     return np.asarray((match.confidence >= MIN_CONFIDENCE) & (match.enter_m != match.leave_m) & ~unrecorded)
 

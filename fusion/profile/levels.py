@@ -31,8 +31,8 @@ from fusion.profile.model import (
     Noise,
     SmootherEpochs,
     add_noise,
-    askew_variance,
     linear_model,
+    misalignment_variance,
     step_noise,
     steps_noise,
     variance_unit,
@@ -237,14 +237,14 @@ def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:
 class _Likelihood:
     """The likelihood of a drive's levels, with all that stays as it is while they are sought.
 
-    ``unit`` and ``askew`` (m,): parts of the variances, with weights; ``fixed``: of the steps' noise what is not
+    ``unit`` and ``misalignment`` (m,): parts of the variances, with weights; ``fixed``: of the steps' noise what is not
     learned; ``parts``: what is, at the levels ``noise``.
     """
 
     measured: Measurements
     noise: Noise
     unit: Floats
-    askew: Floats
+    misalignment: Floats
     model: LinearModel
     fixed: Floats
     parts: dict[str, StepNoise]
@@ -255,19 +255,20 @@ class _Likelihood:
     ) -> _Likelihood:
         """Near the levels ``noise``."""
         _, rates = _learned(measured)
-        unit, askew = (
-            ROBUST_INFORMATION_LOSS * v / weight for v in (variance_unit(measured), askew_variance(measured))
+        unit, misalignment = (
+            ROBUST_INFORMATION_LOSS * v / weight
+            for v in (variance_unit(measured), misalignment_variance(measured))
         )
         model = linear_model(measured, epochs, noise, unit, jumps)
         others = [name for name in RATES if name not in rates]
         fixed = steps_noise(epochs, noise, jumps, others)
         parts = {name: step_noise(epochs, noise, name) for name in rates}
-        return cls(measured, noise, unit, askew, model, fixed, parts)
+        return cls(measured, noise, unit, misalignment, model, fixed, parts)
 
     def at(self, noise: Noise) -> tuple[float, Floats]:
         """The log-likelihood, and its derivatives by the logs of the levels, white ones and then rates."""
         sensor = self.measured.sensor
-        variance = white_level(sensor, noise) ** 2 * self.unit + self.askew
+        variance = white_level(sensor, noise) ** 2 * self.unit + self.misalignment
         total, factors = self.fixed.copy(), {}
         for name, part in self.parts.items():
             factors[name] = (getattr(noise, name) / getattr(self.noise, name)) ** (
@@ -275,7 +276,7 @@ class _Likelihood:
             )
             add_noise(total, {entry: factors[name] * value for entry, value in part.items()})
         scores = self.model.at_levels(total, variance).scores()
-        white = scores.level_score(variance) * (1 - self.askew / variance)
+        white = scores.level_score(variance) * (1 - self.misalignment / variance)
         by_sensor = np.bincount(sensor, white, len(SENSORS))
         slopes = [2 * float(by_sensor[code]) for code in _learned(self.measured)[0]]
         slopes += [

@@ -26,7 +26,7 @@ DRIFT_TAU_S = 120.0
 """Correlation time of GNSS height errors: minutes for every class of receiver. What is learned is the rate."""
 DEM_LENGTH_M = 120.0
 """Correlation length of a DEM's height errors along the path."""
-ASKEW_SIGMA = 0.2
+MISALIGNMENT_SIGMA = 0.2
 """Grade that a vehicle sees across the road: times 1 - cosine of the angle between its course and the road."""
 SLOW_MPS = 2.0
 """At this speed springs double the variance of pitch and force."""
@@ -91,16 +91,16 @@ def white_level(sensor: Ints, noise: Noise) -> Floats:
     return np.array(level)[sensor]
 
 
-def askew_variance(measured: Measurements) -> Floats:
+def misalignment_variance(measured: Measurements) -> Floats:
     """Variance of grades while a vehicle is not in line with the road, shape (m,); 0 for heights."""
     slope = np.isin(measured.sensor, (DOPPLER, PITCH, FORCE))
-    return np.where(slope, (ASKEW_SIGMA * measured.turn) ** 2, 0.0)
+    return np.where(slope, (MISALIGNMENT_SIGMA * measured.turn) ** 2, 0.0)
 
 
 def white_variance(measured: Measurements, noise: Noise) -> Floats:
     """Variance of each measurement's white error, shape (m,), before robust weights."""
     white = white_level(measured.sensor, noise) ** 2 * variance_unit(measured)
-    return np.asarray(white + askew_variance(measured))
+    return np.asarray(white + misalignment_variance(measured))
 
 
 def decorrelated(measured: Measurements, noise: Noise) -> tuple[Measurements, Floats]:

@@ -12,7 +12,7 @@ from fusion.matching.drive import DriveMatcher, MatchOptions
 from fusion.matching.path import PathMatch
 from fusion.network.joints import grade_change_sigma
 from fusion.roads.network import RoadNetwork
-from fusion.types import LONGEST_BRIDGED_GAP_S, Bools, DriveLog, Floats, GnssFix, Ints
+from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Bools, DriveLog, Floats, GnssFix, Ints
 
 FIX_PERIOD_S = 0.5
 """Positions closer together than this are thinned before matching."""
@@ -43,18 +43,18 @@ class DrivenPath:
     time_s: Floats
     along_m: Floats
     run: Ints
-    gaps_s: Floats
-    """(n, 2) begin and end of the gaps that the log states: nobody knows what was driven then"""
+    outages_s: Floats
+    """(n, 2) begin and end of the outages that the log states: nobody knows what was driven then"""
 
     def at(self, time_s: Floats) -> tuple[Floats, Ints]:
-        """Distance along the path (m) and run at times; NaN and -1 off the path and in gaps of the recording."""
+        """Distance along the path (m) and run at times; NaN and -1 off the path and in outages of the recording."""
         right = np.searchsorted(self.time_s, time_s, side="left")
         after = np.clip(right, 0, len(self.time_s) - 1)
         exact = self.time_s[after] == time_s
         before = np.where(exact, after, np.clip(right - 1, 0, len(self.time_s) - 1))
         inside = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         inside &= (self.run[before] == self.run[after]) & (
-            self.time_s[after] - self.time_s[before] <= LONGEST_BRIDGED_GAP_S
+            self.time_s[after] - self.time_s[before] <= LONGEST_BRIDGED_OUTAGE_S
         )
         along = np.interp(time_s, self.time_s, self.along_m)
         return np.where(inside, along, np.nan), np.where(inside, self.run[before], -1)
@@ -156,13 +156,13 @@ def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> Dri
         for number in np.unique(match.run[match.traversal[matched]]).tolist()
     ]
     knots, along, run = (np.concatenate(column) for column in zip(*parts, strict=True))
-    gaps = _gaps(log.gaps_s, fix.time_s)
+    outages = _outages(log.outages_s, fix.time_s)
     on_path = matched[np.argsort(order)][: len(fix)]
-    return DrivenPath(match, network, fix.time_s, on_path, knots, along, run, gaps)
+    return DrivenPath(match, network, fix.time_s, on_path, knots, along, run, outages)
 
 
-def _gaps(stated_s: Floats, fix_time: Floats) -> Floats:
-    """Last position before and first after each stated gap, shape (n, 2)."""
+def _outages(stated_s: Floats, fix_time: Floats) -> Floats:
+    """Last position before and first after each stated outage, shape (n, 2)."""
     after = np.searchsorted(fix_time, stated_s)
     inner = (after > 0) & (after < len(fix_time))
     return np.column_stack([fix_time[after[inner] - 1], fix_time[after[inner]]])

@@ -9,7 +9,7 @@ from fusion.profile.model import BARO_DRIFT, BIAS, GRADE, HEIGHT, MOUNT, SQUAT, 
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath
 from fusion.profile.sampling import spaced
-from fusion.types import LONGEST_BRIDGED_GAP_S, DrawnMeasurements, Floats, Ints, Track
+from fusion.types import LONGEST_BRIDGED_OUTAGE_S, DrawnMeasurements, Floats, Ints, Track
 
 PERIOD_S = 0.5
 """Rows of a track are about so far apart, or as far as the positions."""
@@ -36,7 +36,7 @@ def build_track(path: DrivenPath, epochs: SmootherEpochs, learned: Learned) -> T
     y = network.y0[segment] + share * (network.y1 - network.y0)[segment]
     lon, lat = network.projection.to_lonlat(np.where(known, x, np.nan), np.where(known, y, np.nan))
     heading = np.mod(np.pi / 2 - path.direction_rad(along), 2 * np.pi)
-    after_gap = np.concatenate([[True], (np.diff(run) != 0) | (np.diff(time) > LONGEST_BRIDGED_GAP_S)])
+    after_outage = np.concatenate([[True], (np.diff(run) != 0) | (np.diff(time) > LONGEST_BRIDGED_OUTAGE_S)])
     return Track(
         time_s=time,
         lat_deg=lat,
@@ -51,7 +51,7 @@ def build_track(path: DrivenPath, epochs: SmootherEpochs, learned: Learned) -> T
         segment=segment,
         distance_m=np.where(known, share * network.table.length_m[segment], np.nan),
         has_gnss=_since_fix(path, time) < _FIX_WITHIN_S,
-        after_gap=after_gap,
+        after_outage=after_outage,
     )
 
 

@@ -161,7 +161,7 @@ def match_fixes(log: DriveLog, network: RoadNetwork, period_s: float) -> tuple[E
         segment=match.segment,
         distance_m=match.distance_m,
         has_gnss=np.ones(len(epochs), bool),
-        after_gap=epochs.after_gap,
+        after_outage=epochs.after_outage,
     )
 
 

@@ -25,7 +25,7 @@ N = 11
 def northwards(**columns: Any) -> Track:
     """Eleven positions a second and ten metres apart."""
     unknown = {spec.name: np.full(N, np.nan) for spec in fields(Track)}
-    flags = {"segment": np.full(N, -1), "has_gnss": np.ones(N, bool), "after_gap": np.zeros(N, bool)}
+    flags = {"segment": np.full(N, -1), "has_gnss": np.ones(N, bool), "after_outage": np.zeros(N, bool)}
     path = {
         "time_s": 1_700_000_000.0 + np.arange(N),
         "lat_deg": 49.0 + STEP_M / 111_200 * np.arange(N),
@@ -41,7 +41,7 @@ def test_a_track_is_as_long_as_its_path() -> None:
 def test_nothing_is_counted_across_an_interruption() -> None:
     track = northwards()
     pause = replace(track, time_s=track.time_s + 60 * (np.arange(N) >= 5))
-    anew = replace(track, after_gap=np.arange(N) == 5)
+    anew = replace(track, after_outage=np.arange(N) == 5)
     assert track_length_m(pause) == pytest.approx(90, rel=1e-3)
     assert track_length_m(anew) == pytest.approx(90, rel=1e-3)
 

@@ -10,7 +10,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions, fetch_binary
 from app.network import condensed
-from fusion.network.condensed import PassSum
+from fusion.network.condensed import CondensedPasses
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import drive_over
@@ -31,12 +31,12 @@ def _summed_rows(sessions: Sessions) -> dict[int, int]:
         return {row[0]: row[1] for row in session.execute(text(query))}
 
 
-def assert_sums_hold(sessions: Sessions) -> dict[int, PassSum]:
+def assert_sums_hold(sessions: Sessions) -> dict[int, CondensedPasses]:
     """Sums are those of the passes that say so of themselves, made anew from their factors."""
     with sessions() as session:
         ids = session.execute(text("SELECT DISTINCT segment_id FROM condensed_passes")).scalars().all()
         stored = condensed.condensed_over(session, ids)
-        wanted: dict[int, PassSum] = {}
+        wanted: dict[int, CondensedPasses] = {}
         for drive in (
             session.execute(text("SELECT id FROM drives WHERE duplicate_of IS NULL")).scalars().all()
         ):

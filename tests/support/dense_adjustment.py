@@ -298,6 +298,6 @@ class DenseAdjustment:
             sigma.append(100 * float(np.sqrt(variance)))
         return np.array(slope), np.array(sigma)
 
-    def heard(self) -> list[bool]:
+    def accepted(self) -> list[bool]:
         """Whether each pass is, in the order of drives and of driving."""
         return [self._misfit(p, e) <= drives.REJECT_SIGMAS**2 for _, p, e in self.passes]

@@ -206,7 +206,7 @@ def track_along(table: RoadTable, indices: list[int], per_segment: int = 5) -> T
         segment=np.r_[k, -1],
         distance_m=column(along * table.length_m[k]),
         has_gnss=np.r_[np.ones(n, bool), False],
-        after_gap=np.zeros(n + 1, bool),
+        after_outage=np.zeros(n + 1, bool),
     )
 
 

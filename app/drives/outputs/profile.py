@@ -134,7 +134,7 @@ def build_profile(
         grade_sigma_percent=sigma[known],
         segment_id=segment,
         forward=forward,
-        gap=(np.diff(track.time_s[known], prepend=-np.inf) > PAUSE_S) | track.after_gap[known],
+        gap=(np.diff(track.time_s[known], prepend=-np.inf) > PAUSE_S) | track.after_outage[known],
         has_gnss=track.has_gnss[known],
         bridge=driven.of_each("bridge") > 0,
         tunnel=driven.of_each("tunnel") > 0,

@@ -80,7 +80,7 @@ def _pieces(track: Track) -> list[list[list[float]]]:
     known = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
     lon = np.round(track.lon_deg[known], COORDINATE_DIGITS)
     lat = np.round(track.lat_deg[known], COORDINATE_DIGITS)
-    cuts = np.flatnonzero((np.diff(track.time_s[known]) > PAUSE_S) | track.after_gap[known][1:]) + 1
+    cuts = np.flatnonzero((np.diff(track.time_s[known]) > PAUSE_S) | track.after_outage[known][1:]) + 1
     return [piece.tolist() for piece in np.split(np.column_stack([lon, lat]), cuts)]
 
 

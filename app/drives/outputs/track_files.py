@@ -73,7 +73,7 @@ def track_gpx(track: Track, name: str, height_words: str) -> Iterator[str]:
         numbers(track.alt_m[keep], LENGTH_DIGITS),
         times,
     )
-    starts = (np.diff(track.time_s[keep], prepend=-np.inf) > PAUSE_S) | track.after_gap[keep]
+    starts = (np.diff(track.time_s[keep], prepend=-np.inf) > PAUSE_S) | track.after_outage[keep]
     waiting: list[str] = []
     for number, point in enumerate(zip(*columns, starts.tolist(), strict=True)):
         waiting.append(_point(number, *point))

@@ -97,7 +97,7 @@ class FitFormat:
             self.description,
             notes,
             tables,
-            gaps_s=gaps,
+            outages_s=gaps,
             geoid=GEOID,
             advice=EXPORT,
             device=DeviceMotion(

@@ -43,7 +43,7 @@ def _observations(
     lines: Lines, header: Header, notes: Notes, progress: Progress, navigation: Navigation
 ) -> DriveLog:
     channels = dict(zip(navigation.glonass.number.tolist(), navigation.glonass.channel.tolist(), strict=True))
-    signals, gaps_s = read_observations(lines, header, notes, progress, channels)
+    signals, outages_s = read_observations(lines, header, notes, progress, channels)
     if not len(signals):
         letters = ", ".join(s for s in header.types if s in SYSTEMS and s.strip())
         why = f" The first fault: {notes.first_offender}." if notes.first_offender else ""
@@ -58,7 +58,7 @@ def _observations(
         notes,
         {},
         raw=RawGnss(signals),
-        gaps_s=_within(gaps_s, signals.time_s),
+        outages_s=_within(outages_s, signals.time_s),
     )
 
 

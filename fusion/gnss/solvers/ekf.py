@@ -32,7 +32,7 @@ from fusion.gnss.solvers.state import (
     states,
     transition,
 )
-from fusion.types import LONGEST_BRIDGED_GAP_S, Bools, Floats, Progress
+from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Bools, Floats, Progress
 
 FEWEST = 4
 """Satellites that an epoch needs to be taken; below, it is predicted."""
@@ -122,7 +122,7 @@ def _run(
     for k in range(epochs):
         dt_s = drive.time_s[k] - drive.time_s[max(k - 1, 0)]
         enough = count_satellites(rows, k) >= FEWEST
-        lost = dt_s > LONGEST_BRIDGED_GAP_S or covariance[0, 0] + covariance[1, 1] > LOST_M**2
+        lost = dt_s > LONGEST_BRIDGED_OUTAGE_S or covariance[0, 0] + covariance[1, 1] > LOST_M**2
         if (not running or lost) and enough and start(rows, k, mean, covariance):
             running = True
             moved_by[:] = 0.0

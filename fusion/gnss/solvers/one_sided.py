@@ -16,7 +16,7 @@ from fusion.gnss.solvers import one_sided_motion as motions
 from fusion.gnss.solvers import state
 from fusion.gnss.solvers.one_sided_filter import ENOUGH_SATELLITES, Problem, forward
 from fusion.gnss.solvers.smoother import Pass, empty_pass, smooth
-from fusion.types import LONGEST_BRIDGED_GAP_S, Floats, Progress
+from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Floats, Progress
 
 TAU_S = 4.0
 """So long are errors of a satellite alike at the speed of traffic in a town (notes 6: 2 to 5 s); its range rate is
@@ -123,7 +123,7 @@ def problem_of(
         inflation=_inflation(measured.time_s, tau_s),
         rate_inflation=_inflation(measured.time_s, np.full(len(measured), TAU_S)),
         rate_wider=1.0,
-        longest_gap_s=LONGEST_BRIDGED_GAP_S,
+        longest_gap_s=LONGEST_BRIDGED_OUTAGE_S,
     )
     return problem, n + (gyro >= 0)
 

@@ -1,6 +1,6 @@
-"""Levelling a pitch sensor that is mounted askew against the drive's own heights, before a filter takes its pitch.
+"""Take the misalignment of a pitch sensor out by the drive's own heights, before a filter takes its pitch.
 
-Every real mount is askew: one degree reads as 1.7 % of slope on each segment. Over a whole drive the
+Every real mount has a misalignment: one degree reads as 1.7 % of slope on each segment. Over a whole drive the
 integral of the true grade along the road is the height gained, whatever the road does in between; what the
 sensor's integral has beyond it is the mount pitch.
 
@@ -106,7 +106,7 @@ def _robust_mean(values: Floats, weight: Floats) -> float:
 def _from_altitude(epochs: Epochs) -> MountPitch:
     """Regress (altitude - integral of measured grade) on distance, stretch by stretch."""
     usable = np.isfinite(epochs.pitch_rad) & np.isfinite(epochs.speed_mps)
-    breaks = np.flatnonzero(epochs.after_gap | ~usable)
+    breaks = np.flatnonzero(epochs.after_outage | ~usable)
     found = [_stretch(epochs, part) for part in np.split(np.arange(len(epochs)), breaks) if len(part) >= 10]
     weight = np.array([1 / e.sigma**2 for e in found if e.known])
     if not len(weight):

@@ -142,7 +142,7 @@ def passes(track: Track, max_break_s: float) -> Iterator[tuple[int, Index]]:
     if not len(segment):
         return
     longest = max(max_break_s, 2.5 * float(np.median(step))) if len(step) else max_break_s
-    cuts = np.flatnonzero((np.diff(segment) != 0) | (step > longest) | track.after_gap[1:]) + 1
+    cuts = np.flatnonzero((np.diff(segment) != 0) | (step > longest) | track.after_outage[1:]) + 1
     for part in np.split(np.arange(len(segment)), cuts):
         if segment[part[0]] >= 0:
             yield int(segment[part[0]]), part

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.frames import GRAVITY_MPS2, LocalProjection, acceleration_enu
-from fusion.types import LONGEST_BRIDGED_GAP_S, DriveLog, Floats, SensorTable
+from fusion.types import LONGEST_BRIDGED_OUTAGE_S, DriveLog, Floats, SensorTable
 
 PITCH_FROM_FORCE_SIGMA_RAD = 0.03
 """Accuracy of a pitch that comes from the accelerometer and the change of speed: 2 % by the notes on slopes, more with
@@ -32,7 +32,7 @@ class Epochs:
 
     ``acc_*`` is the kinematic acceleration (gravity taken off), ``pitch_rad`` the sensor's pitch as logged
     (mount offset included), ``rate_*`` the rate of change of the fixes themselves, ``speed_mps`` the best ground
-    speed, ``after_gap`` marks epochs to which nothing may be carried over from the one before. ``yaw_rad`` is the
+    speed, ``after_outage`` marks epochs to which nothing may be carried over from the one before. ``yaw_rad`` is the
     sensor's yaw as logged (clockwise from north), ``turn_radps`` what its gyroscope feels about its z axis (positive
     to the left), ``odo_mps`` the vehicle's own speed signal.
     """
@@ -59,7 +59,7 @@ class Epochs:
     yaw_rad: Floats
     turn_radps: Floats
     odo_mps: Floats
-    after_gap: NDArray[np.bool_]
+    after_outage: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -70,10 +70,10 @@ class Epochs:
         return np.isfinite(self.x_m)
 
     def take(self, keep: NDArray[np.bool_]) -> Epochs:
-        """The epochs selected by a mask; a gap among those left out counts at the next one that is kept."""
-        stretch = np.cumsum(self.after_gap)[keep]
+        """The epochs selected by a mask; an outage among those left out counts at the next one that is kept."""
+        stretch = np.cumsum(self.after_outage)[keep]
         kept = Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
-        return replace(kept, after_gap=np.diff(stretch, prepend=-1) > 0)
+        return replace(kept, after_outage=np.diff(stretch, prepend=-1) > 0)
 
     def with_fix(self) -> Epochs:
         """The epochs that have a position."""
@@ -91,9 +91,9 @@ def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1
     attitude = _window_mean(log.attitude, time_s, window_s)
     force = _window_mean(log.force, time_s, window_s)
     odometer = _window_mean(log.odometry, time_s, window_s)["speed_mps"]
-    after_gap = _after_gaps(time_s, log.gaps_s)
+    after_outage = _after_outages(time_s, log.outages_s)
     speed = _ground_speed(
-        velocity, odometer, np.hypot(_rate(x_m, time_s, after_gap), _rate(y_m, time_s, after_gap))
+        velocity, odometer, np.hypot(_rate(x_m, time_s, after_outage), _rate(y_m, time_s, after_outage))
     )
     acceleration = _acceleration(force, attitude)
     pitch, pitch_acc = _pitch_forwards(attitude, velocity), attitude["pitch_acc_rad"]
@@ -111,9 +111,9 @@ def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1
         vel_n_mps=velocity["vel_n_mps"],
         vel_u_mps=-velocity["vel_d_mps"],
         s_acc_mps=velocity["s_acc_mps"],
-        rate_e_mps=_rate(x_m, time_s, after_gap),
-        rate_n_mps=_rate(y_m, time_s, after_gap),
-        rate_u_mps=_rate(altitude, time_s, after_gap),
+        rate_e_mps=_rate(x_m, time_s, after_outage),
+        rate_n_mps=_rate(y_m, time_s, after_outage),
+        rate_u_mps=_rate(altitude, time_s, after_outage),
         acc_e_mps2=acceleration[:, 0],
         acc_n_mps2=acceleration[:, 1],
         acc_u_mps2=acceleration[:, 2],
@@ -123,7 +123,7 @@ def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1
         yaw_rad=attitude["yaw_rad"],
         turn_radps=_window_mean(log.rate, time_s, window_s)["gyr_z_radps"],
         odo_mps=odometer,
-        after_gap=after_gap,
+        after_outage=after_outage,
     )
 
 
@@ -138,7 +138,7 @@ def white_altitude_sigma(epochs: Epochs) -> float:
 
 
 def _epoch_times(log: DriveLog, period_s: float) -> Floats:
-    """Fix times, thinned; in their gaps the times of the densest other sensor, thinned likewise."""
+    """Fix times, thinned; in their outages the times of the densest other sensor, thinned likewise."""
     fixes = _thin(log.fix.time_s, period_s)
     others = max((log.attitude, log.force, log.odometry, log.velocity), key=len, default=log.attitude).time_s
     inside = np.searchsorted(fixes, others)
@@ -197,16 +197,16 @@ def _means(column: Floats, low: NDArray[np.intp], high: NDArray[np.intp]) -> Flo
     return np.where(count > 0, mean, np.nan)
 
 
-def _after_gaps(time_s: Floats, gaps_s: Floats) -> NDArray[np.bool_]:
-    """The first epoch, those after a stated gap, and those after a gap that is too long to bridge."""
-    after_gap = np.zeros(len(time_s), bool)
-    after_gap[:1] = True
-    after_gap[1:] |= np.diff(time_s) > LONGEST_BRIDGED_GAP_S
-    for gap in gaps_s.tolist():
-        after = int(np.searchsorted(time_s, gap, side="left"))
+def _after_outages(time_s: Floats, outages_s: Floats) -> NDArray[np.bool_]:
+    """The first epoch, those after a stated outage, and those after an outage that is too long to bridge."""
+    after_outage = np.zeros(len(time_s), bool)
+    after_outage[:1] = True
+    after_outage[1:] |= np.diff(time_s) > LONGEST_BRIDGED_OUTAGE_S
+    for outage in outages_s.tolist():
+        after = int(np.searchsorted(time_s, outage, side="left"))
         if 0 < after < len(time_s):
-            after_gap[after] = True
-    return after_gap
+            after_outage[after] = True
+    return after_outage
 
 
 def _altitude(fix: dict[str, Floats]) -> Floats:
@@ -215,10 +215,10 @@ def _altitude(fix: dict[str, Floats]) -> Floats:
     return level if np.isfinite(level).sum() >= np.isfinite(ellipsoid).sum() else ellipsoid
 
 
-def _rate(values: Floats, time_s: Floats, after_gap: NDArray[np.bool_]) -> Floats:
+def _rate(values: Floats, time_s: Floats, after_outage: NDArray[np.bool_]) -> Floats:
     """Rate of change at each epoch: mean of the steps before and after it, NaN where there is neither."""
     step = np.diff(values) / np.diff(time_s)
-    step[after_gap[1:]] = np.nan
+    step[after_outage[1:]] = np.nan
     around = np.full((2, len(time_s)), np.nan)
     around[0, 1:], around[1, :-1] = step, step
     count = np.isfinite(around).sum(axis=0)

@@ -70,10 +70,10 @@ def read_ins(method: str, epochs: Epochs, options: GpsInsOptions) -> Ins:
             "vehicle's speed and yaw as well, or choose a method that does without, such as 'profile'."
         )
     standing = np.abs(np.nan_to_num(speed)) < options.min_speed_mps
-    speed, speed_age = _held(speed, _elapsed(epochs), epochs.after_gap, options.hold_s)
+    speed, speed_age = _held(speed, _elapsed(epochs), epochs.after_outage, options.hold_s)
     # A vehicle that stands does not turn: its heading does not age.
     moved_s = _elapsed(epochs, counts=~standing)
-    kept, heading_age = _held(heading, moved_s, epochs.after_gap, options.hold_s)
+    kept, heading_age = _held(heading, moved_s, epochs.after_outage, options.hold_s)
     sigma = np.where(np.isfinite(heading), sigma, options.heading_sigma_rad)
     sigma = np.hypot(sigma, _HEADING_CHANGE_RADPS * np.where(np.isfinite(kept), heading_age, 0.0))
     return Ins(speed, speed_age, kept, sigma, heading_age, share, offset)
@@ -111,7 +111,7 @@ def course(epochs: Epochs, min_speed_mps: float) -> tuple[Floats, Floats]:
 def yaw_heading(epochs: Epochs, align: bool) -> tuple[Floats, float]:
     """The yaw sensor as a heading, shape (n,), and by how much it was turned to meet the course, rad.
 
-    A sensor that sits askew, or counts from where it was switched on, is off by one angle all along: the median of
+    A misaligned sensor, or one that counts from where it was switched on, is off by one angle all along: the median of
     course minus yaw over the drive. Too few courses, or ``align`` False, leave it as it is.
     """
     yaw = wrap_angle(np.pi / 2 - epochs.yaw_rad)
@@ -135,7 +135,7 @@ def gyro_heading(epochs: Epochs) -> Floats:
     anchor, sigma = course(epochs, _ANCHOR_SPEED_MPS)
     moments: tuple[Floats, Floats] | None = None
     for e in range(len(epochs)):
-        if epochs.after_gap[e]:
+        if epochs.after_outage[e]:
             moments = None
         if moments is not None:
             moments = _turned(epochs, e, moments)
@@ -191,7 +191,7 @@ def _elapsed(epochs: Epochs, counts: NDArray[np.bool_] | None = None) -> Floats:
 def _held(
     values: Floats, elapsed_s: Floats, restart: NDArray[np.bool_], hold_s: float
 ) -> tuple[Floats, Floats]:
-    """Values with gaps filled by the one before for up to ``hold_s``, and their ages; no further than a restart."""
+    """Values with outages filled by the one before for up to ``hold_s``, and their ages; no further than a restart."""
     index = np.arange(len(values))
     last = np.maximum.accumulate(np.where(np.isfinite(values), index, -1))
     start = np.maximum.accumulate(np.where(restart, index, 0))
@@ -215,7 +215,7 @@ def build_drive(epochs: Epochs, ins: Ins, options: GpsInsOptions) -> Drive:
         heading_rad=heading,
         heading_sigma_rad=ins.heading_sigma_rad,
         spread_m=_spread(epochs, ins),
-        restart=epochs.after_gap,
+        restart=epochs.after_outage,
     )
 
 

@@ -69,7 +69,7 @@ class GpsInsMethod:
             readings = gnss_heights(epochs, climb, options)
         else:
             readings = _ground(network, terrain, epochs, plane, climb, options)
-        heights = filter_heights(epochs.time_s, epochs.after_gap, climb, readings, options.restart_after)
+        heights = filter_heights(epochs.time_s, epochs.after_outage, climb, readings, options.restart_after)
         track = _track(network, epochs, plane, climb, heights, options)
         mount_sigma = mount.sigma if mount.known and np.isfinite(epochs.pitch_rad).any() else 0.0
         slopes = line_slopes(track, _SHARES, mount_sigma, options.min_epochs)
@@ -153,7 +153,7 @@ def _track(
     return Track(
         segment=plane.match.segment[keep],
         has_gnss=epochs.has_gnss[keep],
-        after_gap=np.diff(stretch, prepend=-1) > 0,
+        after_outage=np.diff(stretch, prepend=-1) > 0,
         **{name: column[keep] for name, column in columns.items()},
     )
 

@@ -32,7 +32,7 @@ class _Rules(NamedTuple):
     start_margin: float
     doubt: float
     patience: int
-    gap_s: float
+    outage_s: float
     fastest_mps: float
 
 
@@ -50,9 +50,9 @@ class Topological(PointMatcher):
     ``radius_m``: no place farther than that is a candidate, m. An anchor's weight is at most ``start_cost``, and
     that of any place that cannot be reached from it within ``slack_m`` at least ``start_margin`` more. The vehicle
     is lost after ``patience`` positions in a row without a candidate or with one that weighs ``doubt`` more than the
-    best place anywhere, or after ``gap_s`` (s) without a match; then another anchor is sought. A position that is
+    best place anywhere, or after ``outage_s`` (s) without a match; then another anchor is sought. A position that is
     no anchor, or at which the vehicle gets lost, has no match: between matches of neighbouring positions no more
-    than ``gap_s`` apart there is always such a way. Without headings the direction of driving is that of the way; on
+    than ``outage_s`` apart there is always such a way. Without headings the direction of driving is that of the way; on
     the first road it is the one in which that was drawn, and turning round is not seen before the next junction.
     """
 
@@ -68,7 +68,7 @@ class Topological(PointMatcher):
     start_margin: float = 1.0
     doubt: float = 3.0
     patience: int = 3
-    gap_s: float = 180.0
+    outage_s: float = 180.0
     fastest_mps: float = 70.0
 
     name: ClassVar[str] = "topological"
@@ -198,7 +198,7 @@ def _follow(
     chosen = np.full(n, _NONE)
     last, at, misses = _NONE, -1, 0
     for k in range(n):
-        if last != _NONE and time[k] - time[at] > rules.gap_s:
+        if last != _NONE and time[k] - time[at] > rules.outage_s:
             last = _NONE
         if last == _NONE:
             last, at, misses = _anchor(graph, places, k, ahead, behind, rules), k, 0

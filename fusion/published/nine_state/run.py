@@ -49,7 +49,7 @@ class DriveRun:
         """Process every epoch in order."""
         for e in range(len(self.epochs)):
             progress("filter", e / len(self.epochs))
-            if self.epochs.after_gap[e]:
+            if self.epochs.after_outage[e]:
                 self._last = None
             if self._last is None and not self._start(e):
                 continue

@@ -87,7 +87,7 @@ class EpochRows(NamedTuple):
             segment=rows.segment,
             distance_m=distance,
             has_gnss=epochs.has_gnss[self.done],
-            after_gap=rows.start,
+            after_outage=rows.start,
         )
 
     def report(self, epochs: Epochs) -> dict[str, object]:

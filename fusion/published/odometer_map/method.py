@@ -185,7 +185,7 @@ def _for_slopes(run: DriveRun, track: Track, shares: ErrorShares) -> Track:
     measured = track.has_gnss | run.rows.ground[run.rows.done]
     fallen = np.maximum(-np.diff(track.alt_sigma_m, prepend=track.alt_sigma_m[0]), 0.0)
     way = np.maximum(track.speed_mps * np.diff(track.time_s, prepend=track.time_s[0] - 1.0), 1.0)
-    climb = np.where(track.after_gap, 0.0, fallen / way) / shares.grade
+    climb = np.where(track.after_outage, 0.0, fallen / way) / shares.grade
     return replace(
         track,
         alt_m=np.where(measured, track.alt_m, np.nan),

@@ -1,6 +1,6 @@
 """From a log's cumulative wheel rotations to what each wheel turned between two epochs, and to a filter's readings.
 
-Resets and gaps of the counters end here; what a rotation says about the motion is the filter's.
+Resets and outages of the counters end here; what a rotation says about the motion is the filter's.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ class WheelSensors(Sensors):
 
 
 def rotations_between(log: DriveLog, epochs: Epochs) -> Rotations:
-    """Rotations at the epochs of a drive, each (n,): the counters read between their samples, never across gaps."""
+    """Rotations at the epochs of a drive, each (n,): the counters read between their samples, never across outages."""
     left, right = (
-        _steps(log.odometry.time_s, column, log.gaps_s, epochs.time_s)
+        _steps(log.odometry.time_s, column, log.outages_s, epochs.time_s)
         for column in (log.odometry.wheel_left_rad, log.odometry.wheel_right_rad)
     )
     return Rotations(left, right)
@@ -87,13 +87,13 @@ def _mean_with_previous(values: Floats) -> Floats:
     return 0.5 * (before + values)
 
 
-def _steps(time_s: Floats, counter_rad: Floats, gaps_s: Floats, epochs_s: Floats) -> Floats:
+def _steps(time_s: Floats, counter_rad: Floats, outages_s: Floats, epochs_s: Floats) -> Floats:
     known = np.isfinite(counter_rad)
     time_s, counter_rad = time_s[known], counter_rad[known]
     unknown = np.full(len(epochs_s), np.nan)
     if len(time_s) < 2:
         return unknown
-    whole = _unbroken(time_s, counter_rad, gaps_s)
+    whole = _unbroken(time_s, counter_rad, outages_s)
     total = np.concatenate([[0.0], np.cumsum(np.where(whole, np.diff(counter_rad), 0.0))])
     run = np.concatenate([[0], np.cumsum(~whole)])
     here = np.interp(epochs_s, time_s, total, left=np.nan, right=np.nan)
@@ -105,16 +105,16 @@ def _steps(time_s: Floats, counter_rad: Floats, gaps_s: Floats, epochs_s: Floats
     return steps
 
 
-def _unbroken(time_s: Floats, counter_rad: Floats, gaps_s: Floats) -> NDArray[np.bool_]:
-    """Whether a counter went on from one sample to the next, (n - 1,): no gap, no reset, no step like no other.
+def _unbroken(time_s: Floats, counter_rad: Floats, outages_s: Floats) -> NDArray[np.bool_]:
+    """Whether a counter went on from one sample to the next, (n - 1,): no outage, no reset, no step like no other.
 
     A counter that begins anew or wraps jumps by more than wheels turn, or at least turns unlike before and after.
     """
     step_s = np.diff(time_s)
     rate = np.diff(counter_rad) / step_s
     whole = (step_s <= _LONGEST_STEPS * float(np.median(step_s))) & (np.abs(rate) <= _FASTEST_RADPS)
-    for gap in gaps_s.tolist():
-        whole[(time_s[:-1] < gap) & (time_s[1:] >= gap)] = False
+    for outage in outages_s.tolist():
+        whole[(time_s[:-1] < outage) & (time_s[1:] >= outage)] = False
     if len(rate) > 1:
         around_s = 0.5 * (step_s[1:] + step_s[:-1])
         change = np.abs(np.diff(rate)) > _QUICKEST_RADPS2 * around_s + _JITTER_RAD / around_s

@@ -76,7 +76,7 @@ class KalmanRun:
     def _drive(self) -> Drive:
         ep = self.epochs
         fix = np.column_stack([ep.x_m, ep.y_m, ep.alt_m])
-        return Drive(ep.time_s, ep.after_gap, ep.has_gnss, fix, ep.speed_mps, self._start_altitude())
+        return Drive(ep.time_s, ep.after_outage, ep.has_gnss, fix, ep.speed_mps, self._start_altitude())
 
     def _start_altitude(self) -> Floats:
         """The fix's own, else that of the ground with the antenna above it."""

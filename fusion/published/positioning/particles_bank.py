@@ -1,6 +1,6 @@
 """What the particle solvers share: particles with a mean and a covariance each, and the round from epoch to epoch.
 
-A solver brings one step: what an epoch with satellites enough does to predicted particles. Start, gaps, resampling,
+A solver brings one step: what an epoch with satellites enough does to predicted particles. Start, outages, resampling,
 the estimate and its covariance are here.
 """
 
@@ -34,7 +34,7 @@ from fusion.gnss.solvers.ekf import (
 from fusion.gnss.solvers.state import CLOCK, Frame, Rows, cn0_variance, process_noise, start, states
 from fusion.published.positioning.particles_each import draw_each, follow
 from fusion.registry import RequestMost
-from fusion.types import LONGEST_BRIDGED_GAP_S, Floats, Ints, Progress
+from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Floats, Ints, Progress
 
 SETTLE_S = 5.0
 """How long one Kalman filter runs before particles are drawn from it: a clock's drift that may be anything within 300
@@ -183,7 +183,7 @@ class _Round:
     ) -> tuple[Floats, Floats, Floats] | None:
         """Begin, begin anew or go on; None as long as nothing is known."""
         dt_s = float(time_s[k] - time_s[max(k - 1, 0)])
-        lost = dt_s > LONGEST_BRIDGED_GAP_S or np.trace(self.shadow[:2, :2]) > LOST_M**2
+        lost = dt_s > LONGEST_BRIDGED_OUTAGE_S or np.trace(self.shadow[:2, :2]) > LOST_M**2
         if (math.isnan(self.since_s) or lost) and enough and self.begin(k):
             return *self.bank.estimate()[:2], np.full(self.rows.first[k + 1] - self.rows.first[k], np.nan)
         return None if math.isnan(self.since_s) else self.go_on(k, dt_s, unseen_m2, enough)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 from app.cli import app
 from app.map.outputs import OUTPUTS
 from fusion.formats import read_log
-from fusion.report import with_twin
+from fusion.report import with_duplicate
 from fusion.simulate.bundle import Bundle, write_all
 from fusion.terrain.datum import MEAN_SEA_LEVEL
 
@@ -58,7 +58,7 @@ def test_a_drive_in_two_formats_is_heard_once(bundle: Bundle, tmp_path: Path) ->
             (again,) = (one for one in json.loads(report.read_text())["logs"] if one["file"] == str(poor))
             said.append(again["report"]["warnings"][-1])
             assert f"{poor}: {said[-1]}" in both.stderr
-    assert said == with_twin([], str(bundle.drives[0])) * 4
+    assert said == with_duplicate([], str(bundle.drives[0])) * 4
 
 
 def test_surveyed_heights_bring_their_datum(bundle: Bundle, tmp_path: Path) -> None:

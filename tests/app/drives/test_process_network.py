@@ -139,7 +139,7 @@ def test_workers_at_once_end_where_one_after_the_other_does(bench: Workbench, se
     assert_same(at_once, rows_of(bench.sessions))
 
 
-@pytest.mark.parametrize(("module", "last"), [(queue, "enqueue_solve"), (swap, "take_away")])
+@pytest.mark.parametrize(("module", "last"), [(queue, "enqueue_solve"), (swap, "delete_marks")])
 def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
     bench: Workbench,
     send: Send,
@@ -163,7 +163,7 @@ def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
     assert process.is_connection_loss(caught.value)
     assert (rows_of(sessions), rows_of(sessions, "network_slopes")) == before
     with sessions() as session:
-        assert bool(segments.drive_segment_rows(session, drive.id)) == (last == "take_away")
+        assert bool(segments.drive_segment_rows(session, drive.id)) == (last == "delete_marks")
     process_drive(bench, drive.id, 1)
     assert drive_now(bench, drive.id).status == "done"
     assert rows_of(sessions) != before[0]

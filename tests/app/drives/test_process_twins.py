@@ -91,7 +91,7 @@ def fused(roads: Path, logs: Logs, folder: Path) -> dict[str, str]:
         path = folder / name
         path.write_bytes(content)
         fusion.add(path)
-    again = solve_network(fusion.roads, None, fusion.fused).repeated
+    again = solve_network(fusion.roads, None, fusion.fused).duplicates
     names = list(logs)
     return {names[k]: names[other] for k, other in again.items()}
 

@@ -23,7 +23,7 @@ def make_track(values: np.ndarray, segment: np.ndarray, has_gnss: np.ndarray) ->
             spec.name: segment
             if spec.name == "segment"
             else has_gnss
-            if spec.name in ("has_gnss", "after_gap")
+            if spec.name in ("has_gnss", "after_outage")
             else next(columns)
             for spec in fields(Track)
         }

@@ -16,7 +16,7 @@ from app.drives import store as drives
 from app.network import duplicates
 from app.network.settle import settle_network
 from fusion.network import duplicates as same_drives
-from fusion.network.duplicates import Witness, same_drive
+from fusion.network.duplicates import DriveTrace, is_duplicate
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import (
@@ -119,7 +119,7 @@ def test_the_report_of_the_one_that_is_not_heard_says_so(
         told = {one: drives.get_drive(session, one) for one in (weak, strong)}
     first, second = told[weak].report["warnings"]  # type: ignore[union-attr, index]
     assert first == "first"
-    assert f"the same drive as {strong}" in second
+    assert f"a duplicate of {strong}" in second
     assert told[strong].report["warnings"] == ["first"]  # type: ignore[union-attr, index]
 
 
@@ -200,12 +200,12 @@ def test_the_cost_of_a_copy_does_not_grow_with_the_square_of_their_number(
         drive(sessions, chain(), segment_ids, 5, k / 1000)
     compared = []
 
-    def counted(one: Witness, other: Witness) -> bool:
+    def counted(one: DriveTrace, other: DriveTrace) -> bool:
         compared.append(1)
-        return same_drive(one, other)
+        return is_duplicate(one, other)
 
-    monkeypatch.setattr(duplicates, "same_drive", counted)
-    monkeypatch.setattr(same_drives, "same_drive", counted)
+    monkeypatch.setattr(duplicates, "is_duplicate", counted)
+    monkeypatch.setattr(same_drives, "is_duplicate", counted)
     last = drive(sessions, chain(), segment_ids, 9 if better else 5, COPIES / 1000)
     assert (duplicate_of(sessions, last) is None) == better
     assert len(compared) <= (3 * COPIES if better else 2)
@@ -222,7 +222,7 @@ def test_what_is_decided_one_by_one_is_what_is_decided_at_once(
         drive(sessions, chain(), segment_ids, rows, apart_s, first)
     with sessions() as session:
         every = set(session.execute(text("SELECT id FROM drives")).scalars())
-        rows_, again = duplicates._decided(session, duplicates._together(session, every))
+        rows_, again = duplicates._assign(session, duplicates._connected(session, every))
         assert {row.id for row in rows_} == every
         named = {row.id: rows_[again[k]].id if k in again else None for k, row in enumerate(rows_)}
         assert {row.id: row.duplicate_of for row in rows_} == named

@@ -112,17 +112,17 @@ def test_pauses_of_the_timer_are_gaps(shared_data: Path) -> None:
         g.timer(seconds(72), g.STOPPED), g.timer(seconds(80), g.STARTED),
         *(g.record(seconds(k)) for k in range(75, 90)),
     ])  # fmt: skip
-    assert (read_log(ride).gaps_s - START_S).tolist() == [60]
+    assert (read_log(ride).outages_s - START_S).tolist() == [60]
     log = read_log(shared_data / "formats" / f"{RIDES[1]}.fit")
     steps = np.diff(log.fix.time_s)
-    assert 40 < len(log.gaps_s) <= 57
-    assert np.isin(log.fix.time_s[1:][steps > 60], log.gaps_s).all()
+    assert 40 < len(log.outages_s) <= 57
+    assert np.isin(log.fix.time_s[1:][steps > 60], log.outages_s).all()
 
 
 def test_a_chain_of_files_is_one_drive_with_gaps_between() -> None:
     log = read_log(g.drive_fit() + g.drive_fit(start=seconds(100)))
     assert len(log.fix) == 40
-    assert (log.gaps_s - START_S).tolist() == [100]
+    assert (log.outages_s - START_S).tolist() == [100]
     broken = bytearray(g.drive_fit())
     broken[40] = 0x09  # a message of a kind that nothing has defined
     log = read_log(bytes(broken) + g.drive_fit(start=seconds(100)))

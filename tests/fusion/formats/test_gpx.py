@@ -159,10 +159,10 @@ def test_a_long_track_takes_little_time_and_memory(make: SimpleNamespace) -> Non
 
 
 def test_tracks_and_segments_are_gaps(make: SimpleNamespace) -> None:
-    assert len(read_log(make.gpx(segments=1)).gaps_s) == 0
-    assert read_log(make.gpx(segments=3)).gaps_s - make.start_s == pytest.approx([100, 200])
+    assert len(read_log(make.gpx(segments=1)).outages_s) == 0
+    assert read_log(make.gpx(segments=3)).outages_s - make.start_s == pytest.approx([100, 200])
     two_tracks = make.gpx(segments=2).replace(b"</trkseg>\n<trkseg>", b"</trkseg></trk>\n<trk><trkseg>")
-    assert read_log(two_tracks).gaps_s - make.start_s == pytest.approx([100])
+    assert read_log(two_tracks).outages_s - make.start_s == pytest.approx([100])
 
 
 def test_without_any_time_or_track_the_reason_is_said(make: SimpleNamespace) -> None:

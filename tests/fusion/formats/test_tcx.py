@@ -25,11 +25,11 @@ def test_points_altitudes_and_speeds() -> None:
 
 
 def test_pauses_are_gaps_and_laps_are_none() -> None:
-    assert len(read_log(g.tcx([[g.track(0, 5)], [g.track(5, 5)]])).gaps_s) == 0
-    assert (read_log(g.tcx([[g.track(0, 5), g.track(5, 5)]])).gaps_s - START_S).tolist() == [5]
-    assert (read_log(g.tcx([[g.track(0, 5)], [g.track(50, 5)]])).gaps_s - START_S).tolist() == [50]
+    assert len(read_log(g.tcx([[g.track(0, 5)], [g.track(5, 5)]])).outages_s) == 0
+    assert (read_log(g.tcx([[g.track(0, 5), g.track(5, 5)]])).outages_s - START_S).tolist() == [5]
+    assert (read_log(g.tcx([[g.track(0, 5)], [g.track(50, 5)]])).outages_s - START_S).tolist() == [50]
     assert (
-        read_log(g.tcx([[g.track(0, 5), g.track(20, 5)], [g.track(25, 5)]])).gaps_s - START_S
+        read_log(g.tcx([[g.track(0, 5), g.track(20, 5)], [g.track(25, 5)]])).outages_s - START_S
     ).tolist() == [20]
 
 

@@ -125,7 +125,7 @@ def test_a_gap_breaks_the_path_and_an_outage_in_a_tunnel_does_not() -> None:
     match = match_drive(network, later, *hidden)
     check(network, match, later, *hidden)
     assert match.run.max() == 1
-    assert [b.reason for b in match.breaks] == ["gap in the recording"]
+    assert [b.reason for b in match.breaks] == ["outage of the recording"]
 
 
 def test_parallel_carriageways_are_told_apart_by_where_they_lead() -> None:

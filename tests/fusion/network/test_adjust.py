@@ -31,7 +31,7 @@ def assert_as_dense(table: RoadTable, drives: Drives, terrain: Terrain | None = 
     assert np.abs((found.slope_percent - slope) / sigma).max() < 1e-6
     assert found.slope_sigma_percent == pytest.approx(sigma, rel=1e-6)
     named = [(d, p.sequence) for d in sorted(drives) for p in sorted(drives[d], key=lambda p: p.sequence)]
-    assert found.heard == dict(zip(named, dense.heard(), strict=True))
+    assert found.accepted == dict(zip(named, dense.accepted(), strict=True))
     assert found.lag_s == pytest.approx({d: dense.solution[u] for d, u in dense.lag.items()}, abs=1e-6)
     return found
 

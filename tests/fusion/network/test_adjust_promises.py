@@ -177,8 +177,8 @@ def test_a_drive_that_contradicts_the_others_is_rejected_and_shown() -> None:
     assert found.rejected.tolist() == [1] * 4
     assert found.passes.tolist() == [4] * 4
     assert found.observations.tolist() == without.observations.tolist()
-    assert [found.heard[9, row] for row in range(4)] == [False] * 4
-    assert all(found.heard[d, row] for d in fair for row in range(4))
+    assert [found.accepted[9, row] for row in range(4)] == [False] * 4
+    assert all(found.accepted[d, row] for d in fair for row in range(4))
     # It has a weight of nearly nothing, not of nothing: a verdict may turn when more drives come.
     apart = np.abs(found.slope_percent - without.slope_percent) / without.slope_sigma_percent
     assert apart.max() < 0.5
@@ -196,8 +196,8 @@ def test_the_verdict_turns_when_others_agree_with_the_rejected_one() -> None:
     ]
     few = adjust(table, {0: flat[0], 1: flat[1], 2: skewed[0]})
     many = adjust(table, dict(enumerate([*flat, *skewed])))
-    assert [few.heard[d, 0] for d in range(3)] == [True, True, False]
-    assert [many.heard[d, 0] for d in range(8)] == [False] * 2 + [True] * 6
+    assert [few.accepted[d, 0] for d in range(3)] == [True, True, False]
+    assert [many.accepted[d, 0] for d in range(8)] == [False] * 2 + [True] * 6
 
 
 def test_a_pass_over_a_part_speaks_of_the_whole_and_contradicts_no_whole_one() -> None:
@@ -217,7 +217,7 @@ def test_a_pass_over_a_part_speaks_of_the_whole_and_contradicts_no_whole_one() -
     assert abs(one.slope_percent[1]) < 1.96 * one.slope_sigma_percent[1]
     assert one.driven_share[1] == pytest.approx(0.25, abs=0.01)
     mixed = adjust(table, {**{k: drive(quarter) for k in range(3)}, 3: drive(None)})
-    assert all(mixed.heard.values())
+    assert all(mixed.accepted.values())
     assert abs(mixed.slope_percent[1]) < 0.3
     assert mixed.driven_share[1] == 1.0
     assert mixed.slope_sigma_percent[1] < 0.3 * one.slope_sigma_percent[1]

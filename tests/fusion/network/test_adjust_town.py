@@ -13,9 +13,9 @@ from fusion.formats import read_log
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
+from fusion.network.subnetwork import gap_rows
 from fusion.network.terrain import Terrain
 from fusion.network.unknowns import RoadUnknowns, knot_positions
-from fusion.network.window import gap_rows
 from fusion.pipeline import run_drive
 from fusion.roads.table import RoadTable
 from fusion.simulate.drive import simulate_drive
@@ -104,16 +104,16 @@ def test_drives_solved_together_are_right_about_the_town_and_about_themselves(dr
     assert np.mean(off <= 1.96 * found.slope_sigma_percent[gaps]) > 0.9
 
 
-def test_passes_are_heard_but_for_a_few(driven: Driven) -> None:
+def test_passes_are_accepted_but_for_a_few(driven: Driven) -> None:
     _, found = driven.solve(range(7))
-    assert np.mean([not good for good in found.heard.values()]) < 0.02
+    assert np.mean([not good for good in found.accepted.values()]) < 0.02
 
 
 def test_the_order_of_arrival_does_not_matter(driven: Driven) -> None:
     _, first = driven.solve(range(7))
     _, turned = driven.solve((4, 6, 1, 0, 5, 3, 2))
     assert apart(first, turned) < SETTLED
-    assert first.heard == turned.heard
+    assert first.accepted == turned.accepted
 
 
 def test_the_numbers_of_drives_do_not_matter(driven: Driven) -> None:

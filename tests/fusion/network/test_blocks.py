@@ -66,7 +66,7 @@ def test_a_town_in_blocks_is_the_town(count: int) -> None:
     found = adjust(table, drives, terrain, blocks=partition)
     assert apart(found, whole) < 1e-9
     assert found.slope_sigma_percent == pytest.approx(whole.slope_sigma_percent, rel=1e-9)
-    assert found.heard == whole.heard
+    assert found.accepted == whole.accepted
 
 
 @pytest.mark.slow

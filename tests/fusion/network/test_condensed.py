@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from factor_support import Sensors, driven, graded, steady, street
 from fusion.network.adjust import adjust
-from fusion.network.condensed import PassSum, condensed
+from fusion.network.condensed import CondensedPasses, condense
 from fusion.network.curve import knot_length
 from fusion.network.drive_beliefs import LAG_MEAN_S, LAG_SIGMA_S
-from fusion.network.outside_passes import FREE_INFORMATION, ConstantsSaid
+from fusion.network.outside_passes import FREE_INFORMATION, ConstantsInformation
 from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, LAG, NUISANCES, SETTINGS, PassFactor
 from fusion.network.road_beliefs import GRADE_SIGMA
 from fusion.network.segment_slopes import Adjustment
@@ -45,11 +45,11 @@ def drive(seed: int, sensors: Sensors = WITH_ALL) -> list[PassFactor]:
     return [replace(p, place=k // 2) for k, p in enumerate(passes)]
 
 
-def sum_of(passes: Sequence[PassFactor], row: int, weight: float = 1.0) -> PassSum:
+def sum_of(passes: Sequence[PassFactor], row: int, weight: float = 1.0) -> CondensedPasses:
     """What one drive says of a row."""
     mine = [p for p in passes if p.segment == row]
-    return PassSum.of_drive(
-        mine, [weight] * len(mine), ConstantsSaid.of_passes(passes), len(passes), length_of(TABLE, row)
+    return CondensedPasses.of_drive(
+        mine, [weight] * len(mine), ConstantsInformation.of_passes(passes), len(passes), length_of(TABLE, row)
     )
 
 
@@ -121,8 +121,8 @@ def test_what_is_left_of_a_pass_is_what_dense_algebra_leaves(
     seed: int, sensors: Sensors, k: int, weight: float, share: float
 ) -> None:
     passes = drive(seed, sensors)
-    elsewhere = ConstantsSaid.of_passes(passes) - ConstantsSaid.of_passes([passes[k]])
-    information, vector = condensed(passes[k], weight, elsewhere, share)
+    elsewhere = ConstantsInformation.of_passes(passes) - ConstantsInformation.of_passes([passes[k]])
+    information, vector = condense(passes[k], weight, elsewhere, share)
     wanted, right = dense(passes, k, weight, share)
     scale = np.sqrt(np.maximum(np.diagonal(wanted), 1e-6))
     assert np.abs((information - wanted) / np.outer(scale, scale)).max() < 1e-6
@@ -144,14 +144,14 @@ def test_what_is_added_and_taken_off_leaves_nothing(seeds: list[int], data: st.D
     assert np.array_equal(left.covered, np.zeros(len(left.covered)))
     assert np.abs(left.information).max() <= 1e-14 * len(made) * np.abs(whole.information).max()
     assert np.abs(left.vector).max() <= 1e-14 * len(made) * max(np.abs(one.vector).max() for one in made)
-    again = PassSum.decode(whole.encode())
+    again = CondensedPasses.decode(whole.encode())
     assert all(
         np.array_equal(a, b)
-        for a, b in ((getattr(again, f.name), getattr(whole, f.name)) for f in fields(PassSum))
+        for a, b in ((getattr(again, f.name), getattr(whole, f.name)) for f in fields(CondensedPasses))
     )
 
 
-def test_a_pass_that_is_not_heard_adds_nothing() -> None:
+def test_a_pass_that_is_not_accepted_adds_nothing() -> None:
     one = sum_of(drive(1), 1, 0.0)
     assert (one.passes, one.drives, one.observations, one.rows) == (0, 0, 0, 0.0)
     assert not one.information.any()
@@ -167,9 +167,11 @@ def with_sums(
         length, parts = length_of(TABLE, row), []
         for d in range(old):
             mine = [p for p in drives[d] if p.segment == row]
-            weight = [every.weight[d, p.sequence] * every.heard[d, p.sequence] for p in mine]
+            weight = [every.weight[d, p.sequence] * every.accepted[d, p.sequence] for p in mine]
             parts.append(
-                PassSum.of_drive(mine, weight, ConstantsSaid.of_passes(drives[d]), len(drives[d]), length)
+                CondensedPasses.of_drive(
+                    mine, weight, ConstantsInformation.of_passes(drives[d]), len(drives[d]), length
+                )
             )
         whole = parts[0]
         for one in parts[1:]:
@@ -213,7 +215,7 @@ def test_sums_of_passes_without_errors_of_drives_are_exact() -> None:
 def test_a_road_that_was_rebuilt_is_what_the_newest_drives_say(old: int) -> None:
     """However many passes over the old one are in the sum."""
     flat, steep = steady(TABLE, 1, 2.0, 0.01), steady(TABLE, 1, 9.0, 0.01)
-    one = PassSum.of_drive([flat], [1.0], ConstantsSaid.nothing(), 1, length_of(TABLE, 1))
+    one = CondensedPasses.of_drive([flat], [1.0], ConstantsInformation.nothing(), 1, length_of(TABLE, 1))
     whole = replace(
         one, information=old * one.information, vector=old * one.vector, rows=old * one.rows,
         log_roughness=old * one.log_roughness, covered=old * one.covered, passes=old, drives=old,
@@ -222,9 +224,9 @@ def test_a_road_that_was_rebuilt_is_what_the_newest_drives_say(old: int) -> None
     said[8] = [whole.factor(1, length_of(TABLE, 1))]
     found = adjust(TABLE, said)
     assert found.slope_percent[1] == pytest.approx(9.0, abs=0.1)
-    assert not found.heard[8, 0]
-    assert all(found.heard[k, 0] for k in range(8))
+    assert not found.accepted[8, 0]
+    assert all(found.accepted[k, 0] for k in range(8))
     odd = adjust(TABLE, {**said, **{k: [flat] for k in range(5)}})  # most of the newest say what the sum says
     assert odd.slope_percent[1] == pytest.approx(2.0, abs=0.1)
-    assert odd.heard[8, 0]
+    assert odd.accepted[8, 0]
     assert (odd.passes[1], odd.rejected[1]) == (old + 5, 3)

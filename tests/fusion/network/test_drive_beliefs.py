@@ -1,4 +1,4 @@
-"""What drives say: errors that go on from pass to pass, jumps that are let go, passes that are not heard."""
+"""What drives say: errors that go on from pass to pass, jumps that are let go, passes that are not accepted."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_a_jump_between_two_passes_is_let_go_where_it_happens() -> None:
     found, clean = (adjust(STREET, {0: p, **others}) for p in (jumped, passes))
     moved = np.abs(found.slope_percent - clean.slope_percent)
     assert moved.max() < 0.05
-    assert all(found.heard.values())
+    assert all(found.accepted.values())
     weight = learned({0: jumped, **others}).walks.weight
     assert int(np.argmin(weight)) == 11
     assert weight[11] < 0.01 * np.median(weight)
@@ -185,7 +185,7 @@ def test_the_misfit_of_honest_passes_is_about_one() -> None:
     road = RoadBeliefs(STREET, [p for d in drives.values() for p in d])
     misfit = np.concatenate(DriveBeliefs(drives, road.unknowns).misfits(result.solution))
     assert np.mean(misfit) == pytest.approx(1.0, abs=0.15)
-    assert all(result.heard.values())
+    assert all(result.accepted.values())
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 3.0])
@@ -213,4 +213,4 @@ def test_what_drives_are_called_and_the_order_of_their_passes_change_nothing() -
     one = adjust(STREET, drives)
     other = adjust(STREET, {2: drives[2][::-1], 5: drives[5][::-1]})
     assert np.array_equal(one.slope_percent, other.slope_percent)
-    assert one.heard == other.heard
+    assert one.accepted == other.accepted

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion.network.duplicates import Witness, repeated, same_drive
+from fusion.network.duplicates import DriveTrace, find_duplicates, is_duplicate
 
 T0_S = 1_700_000_000.0
 SEGMENTS = 40
@@ -26,7 +26,7 @@ def drive(
     segments: range = range(SEGMENTS),
     measurements: int = 1000,
     seed: int | None = None,
-) -> Witness:
+) -> DriveTrace:
     """A drive over a street; entries are wrong by what positions are rounded to, or by a receiver's error (a seed)."""
     rng = np.random.default_rng(seed or 0)
     order = np.tile(np.array(segments), laps)
@@ -35,7 +35,7 @@ def drive(
     if seed is not None:
         entry += rng.normal(0, 1.5, len(entry)) / SPEED_MPS
     epochs = np.arange(begin_s + phase_s, entry[-1] + 3, period_s)
-    return Witness(order, entry, epochs, measurements)
+    return DriveTrace(order, entry, epochs, measurements)
 
 
 LOG = drive()
@@ -48,12 +48,12 @@ LOG = drive()
         pytest.param(drive(digits_m=1.0, measurements=300), id="GPX with five decimals"),
         pytest.param(drive(period_s=5.0, measurements=80), id="every fifth epoch"),
         pytest.param(drive(segments=range(30), measurements=750), id="cut off"),
-        pytest.param(Witness(LOG.segment, LOG.enter_s, np.empty(0), 1000), id="without its epochs"),
+        pytest.param(DriveTrace(LOG.segment, LOG.enter_s, np.empty(0), 1000), id="without its epochs"),
     ],
 )
-def test_a_drive_in_two_logs_is_one(other: Witness) -> None:
-    assert same_drive(LOG, other)
-    assert same_drive(other, LOG)
+def test_a_drive_in_two_logs_is_one(other: DriveTrace) -> None:
+    assert is_duplicate(LOG, other)
+    assert is_duplicate(other, LOG)
 
 
 @pytest.mark.parametrize(
@@ -65,25 +65,27 @@ def test_a_drive_in_two_logs_is_one(other: Witness) -> None:
         pytest.param(drive(segments=range(100, 140)), id="elsewhere"),
         pytest.param(drive(segments=range(35, 75)), id="a small part together"),
         pytest.param(drive(phase_s=0.4), id="other epochs"),
-        pytest.param(Witness(np.empty(0, np.int64), np.empty(0), np.empty(0), 0), id="nothing"),
+        pytest.param(DriveTrace(np.empty(0, np.int64), np.empty(0), np.empty(0), 0), id="nothing"),
     ],
 )
-def test_another_drive_is_another(other: Witness) -> None:
-    assert not same_drive(LOG, other)
-    assert not same_drive(other, LOG)
+def test_another_drive_is_another(other: DriveTrace) -> None:
+    assert not is_duplicate(LOG, other)
+    assert not is_duplicate(other, LOG)
 
 
 def test_two_receivers_in_a_vehicle_are_two_witnesses() -> None:
     receivers = {seed: drive(seed=seed) for seed in range(1, 21)}
-    assert repeated(receivers) == {}
+    assert find_duplicates(receivers) == {}
 
 
 def test_laps_of_one_drive_are_one_witness_by_themselves() -> None:
     """A log of three laps is one drive, and so is a log of its last lap."""
     laps = drive(laps=3)
-    last = Witness(laps.segment[80:], laps.enter_s[80:], laps.epoch_s[laps.epoch_s > laps.enter_s[80]], 300)
-    assert repeated({0: laps}) == {}
-    assert repeated({0: last, 1: laps}) == {0: 1}
+    last = DriveTrace(
+        laps.segment[80:], laps.enter_s[80:], laps.epoch_s[laps.epoch_s > laps.enter_s[80]], 300
+    )
+    assert find_duplicates({0: laps}) == {}
+    assert find_duplicates({0: last, 1: laps}) == {0: 1}
 
 
 def test_the_one_with_more_measurements_is_heard() -> None:
@@ -92,13 +94,13 @@ def test_the_one_with_more_measurements_is_heard() -> None:
         drive(measurements=2000),
         drive(begin_s=T0_S + 900),
     )
-    assert repeated({0: poor, 1: rich, 2: other}) == {0: 1}
-    assert repeated({0: rich, 1: other, 2: poor, 3: poor}) == {2: 0, 3: 0}
+    assert find_duplicates({0: poor, 1: rich, 2: other}) == {0: 1}
+    assert find_duplicates({0: rich, 1: other, 2: poor, 3: poor}) == {2: 0, 3: 0}
 
 
 @settings(max_examples=30)
 @given(st.permutations(range(6)))
 def test_the_order_of_logs_has_no_part_in_it(order: list[int]) -> None:
     logs = [drive(measurements=100 * k, begin_s=T0_S + 900 * (k % 3)) for k in range(6)]
-    found = repeated({place: logs[k] for place, k in enumerate(order)})
+    found = find_duplicates({place: logs[k] for place, k in enumerate(order)})
     assert {order[a]: order[b] for a, b in found.items()} == {0: 3, 1: 4, 2: 5}

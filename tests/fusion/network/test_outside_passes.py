@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fusion.network.adjust import adjust
 from fusion.network.drive_beliefs import DriveBeliefs
-from fusion.network.outside_passes import FREE_INFORMATION, ConstantsSaid
+from fusion.network.outside_passes import FREE_INFORMATION, ConstantsInformation
 from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, EAST, LAG, MOUNT, NUISANCES, PassFactor
 from fusion.network.road_beliefs import GRADE_SIGMA
 from fusion.network.segment_slopes import Adjustment
@@ -43,7 +43,7 @@ def integrated(one: PassFactor) -> tuple[np.ndarray, np.ndarray]:
     return left[np.ix_(constants, constants)].astype(float), left[constants, n].astype(float)
 
 
-def assert_same(left: ConstantsSaid, right: ConstantsSaid, rel: float = 1e-9) -> None:
+def assert_same(left: ConstantsInformation, right: ConstantsInformation, rel: float = 1e-9) -> None:
     assert left.keys.tolist() == right.keys.tolist()
     scale = np.sqrt(np.diagonal(right.information)) + 1e-9
     assert left.information / scale / scale[:, None] == pytest.approx(
@@ -57,7 +57,7 @@ def assert_same(left: ConstantsSaid, right: ConstantsSaid, rel: float = 1e-9) ->
 @given(seed=st.integers(0, 2**31))
 def test_a_pass_as_by_dense_integration(seed: int) -> None:
     one = some_passes(seed, 1)[0]
-    said = ConstantsSaid.of_passes([one])
+    said = ConstantsInformation.of_passes([one])
     information, vector = integrated(one)
     kinds = said.keys[:, 0]
     assert set(range(len(CONSTANTS))) - set(kinds.tolist()) == set(
@@ -72,13 +72,13 @@ def test_a_pass_as_by_dense_integration(seed: int) -> None:
 @given(seed=st.integers(0, 2**31), cut=st.integers(0, 12), mounts=st.integers(1, 3))
 def test_parts_add_up_in_any_order_and_can_be_taken_off(seed: int, cut: int, mounts: int) -> None:
     passes = some_passes(seed, 12, mounts)
-    whole = ConstantsSaid.of_passes(passes)
-    first, second = ConstantsSaid.of_passes(passes[:cut]), ConstantsSaid.of_passes(passes[cut:])
+    whole = ConstantsInformation.of_passes(passes)
+    first, second = ConstantsInformation.of_passes(passes[:cut]), ConstantsInformation.of_passes(passes[cut:])
     assert_same(first + second, whole)
     assert_same(second + first, whole)
     rest = whole - first
     left = [k for k, key in enumerate(rest.keys.tolist()) if key in second.keys.tolist()]
-    same_keys = ConstantsSaid(rest.keys[left], rest.information[np.ix_(left, left)], rest.vector[left])
+    same_keys = ConstantsInformation(rest.keys[left], rest.information[np.ix_(left, left)], rest.vector[left])
     assert_same(same_keys, second, 1e-6)
 
 
@@ -89,19 +89,19 @@ def test_passes_that_are_not_believed_say_nothing() -> None:
         replace(p, information=w * p.information, vector=w * p.vector)
         for p, w in zip(passes, weight, strict=True)
     ]
-    assert_same(ConstantsSaid.of_passes(passes, weight), ConstantsSaid.of_passes(believed))
+    assert_same(ConstantsInformation.of_passes(passes, weight), ConstantsInformation.of_passes(believed))
 
 
 @pytest.mark.parametrize("count", [0, 1, 9])
 def test_bytes_bring_back_every_bit(count: int) -> None:
-    said = ConstantsSaid.of_passes(some_passes(1, count, 2))
-    again = ConstantsSaid.decode(said.encode())
+    said = ConstantsInformation.of_passes(some_passes(1, count, 2))
+    again = ConstantsInformation.decode(said.encode())
     for name in ("keys", "information", "vector"):
         assert np.array_equal(getattr(again, name), getattr(said, name))
 
 
 def test_onto_some_of_the_constants_the_others_are_integrated_out() -> None:
-    said = ConstantsSaid.of_passes(some_passes(5, 10, 2))
+    said = ConstantsInformation.of_passes(some_passes(5, 10, 2))
     keys = [(MOUNT, 1), (LAG, 0), (MOUNT, 7)]
     information, vector = said.onto(keys)
     sigma = np.array(CONSTANT_SIGMA)[said.keys[:, 0]]
@@ -119,8 +119,8 @@ def test_onto_some_of_the_constants_the_others_are_integrated_out() -> None:
 def test_nothing_elsewhere_changes_nothing() -> None:
     table, drives = driven_town()
     plain = adjust(table, drives)
-    for elsewhere in ({}, {k: ConstantsSaid.nothing() for k in drives}):
-        found = adjust(table, drives, elsewhere=elsewhere)
+    for elsewhere in ({}, {k: ConstantsInformation.nothing() for k in drives}):
+        found = adjust(table, drives, outside=elsewhere)
         assert found.slope_percent == pytest.approx(plain.slope_percent, abs=1e-7)
         assert found.slope_sigma_percent == pytest.approx(plain.slope_sigma_percent, rel=1e-5)
 
@@ -132,8 +132,8 @@ def test_a_window_knows_of_a_mount_what_the_rest_of_the_drive_does(width: int) -
     rows = (table.lon0_deg < 8.5015) & (table.lat0_deg < 49.001)
     part, inside, outside = within(table, drives, rows)
     assert 10 < len(part) < len(table) / 4
-    said = {k: ConstantsSaid.of_passes(p) for k, p in outside.items()}
-    whole, plain, told = (adjust(table, drives), *(adjust(part, inside, elsewhere=e) for e in ({}, said)))
+    said = {k: ConstantsInformation.of_passes(p) for k, p in outside.items()}
+    whole, plain, told = (adjust(table, drives), *(adjust(part, inside, outside=e) for e in ({}, said)))
     mount, known = mounts(whole, table, drives, list(inside))
     error = [
         np.sqrt(np.mean(((mounts(f, part, inside, list(inside))[0] - mount) / known) ** 2))
@@ -156,8 +156,8 @@ def mounts(
 def test_of_what_passes_inside_alone_speak_of_nothing_is_left_outside() -> None:
     """Parts of a drive that lie wholly inside of a window are not tied to those outside."""
     passes = [replace(p, place=k // 4) for k, p in enumerate(some_passes(2, 12))]
-    left = ConstantsSaid.of_passes(passes) - ConstantsSaid.of_passes(passes[:6])
-    assert_same(left, ConstantsSaid.of_passes(passes[6:]), 1e-6)
+    left = ConstantsInformation.of_passes(passes) - ConstantsInformation.of_passes(passes[:6])
+    assert_same(left, ConstantsInformation.of_passes(passes[6:]), 1e-6)
     assert {int(place) for kind, place in left.keys.tolist() if kind == EAST} == {1, 2}
 
 
@@ -172,12 +172,12 @@ def test_windows_are_nearer_to_the_whole_with_what_is_said_elsewhere() -> None:
         part, inside, outside = within(table, drives, rows)
         assert 10 < len(part) < len(table) / 4
         whole = adjust(table, drives)
-        said = {k: ConstantsSaid.of_passes(p) for k, p in outside.items()}
+        said = {k: ConstantsInformation.of_passes(p) for k, p in outside.items()}
         # What lies between hangs on heights outside.
         driven = np.unique([p.segment for d in inside.values() for p in d])
         slope, sigma = whole.slope_percent[rows][driven], whole.slope_sigma_percent[rows][driven]
         without, with_it = (
-            np.mean(((adjust(part, inside, elsewhere=e).slope_percent[driven] - slope) / sigma) ** 2)
+            np.mean(((adjust(part, inside, outside=e).slope_percent[driven] - slope) / sigma) ** 2)
             for e in ({}, said)
         )
         off.append((float(without), float(with_it)))

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.network.condensed import PassSum
+from fusion.network.condensed import CondensedPasses
 from fusion.network.curve import grade_rows, height_rows, interval_count, slope_row, smoothness
-from fusion.network.outside_passes import ConstantsSaid
+from fusion.network.outside_passes import ConstantsInformation
 from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.network.transfer import Carrying, Ends
 from fusion.types import Floats
@@ -114,7 +114,7 @@ def test_passes_can_be_summed_before_or_after(length: float, shift: float) -> No
         return
     how = Carrying.between(ends(0, length), length, ends(0, new), new)
     one = measured(length)
-    whole = ConstantsSaid.of_passes([one, measured(length, 1)])
-    carried = PassSum.of_drive([how.factor(one, 7)], [1.0], whole, 40, how.new_m)
+    whole = ConstantsInformation.of_passes([one, measured(length, 1)])
+    carried = CondensedPasses.of_drive([how.factor(one, 7)], [1.0], whole, 40, how.new_m)
     assert np.linalg.eigvalsh(carried.information)[0] > -1e-6 * np.abs(carried.information).max()
     assert carried.covered.sum() == 16

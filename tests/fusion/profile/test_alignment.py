@@ -112,8 +112,8 @@ def test_holes_and_wild_values_do_no_harm(seed: int, lag_s: float, yaw_deg: floa
     found = lag_of(with_faults(ride(seed, lag_s=lag_s), rng))
     assert found.value == pytest.approx(lag_s, abs=max(0.03, 4 * found.sigma))
     assert found.sigma < 0.05
-    askew = with_faults(ride(seed, yaw_deg=yaw_deg), rng)
-    found = yaw_of(askew)
+    misaligned = with_faults(ride(seed, yaw_deg=yaw_deg), rng)
+    found = yaw_of(misaligned)
     assert found.value == pytest.approx(yaw_deg, abs=max(1.0, 4 * found.sigma))
 
 

@@ -193,7 +193,7 @@ def test_a_stretch_off_the_map_is_a_break() -> None:
     off = (track.time_s - START_S > 6.6 * SIDE_M / 10) & (track.time_s - START_S < 11.4 * SIDE_M / 10)
     assert not np.any(track.segment[off] >= 0)
     after = np.flatnonzero(track.time_s - START_S > 11.4 * SIDE_M / 10)[0]
-    assert track.after_gap[after]
+    assert track.after_outage[after]
     gap_s = 11.8 * SIDE_M / 10 - 6.2 * SIDE_M / 10
     waits = [b.first_time_s - a.last_time_s for a, b in itertools.pairwise(result.factors)]
     assert np.sum(np.array(waits) > 0.8 * gap_s) == 1, "heights go on across the break for as long as it took"
@@ -304,7 +304,7 @@ def test_a_pause_that_the_log_states_gets_no_slopes() -> None:
     log = street_log(time[keep], along[keep], hills, np.random.default_rng(7))
     begins = time[keep][np.argmax(np.diff(time[keep], prepend=time[0]))]
     joined, _, _ = run(log)
-    split, _, _ = run(replace(log, gaps_s=np.array([begins])))
+    split, _, _ = run(replace(log, outages_s=np.array([begins])))
     assert np.isfinite(joined[5:10]).all(), "a mere gap in the recording is bridged"
     assert np.isnan(split[5:10]).all()
     assert np.isfinite(split[:5]).all() and np.isfinite(split[10:]).all()

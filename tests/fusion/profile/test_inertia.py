@@ -1,4 +1,4 @@
-"""Inertial data that are late or askew: on roads with known slopes, and in the report."""
+"""Inertial data that are late or misaligned: on roads with known slopes, and in the report."""
 
 from __future__ import annotations
 

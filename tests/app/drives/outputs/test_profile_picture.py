@@ -53,7 +53,7 @@ def hill(n: int = 40, *, gap_at: int | None = 20) -> Track:
         segment=(np.arange(n) // 10).astype(np.int64),
         distance_m=11.0 * (np.arange(n) % 10),
         has_gnss=np.ones(n, bool),
-        after_gap=starts,
+        after_outage=starts,
     )
 
 
@@ -120,7 +120,7 @@ def test_the_grade_is_that_of_the_road_in_percent() -> None:
 @pytest.mark.parametrize("marked", [True, False])
 def test_nothing_is_drawn_across_an_interruption(marked: bool) -> None:
     track = hill()
-    p = profile(track if marked else replace(track, after_gap=np.zeros(len(track), bool)))
+    p = profile(track if marked else replace(track, after_outage=np.zeros(len(track), bool)))
     before, after = p.distance_m[19] / 1000, p.distance_m[20] / 1000
     assert after - before > 0.9
     for axes in pair(profile_figure(p, "a")):
@@ -132,7 +132,7 @@ def test_nothing_is_drawn_across_an_interruption(marked: bool) -> None:
 def test_a_start_without_a_pause_is_an_interruption_too() -> None:
     track = hill(gap_at=None)
     starts = np.arange(len(track)) == 25
-    p = profile(replace(track, after_gap=starts))
+    p = profile(replace(track, after_outage=starts))
     inside = 0.5 * (p.distance_m[24] + p.distance_m[25]) / 1000
     for axes in pair(profile_figure(p, "a")):
         assert not [span for span in drawn_spans_km(axes) if span[0] < inside < span[1]]

@@ -42,7 +42,7 @@ def track(
         segment=np.asarray(segment, np.int64),
         distance_m=np.asarray(distance, float),
         has_gnss=np.ones(n, bool),
-        after_gap=np.zeros(n, bool),
+        after_outage=np.zeros(n, bool),
     )
 
 

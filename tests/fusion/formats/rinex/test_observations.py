@@ -173,7 +173,7 @@ def test_power_failures_are_gaps() -> None:
     for second, flag in ((15, 1), (16, 0), (50, 1)):
         lines += [f"> 2023 11 07 23 43 {second:2}.0000000  {flag}  1", row("G01", 2e7)]
     log = read(lines)
-    assert log.gaps_s.tolist() == [1699400630.0 - 18]
+    assert log.outages_s.tolist() == [1699400630.0 - 18]
     assert any("lost power 1 times" in w for w in log.warnings)
 
 

@@ -28,7 +28,7 @@ def make_track(
         segment=np.array(segment, np.int64),
         distance_m=np.array(distance, float),
         has_gnss=np.ones(n, bool),
-        after_gap=np.zeros(n, bool),
+        after_outage=np.zeros(n, bool),
     )
 
 
@@ -90,7 +90,7 @@ def test_a_sparse_log_is_not_cut_at_every_epoch() -> None:
 def test_no_line_is_drawn_across_a_new_start() -> None:
     """The estimate jumps by 20 m where the filter began anew: each side is a pass of its own."""
     track = make_track([1] * 8, [0, 10, 20, 30, 40, 50, 60, 70], [0, 1, 2, 3, 24, 25, 26, 27])
-    track.after_gap[4] = True
+    track.after_outage[4] = True
     (found,) = segment_slopes(track, white(0.5), LineRule())
     assert found.passes == 2
     assert found.slope_percent == pytest.approx(10.0)

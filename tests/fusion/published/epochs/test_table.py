@@ -8,7 +8,7 @@ import pytest
 from fusion.frames import LocalProjection
 from fusion.published.epochs.table import build_epochs
 from fusion.types import (
-    LONGEST_BRIDGED_GAP_S,
+    LONGEST_BRIDGED_OUTAGE_S,
     AngularRate,
     Attitude,
     DriveLog,
@@ -32,7 +32,7 @@ def test_bare_positions_give_epochs_with_speed_from_their_distances() -> None:
     assert epochs.has_gnss.all()
     assert np.allclose(epochs.speed_mps, 10.0, atol=1e-3)
     assert np.isnan(epochs.pitch_rad).all()
-    assert epochs.after_gap.tolist() == [True] + [False] * 19
+    assert epochs.after_outage.tolist() == [True] + [False] * 19
 
 
 def test_fast_fixes_are_thinned_to_the_period() -> None:
@@ -53,14 +53,14 @@ def test_other_sensors_carry_on_through_an_outage() -> None:
     assert len(epochs) == 60
     assert np.count_nonzero(~epochs.has_gnss) == 20
     assert np.isfinite(epochs.pitch_rad).all()
-    assert epochs.after_gap.sum() == 1
+    assert epochs.after_outage.sum() == 1
 
 
 def test_a_long_hole_and_a_stated_gap_start_anew() -> None:
     time = np.concatenate([np.arange(10.0), 300 + np.arange(10.0), 330 + np.arange(5.0)])
-    epochs = build_epochs(DriveLog("gpx", fixes(time), gaps_s=np.array([330.0])), PLANE)
-    assert LONGEST_BRIDGED_GAP_S < 290
-    assert np.flatnonzero(epochs.after_gap).tolist() == [0, 10, 20]
+    epochs = build_epochs(DriveLog("gpx", fixes(time), outages_s=np.array([330.0])), PLANE)
+    assert LONGEST_BRIDGED_OUTAGE_S < 290
+    assert np.flatnonzero(epochs.after_outage).tolist() == [0, 10, 20]
 
 
 def test_fast_samples_are_averaged_and_yaw_on_the_circle() -> None:

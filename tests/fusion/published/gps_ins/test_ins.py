@@ -72,17 +72,19 @@ def test_every_source_gives_the_heading(source: str) -> None:
     assert sum(ins.heading_share.values()) == 1.0
 
 
-@pytest.mark.parametrize("askew_deg", [-170.0, -12.0, 1.5, 90.0])
-def test_a_yaw_sensor_that_sits_askew_is_turned_to_the_course(askew_deg: float) -> None:
+@pytest.mark.parametrize("misalignment_deg", [-170.0, -12.0, 1.5, 90.0])
+def test_a_yaw_sensor_that_is_misaligned_is_turned_to_the_course(misalignment_deg: float) -> None:
     log = circling()
-    askew = replace(log.attitude, yaw_rad=log.attitude.yaw_rad + math.radians(askew_deg))
-    epochs = epochs_of(replace(log, attitude=askew))
+    misaligned = replace(log.attitude, yaw_rad=log.attitude.yaw_rad + math.radians(misalignment_deg))
+    epochs = epochs_of(replace(log, attitude=misaligned))
     heading, offset = yaw_heading(epochs, align=True)
-    assert math.degrees(offset) == pytest.approx(askew_deg, abs=0.1)
+    assert math.degrees(offset) == pytest.approx(misalignment_deg, abs=0.1)
     assert wrap_angle(heading - true_heading(epochs)) == pytest.approx(0.0 * epochs.time_s, abs=2e-3)
     untouched, none = yaw_heading(epochs, align=False)
     assert none == 0.0
-    assert np.abs(wrap_angle(untouched - heading)) == pytest.approx(math.radians(abs(askew_deg)), abs=2e-3)
+    assert np.abs(wrap_angle(untouched - heading)) == pytest.approx(
+        math.radians(abs(misalignment_deg)), abs=2e-3
+    )
 
 
 def test_a_few_minutes_in_reverse_do_not_turn_the_yaw_sensor() -> None:

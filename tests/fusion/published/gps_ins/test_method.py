@@ -161,11 +161,11 @@ def test_without_pitch_and_vertical_velocity_the_altitudes_are_followed(
 
 def test_a_wrongly_mounted_yaw_sensor_is_turned_unless_told_not_to(make_log: MakeLog, town: Town) -> None:
     log = make_log(1, duration_s=240)
-    askew = replace(log, attitude=replace(log.attitude, yaw_rad=log.attitude.yaw_rad + 1.0))
-    aligned = run(askew, town, "gps-ins-ekf")
+    misaligned = replace(log, attitude=replace(log.attitude, yaw_rad=log.attitude.yaw_rad + 1.0))
+    aligned = run(misaligned, town, "gps-ins-ekf")
     assert aligned.report["heading_offset_deg"] == pytest.approx(math.degrees(1.0), abs=2.0)
     assert aligned.report["matched_share"] > 0.9
-    left = run(askew, town, "gps-ins-ekf", align_heading=False)
+    left = run(misaligned, town, "gps-ins-ekf", align_heading=False)
     assert left.report["heading_offset_deg"] == 0.0
     assert left.report["mean_nis"] > 10 * aligned.report["mean_nis"]
 

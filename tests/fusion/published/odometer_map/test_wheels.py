@@ -107,7 +107,7 @@ def test_nothing_is_read_across_a_hole_or_a_stated_gap() -> None:
     _, found = between(make_log(np.arange(12.0), holed, 30 * holed))
     assert np.flatnonzero(~found.known).tolist() == [0, 5, 6, 7]
     whole = make_log(np.arange(12.0), wheel_s, 30 * wheel_s)
-    _, found = between(replace(whole, gaps_s=np.array([T0 + 4.5])))
+    _, found = between(replace(whole, outages_s=np.array([T0 + 4.5])))
     assert np.flatnonzero(~found.known).tolist() == [0, 5]
 
 
@@ -189,10 +189,10 @@ def test_between_the_fixes_of_a_slow_receiver_nothing_fails() -> None:
     assert len(epochs) == 17
     kept = without_waiting(epochs)
     np.testing.assert_array_equal(kept.time_s - T0, [0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 14, 16])
-    assert kept.after_gap.tolist() == [True] + [False] * 11
+    assert kept.after_outage.tolist() == [True] + [False] * 11
 
 
 def test_a_restart_between_two_fixes_is_not_lost() -> None:
     log = make_log(np.array([0.0, 2, 4, 6, 8]), np.arange(9.0), np.arange(9.0))
-    kept = without_waiting(build_epochs(replace(log, gaps_s=np.array([T0 + 4.5])), PLANE, 1.0))
-    assert (kept.time_s[kept.after_gap] - T0).tolist() == [0.0, 6.0]
+    kept = without_waiting(build_epochs(replace(log, outages_s=np.array([T0 + 4.5])), PLANE, 1.0))
+    assert (kept.time_s[kept.after_outage] - T0).tolist() == [0.0, 6.0]

@@ -35,7 +35,7 @@ def wild_fixes(log: DriveLog) -> DriveLog:
 
 
 def paused(log: DriveLog) -> DriveLog:
-    return replace(log, gaps_s=log.fix.time_s[[60]] - 0.2)
+    return replace(log, outages_s=log.fix.time_s[[60]] - 0.2)
 
 
 def no_first_heights(log: DriveLog) -> DriveLog:
@@ -57,7 +57,7 @@ def positions_only(log: DriveLog) -> DriveLog:
 
 def lonely_fix(log: DriveLog) -> DriveLog:
     """A position between two pauses, of which nobody knows the speed."""
-    return DriveLog("gpx", log.fix, gaps_s=log.fix.time_s[[60, 61]] - 0.2)
+    return DriveLog("gpx", log.fix, outages_s=log.fix.time_s[[60, 61]] - 0.2)
 
 
 def no_attitude(log: DriveLog) -> DriveLog:
@@ -98,7 +98,7 @@ def assert_equal(run: KalmanRun, slow: DriveRun) -> None:
     one, other = run.track(), slow.track()
     assert run.report() == slow.report()
     assert np.array_equal(one.segment, other.segment)
-    assert np.array_equal(one.after_gap, other.after_gap)
+    assert np.array_equal(one.after_outage, other.after_outage)
     # Metres and radians; a derivative by differences is good to about 1e-9.
     for name in (
         "alt_m",

@@ -58,7 +58,9 @@ def test_another_seed_changes_the_result_within_its_sigma(
     assert np.sqrt(np.mean(np.square(apart))) < 0.7
 
 
-def test_a_mount_that_is_askew_is_levelled_and_reported(make_log: MakeLog, town: Town, town_dem: Dem) -> None:
+def test_a_mount_that_is_misaligned_is_levelled_and_reported(
+    make_log: MakeLog, town: Town, town_dem: Dem
+) -> None:
     log = make_log(3, duration_s=300)
     options = {"particles": 5000}
     _, plain = run_drive(log, town.roads, town_dem, method="particle", options=options)

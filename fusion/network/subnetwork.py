@@ -19,7 +19,7 @@ from fusion.types import Bools, Floats, Ints
 PUBLISH_RADIUS_M = 300.0
 """Beyond this distance along driven roads a further drive changes no slope by a tenth of its sigma (at most 0.04 of
 it, ``benchmarks/adjustment.py``)."""
-WINDOW_RADIUS_M = 500.0
+SOLVE_RADIUS_M = 500.0
 """So far the network is solved, so that of what lies within ``PUBLISH_RADIUS_M`` 99 % come out within a tenth of their
 sigma of the solution of all (0.10 with a hundred drives over Heidelberg, ``benchmarks/adjustment.py``). Those that do
 not are gaps and what joins them, whose ends' heights are known over a long way round."""
@@ -32,7 +32,7 @@ _HIGHEST_DEG = 89.9
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class Subnetwork:
     """Masks of shape (n,) over a road table: ``solved`` together, driven ones and gaps; ``published`` of it."""
 
     solved: Bools
@@ -44,9 +44,9 @@ class Window:
     """Driven rows just outside: where their slopes move, the change reaches farther than was thought."""
 
 
-def window_around(
+def subnetwork_around(
     network: RoadTable, driven: Bools, touched: Bools, shown: Bools, scale: float = 1.0
-) -> Window:
+) -> Subnetwork:
     """What to solve when the passes over ``touched`` rows changed.
 
     ``shown`` rows have a published slope, among them former gaps that must vanish. Gaps count as roads: what
@@ -54,13 +54,13 @@ def window_around(
     """
     open_rows = driven | gap_rows(network, driven)
     reach = open_rows | shown | touched
-    solved = neighbourhood(network, reach, touched, scale * WINDOW_RADIUS_M) & open_rows
+    solved = neighbourhood(network, reach, touched, scale * SOLVE_RADIUS_M) & open_rows
     published = neighbourhood(network, reach, touched, scale * PUBLISH_RADIUS_M)
-    outward = outward_gaps(network, driven, touched, reach, solved, scale * WINDOW_RADIUS_M)
-    middle = 0.5 * scale * (PUBLISH_RADIUS_M + WINDOW_RADIUS_M)
+    outward = outward_gaps(network, driven, touched, reach, solved, scale * SOLVE_RADIUS_M)
+    middle = 0.5 * scale * (PUBLISH_RADIUS_M + SOLVE_RADIUS_M)
     ring = neighbourhood(network, reach, touched, middle) & driven & ~published
     # One that was driven until now is not left as it was.
-    return Window(solved, published, published & outward & ~touched, ring)
+    return Subnetwork(solved, published, published & outward & ~touched, ring)
 
 
 def neighbourhood(network: RoadTable, driven: Bools, touched: Bools, radius_m: float) -> Bools:

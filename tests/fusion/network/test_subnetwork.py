@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from factor_support import block_of_streets, roads, street
-from fusion.network.window import (
+from fusion.network.subnetwork import (
     PUBLISH_RADIUS_M,
-    WINDOW_RADIUS_M,
+    SOLVE_RADIUS_M,
     boxes_around,
     gap_rows,
     neighbourhood,
-    window_around,
+    subnetwork_around,
 )
 from fusion.roads.table import RoadTable
 
@@ -234,9 +234,9 @@ def mask_of(n: int, *rows: int) -> np.ndarray:
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 def test_a_window_reaches_along_the_road(scale: float) -> None:
     n, every = 60, np.ones(60, bool)
-    window = window_around(road_northwards(n), every, mask_of(n, 30), every, scale)
+    window = subnetwork_around(road_northwards(n), every, mask_of(n, 30), every, scale)
     far = np.abs(np.arange(n) - 30) * SEGMENT_M - SEGMENT_M  # from the touched row to where a row begins
-    assert window.solved.tolist() == (far <= scale * WINDOW_RADIUS_M).tolist()
+    assert window.solved.tolist() == (far <= scale * SOLVE_RADIUS_M).tolist()
     assert window.published.tolist() == (far <= scale * PUBLISH_RADIUS_M).tolist()
     assert not np.any(window.ring & window.published)
     assert np.all(window.solved[window.ring])
@@ -246,15 +246,15 @@ def test_a_window_reaches_along_the_road(scale: float) -> None:
 def test_gaps_join_what_they_lie_between_and_vanish_where_they_join_nothing() -> None:
     n = 12
     driven = mask_of(n, 0, 1, 4, 5)
-    window = window_around(road_northwards(n), driven, mask_of(n, 0), mask_of(n, 0, 1, 7))
+    window = subnetwork_around(road_northwards(n), driven, mask_of(n, 0), mask_of(n, 0, 1, 7))
     assert np.flatnonzero(window.solved).tolist() == [0, 1, 2, 3, 4, 5]  # 2 and 3 are a gap of 194 m
-    alone = window_around(road_northwards(n), mask_of(n, 0, 1), mask_of(n, 0), mask_of(n, 0, 1, 2, 3))
+    alone = subnetwork_around(road_northwards(n), mask_of(n, 0, 1), mask_of(n, 0), mask_of(n, 0, 1, 2, 3))
     assert np.flatnonzero(alone.solved).tolist() == [0, 1]
     assert np.flatnonzero(alone.published).tolist() == [0, 1, 2, 3]  # the former gap goes
 
 
 def test_a_row_that_lost_its_last_pass_is_published_as_unknown() -> None:
-    window = window_around(road_northwards(4), mask_of(4, 0), mask_of(4, 3), mask_of(4, 0, 3))
+    window = subnetwork_around(road_northwards(4), mask_of(4, 0), mask_of(4, 3), mask_of(4, 0, 3))
     assert not window.solved[3]
     assert window.published[3]
 
@@ -304,10 +304,10 @@ def test_a_gap_between_roads_that_only_the_outside_compares_waits(
     driven = np.ones(len(table), bool)
     driven[gap], driven[gap + 1] = False, joined
     gaps = [gap] if joined else [gap, gap + 1]
-    window = window_around(table, driven, mask(table, middle), driven)
+    window = subnetwork_around(table, driven, mask(table, middle), driven)
     assert np.all(window.solved[gaps])
     assert np.all(window.published[gaps])
     assert found(window.outward) == (gaps if left else [])
     # A slope that rests on a pass that is gone does not stay.
-    again = window_around(table, driven, mask(table, middle, gap), driven)
+    again = subnetwork_around(table, driven, mask(table, middle, gap), driven)
     assert found(again.outward) == (gaps[1:] if left else [])
