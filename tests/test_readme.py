@@ -24,8 +24,7 @@ from app.exports.formats import FORMATS as EXPORTS
 from app.main import create_app
 from app.map.handover import HANDOVERS
 from app.map.segment import PROPERTIES
-from app.ops.metrics import LABELS, Gauges, Metrics
-from app.ops.store import Squares
+from app.ops.metrics import GAUGES, LABELS, Gauges, Metrics
 from fusion.catalogue import METHODS, POSITIONINGS, SOLVERS
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
@@ -192,7 +191,7 @@ def handover_options() -> str:
 
 def metrics() -> str:
     """Every metric that a service with a database exposes."""
-    nothing = Gauges({}, 0, 0.0, 0, Squares(0, 0), 0.0, {}, 0, {})
+    nothing = Gauges({}, {}, dict.fromkeys(GAUGES, 0.0), {})
     rows = []
     for family in Metrics(lambda: nothing).registry.collect():
         name = f"{family.name}_total" if family.type == "counter" else family.name

@@ -41,7 +41,7 @@ _OTHER = text(
     ORDER BY {ROAD_ORDER}
     """  # noqa: S608 - constants
 )
-# New rows cell by cell: what is added together is near together.
+# New rows cell by cell: rows that are added together are near each other.
 _NEW = text(
     f"""
     SELECT i.n FROM road_import AS i LEFT JOIN segments AS s ON {_ON} WHERE s.id IS NULL
@@ -126,7 +126,7 @@ class Loss:
 class Plan:
     """What an import does: ``ids`` (m,) of stored segments, what becomes of each (``Change``), and the row ``n`` of the
     file that takes its place (-1: none); rows that are ``added`` (k,); stored ones that are only ``renamed`` (j, 3: id,
-    n, whether their direction of travel changes); and what comes back from the attic."""
+    n, whether their direction of travel changes); and the retired roads that come back."""
 
     ids: Ints
     change: Ints

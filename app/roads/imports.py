@@ -119,7 +119,7 @@ def remove_region(
     progress: Progress = no_progress,
     wishes: Wishes = USUAL,
 ) -> ImportCounts:
-    """Take a region off the map: roads that no other region has go, and what was measured on them into the attic.
+    """Remove a region: roads that no other region has are deleted, and the evidence on them is retired.
 
     Raises ``RoadsError`` where there is no such region, and for losses that nobody has accepted.
     """

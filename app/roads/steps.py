@@ -1,7 +1,7 @@
-"""A plan carried out: in which order, in how large pieces, and with which lock. What a step does is ``changing``'s.
+"""Carries out a plan: in which order, in how large pieces, and with which lock. ``changing`` has what a step does.
 
-A piece that owns the network keeps drives and solvers waiting, so it takes a tenth of a second, and as long a pause
-comes after it. Measured, not guessed: pieces grow and shrink with the time that the last one took.
+A piece that owns the network keeps drives and solvers waiting, so it takes a tenth of a second, and a pause as long
+follows it. Pieces grow and shrink with the time that the last one took.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -39,11 +39,8 @@ class TerrainChangedError(Exception):
     """Elevation rasters came in meanwhile: what was copied has the heights of before."""
 
 
-class Transactions(Protocol):
-    """What begins a transaction on the import's connection."""
-
-    def __call__(self) -> AbstractContextManager[Session]:
-        """It is committed at the end of the block."""
+Transactions = Callable[[], AbstractContextManager[Session]]
+"""Begins a transaction on the import's connection, which is committed at the end of the block."""
 
 
 @dataclass

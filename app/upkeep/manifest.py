@@ -72,17 +72,17 @@ class Manifest:
 def read_manifest(folder: Path) -> Manifest | None:
     """The backup in a folder; None where there is none. ``BackupError`` for one that this program cannot read."""
     try:
-        said = json.loads((folder / NAME).read_text(encoding="utf-8"))
+        content = json.loads((folder / NAME).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
         raise BackupError(f"{folder / NAME} cannot be read: {error}. Take another backup.") from error
     try:
-        if said["format"] > FORMAT:
+        if content["format"] > FORMAT:
             raise BackupError(f"The backup in {folder} was made by a newer Versant. Update this one first.")
-        dump, files = Entry(**said.pop("dump")), tuple(Entry(**entry) for entry in said.pop("files"))
-        missing, damaged = tuple(said.pop("missing")), tuple(said.pop("damaged"))
-        manifest = Manifest(dump=dump, files=files, missing=missing, damaged=damaged, **said)
+        dump, files = Entry(**content.pop("dump")), tuple(Entry(**entry) for entry in content.pop("files"))
+        missing, damaged = tuple(content.pop("missing")), tuple(content.pop("damaged"))
+        manifest = Manifest(dump=dump, files=files, missing=missing, damaged=damaged, **content)
     except (KeyError, TypeError) as error:
         raise BackupError(
             f"{folder / NAME} is no list of a backup ({error}). Take another backup."

@@ -74,7 +74,7 @@ class CondensedPasses(Base):
 
 
 class RejectedPass(Base):
-    """A pass that contradicts the network and is rejected. All others are accepted, except those of duplicate drives."""
+    """A pass that is rejected because it contradicts the network. Passes of duplicate drives have no row here."""
 
     __tablename__ = "rejected_passes"
 
