@@ -115,10 +115,10 @@ def _combine(session: Session, ids: Ints) -> list[int]:
     for segment_id, group in groupby(
         session.execute(_PARTS, {"ids": ids, "of_terrain": list(OF_TERRAIN)}), key=lambda row: row.segment_id
     ):
-        whole = published_slope([_part(row) for row in group])
+        combined = published_slope([_part(row) for row in group])
         columns["segment_id"].append(segment_id)
         for name in _NAMES[1:]:
-            columns[name].append(getattr(whole, name))
+            columns[name].append(getattr(combined, name))
     return list(session.execute(_WRITE_AGGREGATES, columns).scalars())
 
 

@@ -77,17 +77,17 @@ class Run:
     def pieces(self, weights: Ints, *, owns: bool) -> Iterator[tuple[slice, Callable[[float], None]]]:
         """Parts of so many things in their order, and whom to tell how long each took; large where none waits."""
         start, total = 0, len(weights)
-        whole = np.concatenate([[0], np.cumsum(weights)])
+        before = np.concatenate([[0], np.cumsum(weights)])
         while start < total:
-            heavy = int(np.searchsorted(whole, whole[start] + PASSES_AT_ONCE, side="right")) - 1
+            heavy = int(np.searchsorted(before, before[start] + PASSES_AT_ONCE, side="right")) - 1
             size = self._size if owns else MOST
             end = min(start + size, max(heavy, start + 1), total)
             yield slice(start, end), partial(self._note, end - start)
             start = end
 
     def _note(self, count: int, held_s: float) -> None:
-        wanted = count * HOLD_S / max(held_s, 1e-4)
-        self._size = int(min(max(wanted, self._size / 2, LEAST), 2 * self._size, MOST))
+        size = count * HOLD_S / max(held_s, 1e-4)
+        self._size = int(min(max(size, self._size / 2, LEAST), 2 * self._size, MOST))
 
 
 class _Portion(NamedTuple):

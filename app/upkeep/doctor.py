@@ -144,13 +144,13 @@ def _reachable(patient: Patient) -> Iterator[Finding]:
 
 
 def _database(settings: Settings, session: Session) -> Iterator[Finding]:
-    found = store.versions(session)
-    if found.postgis is None:
+    server = store.versions(session)
+    if server.postgis is None:
         yield Finding(
-            "database", "fail", f"PostgreSQL {found.postgres} without PostGIS.", "Install PostGIS there."
+            "database", "fail", f"PostgreSQL {server.postgres} without PostGIS.", "Install PostGIS there."
         )
     else:
-        yield Finding("database", "ok", f"PostgreSQL {found.postgres}, PostGIS {found.postgis}")
+        yield Finding("database", "ok", f"PostgreSQL {server.postgres}, PostGIS {server.postgis}")
     standing = migrate.standing(session)
     if not standing.usable:
         yield Finding("schema", "fail", standing.sentence, "Until then neither API nor workers run.")

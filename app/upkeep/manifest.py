@@ -98,14 +98,14 @@ def read_manifest(folder: Path) -> Manifest | None:
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Make the folder this backup, at once; what was kept for the one before and is not for this one goes."""
+    """Make the folder this backup, at once; files that only the backup before needed are deleted."""
     part = folder / f"{NAME}{_PART}"
     with part.open("w", encoding="utf-8") as file:
         json.dump(asdict(manifest), file, indent=1)
     rename_durably(part, folder / NAME)
     named = {entry.path for entry in (manifest.dump, *manifest.files)}
-    kept = [path for kind in (LOGS, RASTERS) for path in (folder / kind).rglob("*") if path.is_file()]
-    for path in [*kept, *folder.glob(f"{DUMPS}*")]:
+    stored = [path for kind in (LOGS, RASTERS) for path in (folder / kind).rglob("*") if path.is_file()]
+    for path in [*stored, *folder.glob(f"{DUMPS}*")]:
         if path.relative_to(folder).as_posix() not in named:
             path.unlink()
 
