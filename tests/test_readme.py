@@ -23,8 +23,7 @@ from app.core.telemetry.measures import MEASURES
 from app.exports.formats import FORMATS as EXPORTS
 from app.main import create_app
 from app.map.items.collections import SEGMENTS, WAYS, Collection
-from app.ops.metrics import LABELS, Gauges, Metrics
-from app.ops.store import WaitingCells
+from app.ops.metrics import GAUGES, LABELS, Gauges, Metrics
 from app.web.guides import sections, slug
 from fusion.catalogue import METHODS, POSITIONINGS, SOLVERS
 from fusion.filters.resampling import RESAMPLERS
@@ -254,7 +253,7 @@ def handover_options() -> str:
 
 def metrics() -> str:
     """Every metric that a service with a database exposes."""
-    nothing = Gauges({}, 0, 0.0, 0, WaitingCells(0, 0), 0.0, {}, 0, {})
+    nothing = Gauges({}, {}, dict.fromkeys(GAUGES, 0.0), {})
     rows = []
     for family in Metrics(lambda: nothing).registry.collect():
         name = f"{family.name}_total" if family.type == "counter" else family.name

@@ -153,11 +153,11 @@ def drives_along(synthetic: Synthetic) -> Iterator[list[PassFactor]]:
         yield synthetic.drive(list(range(SEGMENTS))[:: 1 if number % 2 else -1])
 
 
-def summing(street: Street, summed: Written) -> Callable[[Sessions, swap.Found], None]:
+def summing(street: Street, summed: Written) -> Callable[[Sessions, swap.Proposal], None]:
     """``swap.condense_old_passes``, measured."""
     genuine = swap.condense_old_passes
 
-    def measured(sessions: Sessions, evidence: swap.Found) -> None:
+    def measured(sessions: Sessions, evidence: swap.Proposal) -> None:
         before = int(street.one("SELECT count(*) FROM drive_passes WHERE condensed_weight IS NOT NULL"))
         wal, begin = street.wal_bytes(), time.perf_counter()
         genuine(sessions, evidence)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fusion.roads.along import boxes_along
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event
@@ -18,7 +19,6 @@ from app.network import cell_roads, extracts, surroundings
 from app.network.cell_roads import Roads, roads_in
 from app.roads.imports import replace_roads
 from app.roads.store import road_version_id
-from fusion.roads.along import boxes_along
 from fusion.roads.table import RoadTable, rows_of
 from fusion.simulate.scene.town import Town
 from fusion.types import Floats
@@ -142,7 +142,7 @@ def test_what_a_window_needs_is_found_by_the_index(sessions: Sessions, chain: Ch
     assert "ix_segments_geom" in plans[0]
     assert "Seq Scan on segments" not in plans[0]
     with sessions() as session:
-        values = {"ids": np.arange(1, 200), "regions": [33 << 6 | 21]}
+        values = {"ids": np.arange(1, 200), "partitions": [33 << 6 | 21]}
         lines = fetch_binary(session, "EXPLAIN " + surroundings.KNOWN, values)
     plan = "\n".join(line for (line,) in lines)
     assert "Append" not in plan  # of all parts of the passes one is looked into
