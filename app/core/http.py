@@ -20,10 +20,26 @@ from app.core.admission import RequestClass
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
 from app.core.disconnects import ending_with_client
-from app.core.errors import NotFoundError
+from app.core.errors import (
+    KINDS,
+    PROBLEM_PATH,
+    STATUS_KINDS,
+    BadQueryError,
+    BodyTooLargeError,
+    CrossOriginWriteError,
+    GoneError,
+    Kind,
+    NotAcceptableError,
+    NotDoneError,
+    NotFoundError,
+    NotReadyError,
+    StorageFullError,
+    UnsupportedBodyError,
+)
 from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
 from app.core.text import GEO_JSON, geojson_text
+from fusion.errors import BadOptionsError
 
 JSON = "application/json"
 EXAMPLE_ID = "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"
@@ -116,6 +132,11 @@ def etag_matches(request: Request, etag: str) -> bool:
     return "*" in names or etag.removeprefix("W/") in names
 
 
+def not_modified(request: Request, headers: Mapping[str, str]) -> Response | None:
+    """A 304 with these headers where the client holds what their ETag names; None: answer in full."""
+    return Response(status_code=304, headers=headers) if etag_matches(request, headers["ETag"]) else None
+
+
 def preferred(accept: str | None, offered: Sequence[str]) -> str | None:
     """The media type of ``offered`` that the Accept header likes best, the first of equals; None: none.
 
@@ -173,40 +194,41 @@ def json_answer(description: str, example: Any) -> dict[str, Any]:
     return {"description": description, "content": content}
 
 
-def _problem(status: int, slug: str, title: str, detail: str, field: str | None = None) -> dict[str, Any]:
+def _described(kind: Kind, detail: str, field: str | None = None) -> dict[str, Any]:
     example = {
-        "type": f"/problems/{slug}",
-        "title": title,
-        "status": status,
+        "type": PROBLEM_PATH + kind.slug,
+        "title": kind.title,
+        "status": kind.status,
         "detail": detail,
         "instance": "/the/path",
         "errors": [{"field": field, "message": detail}] if field else [],
     }
     schema = {"$ref": "#/components/schemas/Problem"}
     return {
-        "description": title,
+        "description": kind.title,
         "content": {PROBLEM_JSON: {"schema": schema, "example": example}},
     }
 
 
 _PROBLEMS: dict[int, dict[str, Any]] = {
-    400: _problem(400, "bad-query", "Unusable query", "bbox: it needs 4 numbers.", "bbox"),
-    403: _problem(403, "cross-origin-write", "Change from another site", "Do it from this site."),
-    404: _problem(404, "not-found", "Not found", "There is no such thing. It may have been deleted."),
-    406: _problem(406, "not-acceptable", "Not acceptable", "Ask for application/json or image/png."),
-    409: _problem(409, "not-done", "Not done yet", "The export is being made: 40 % of it is done."),
-    410: _problem(
-        410, "gone", "Start anew", "since: this version is of another database. Read anew.", "since"
-    ),
-    413: _problem(413, "too-large", "Upload too large", "The upload is larger than 1073741824 bytes."),
-    415: _problem(415, "unsupported-body", "Unsupported body", "Send the log as it is or gzipped."),
-    416: _problem(416, "no-such-range", "No such range", "The file has 498112 bytes."),
-    422: _problem(422, "bad-options", "Unusable options", "particles: it must be at least 1.", "particles"),
-    503: _problem(503, "not-ready", "Not ready", "The database does not answer."),
-    507: _problem(507, "storage-full", "Storage full", "The service's storage is full. Send it again later."),
+    kind.status: _described(kind, *detail)
+    for kind, *detail in (
+        (KINDS[BadQueryError], "bbox: it needs 4 numbers.", "bbox"),
+        (KINDS[CrossOriginWriteError], "Do it from this site."),
+        (KINDS[NotFoundError], "There is no such thing. It may have been deleted."),
+        (KINDS[NotAcceptableError], "Ask for application/json or image/png."),
+        (KINDS[NotDoneError], "The export is being made: 40 % of it is done."),
+        (KINDS[GoneError], "since: this version is of another database. Read anew.", "since"),
+        (KINDS[BodyTooLargeError], "The upload is larger than 1073741824 bytes."),
+        (KINDS[UnsupportedBodyError], "Send the log as it is or gzipped."),
+        (STATUS_KINDS[416], "The file has 498112 bytes."),
+        (KINDS[BadOptionsError], "particles: it must be at least 1.", "particles"),
+        (KINDS[NotReadyError], "The database does not answer."),
+        (KINDS[StorageFullError], "The service's storage is full. Send it again later."),
+    )
 }
 
 UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
-    400: _problem(400, "unreadable-body", "Unreadable body", "The body cannot be read. Send JSON in UTF-8.")
+    400: _described(STATUS_KINDS[400], "The body cannot be read. Send JSON in UTF-8.")
 }
 """The description of the 400 of routes that take a JSON body."""

@@ -16,7 +16,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi import Path as PathParameter
 
 from app.core.errors import NotFoundError
-from app.core.http import REVALIDATE, ServiceDep, etag_matches
+from app.core.http import REVALIDATE, ServiceDep, not_modified
 from app.core.settings import Settings
 from app.core.version import code_version
 
@@ -109,8 +109,8 @@ def page_answer(request: Request, settings: Settings, name: str, plainly: str = 
 
 def _answer(request: Request, file: File, headers: dict[str, str]) -> Response:
     headers |= {"ETag": file.etag, "Vary": "Accept-Encoding"}
-    if etag_matches(request, file.etag):
-        return Response(status_code=304, headers=headers)
+    if unchanged := not_modified(request, headers):
+        return unchanged
     if "gzip" in request.headers.get("accept-encoding", ""):
         headers |= {"Content-Encoding": "gzip"}
         return Response(file.compressed, media_type=file.media_type, headers=headers)
