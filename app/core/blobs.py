@@ -30,7 +30,7 @@ NOTED_WITHIN = timedelta(hours=1)
 """The first upload's blob is there before its database is noted."""
 
 LOGS, EXPORTS, IMPORTS = "drives", "exports", "imports"
-"""The parts of a store: logs of drives, files that were made for somebody, and files that the operator imports."""
+"""Sections of a store: logs of drives, files that were made for somebody, and files that the operator imports."""
 
 _INCOMING = "incoming"
 _DATABASES = "databases"
@@ -52,11 +52,10 @@ class StoredBlob:
 class BlobStore:
     """Blobs below ``url`` (any fsspec URL; a plain path is a folder). Safe to share between threads."""
 
-    def __init__(self, url: str, kept: str = LOGS) -> None:
-        """The folder is created when the first blob arrives. ``kept``: the part of the store, which knows its own blobs
-        alone."""
+    def __init__(self, url: str, section: str = LOGS) -> None:
+        """The folder is created when the first blob arrives. ``section``: of the store, whose blobs alone are listed."""
         self._fs, self._root = file_system(url)
-        self._kept = kept
+        self._section = section
         self._noted: set[str] = set()
 
     def writer(
@@ -67,7 +66,7 @@ class BlobStore:
         ``StorageFullError`` as soon as less than ``keep_free_bytes`` would stay free, at once where ``expected_bytes``
         are too many already. What unpacks to more than ``max_content_bytes`` counts as its own content.
         """
-        writer = BlobWriter(self._fs, self._root, self._kept, keep_free_bytes, max_content_bytes)
+        writer = BlobWriter(self._fs, self._root, self._section, keep_free_bytes, max_content_bytes)
         try:
             writer.require_room(expected_bytes)
         except BaseException:
@@ -125,7 +124,7 @@ class BlobStore:
 
     def keys(self) -> list[str]:
         """The keys of all complete blobs, sorted."""
-        return [f"{self._kept}/{path.rsplit('/', 1)[-1]}" for path in sorted(self._list(self._kept))]
+        return [f"{self._section}/{path.rsplit('/', 1)[-1]}" for path in sorted(self._list(self._section))]
 
     def sweep(self, older_than: timedelta = timedelta(days=1)) -> int:
         """Remove parts of uploads that began longer ago than ``older_than``; return how many."""
@@ -161,7 +160,7 @@ class BlobStore:
         return sorted(path.rsplit("/", 1)[-1] for path in self._list(_DATABASES))
 
     def forget_databases(self, but: str) -> None:
-        """Let this database be the only one that is known to refer to blobs here."""
+        """Forget all databases that refer to blobs here, except this one."""
         for identity in self.databases():
             if identity != but:
                 _remove(self._fs, f"{self._root}/{_DATABASES}/{identity}")
@@ -184,10 +183,12 @@ class BlobWriter:
     How large a blob may become is for whoever writes it to say: ``size_bytes`` is what it has so far.
     """
 
-    def __init__(self, fs: Any, root: str, kept: str, keep_free_bytes: int, max_content_bytes: int) -> None:
+    def __init__(
+        self, fs: Any, root: str, section: str, keep_free_bytes: int, max_content_bytes: int
+    ) -> None:
         self._fs = fs
         self._root = root
-        self._kept = kept
+        self._section = section
         self._keep_free_bytes = keep_free_bytes
         self._name = uuid.uuid4().hex
         self._part = f"{root}/{_INCOMING}/{self._name}"
@@ -230,7 +231,7 @@ class BlobWriter:
 
         ``content_sha256`` is for who knows more of the content than ``ContentHash``.
         """
-        key = f"{self._kept}/{self._name}"
+        key = f"{self._section}/{self._name}"
         self._close()
         with full_is_told():
             complete(self._fs, self._part, f"{self._root}/{key}")

@@ -1,4 +1,4 @@
-"""File systems by URL: a folder, or with a driver a bucket; what room they have, and what a full one means.
+"""File systems by URL: a folder, or with a driver a bucket; their free room, and the error of a full one.
 
 Knows neither blobs nor rasters.
 """
@@ -78,7 +78,7 @@ def require_room(folder: Path, coming_bytes: int, keep_free_bytes: int) -> None:
 
 @contextmanager
 def full_is_told() -> Iterator[None]:
-    """Make the system's error of a full disk, or of a quota that is used up, a ``StorageFullError``."""
+    """Raise ``StorageFullError`` for the system's errors of a full disk or an exceeded quota."""
     try:
         yield
     except OSError as error:
@@ -88,7 +88,7 @@ def full_is_told() -> Iterator[None]:
 
 
 def storage_full() -> StorageFullError:
-    """What to say where there is no room."""
+    """The error where there is no room."""
     return StorageFullError(
         "The service's storage is full, so nothing of this upload was kept. Send it again later; whoever runs the "
         "service has to make room first (/readyz says how much there is)."

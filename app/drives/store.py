@@ -1,7 +1,7 @@
-"""Drives in the database and their life: queued -> running -> done or failed, perhaps again; deleted at any time.
+"""Drives in the database: queued -> running -> done or failed, perhaps again; deleted at any time.
 
-The place with SQL on drives, but for many at once (``batches``) and for their ends (``endings``); what it returns is
-detached from any session. Callers own the transaction, enqueue the jobs and delete the blobs (``app.drives.intake``).
+The SQL on drives stands here, but for many at once (``batches``) and for their ends (``endings``). Records are detached
+from any session. Callers own the transaction, enqueue the jobs and delete the blobs (``app.drives.intake``).
 """
 
 from __future__ import annotations
@@ -255,11 +255,9 @@ def _one(session: Session, statement: TextClause, values: Mapping[str, Any]) -> 
 
 def _shown(session: Session, rows: Iterable[Row[Any]]) -> list[Drive]:
     """The drives of these rows, each with how it agrees with the others by now."""
-    columns_of_each = [{**row._mapping, "same_as": row.heard_instead} for row in rows]
-    acceptance = hearings(
-        session, [columns["id"] for columns in columns_of_each if columns["report"] is not None]
-    )
-    return [Drive.of({**columns, "hearing": acceptance.get(columns["id"])}) for columns in columns_of_each]
+    found = [{**row._mapping, "same_as": row.heard_instead} for row in rows]
+    heard = hearings(session, [columns["id"] for columns in found if columns["report"] is not None])
+    return [Drive.of({**columns, "hearing": heard.get(columns["id"])}) for columns in found]
 
 
 def changed(session: Session, statement: TextClause, values: Mapping[str, Any]) -> bool:
