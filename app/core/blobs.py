@@ -53,7 +53,9 @@ class BlobStore:
     """Blobs below ``url`` (any fsspec URL; a plain path is a folder). Safe to share between threads."""
 
     def __init__(self, url: str, section: str = LOGS) -> None:
-        """The folder is created when the first blob arrives. ``section``: of the store, whose blobs alone are listed."""
+        """The folder is created when the first blob arrives. ``section``: of the store; only its blobs are
+        listed.
+        """
         self._fs, self._root = file_system(url)
         self._section = section
         self._noted: set[str] = set()

@@ -68,8 +68,8 @@ PUBLISHED = (
 
 
 TURN_S = 0.0005
-"""Seconds after which a thread that computes hands Python's lock to the event loop (by default 5 ms). The loop waits for
-the lock each time it returns from the network, several times in one request."""
+"""Seconds after which a thread that computes hands Python's lock to the event loop (by default 5 ms). The loop waits
+for the lock each time it returns from the network, several times in one request."""
 
 
 def stay_loaded() -> None:
@@ -210,12 +210,12 @@ class KnownHosts:
         """Answer 421 to such a request, pass on any other."""
         if scope["type"] == "http" and scope["path"] not in FOR_PROBES:
             for host in Headers(scope=scope).getlist("host"):
-                if not self._known(host, scope):
+                if not self._is_known(host, scope):
                     await _unknown_host(host, scope)(scope, receive, send)
                     return
         await self.app(scope, receive, send)
 
-    def _known(self, host: str, scope: Scope) -> bool:
+    def _is_known(self, host: str, scope: Scope) -> bool:
         parts = _HOST.fullmatch(host)
         if parts is None:
             return ANY_HOST in self.names

@@ -83,9 +83,9 @@ def note(session: Session, origin: str, action: str, subject: object, **detail: 
     session.execute(_ADD, values)
 
 
-def prune(session: Session, kept: int = MOST_KEPT) -> None:
+def prune(session: Session, most: int = MOST_KEPT) -> None:
     """Forget all but about so many of the latest rows."""
-    session.execute(_PRUNE, {"kept": kept})
+    session.execute(_PRUNE, {"kept": most})
 
 
 def entries(session: Session, days: int, most: int = MOST_SHOWN) -> list[Audited]:

@@ -22,20 +22,20 @@ logger = logging.getLogger(__name__)
 
 
 class Span(Protocol):
-    """What is told of a stretch of work."""
+    """A stretch of work in a trace."""
 
     def name(self, name: str) -> None:
-        """Call it otherwise than at its beginning."""
+        """Rename it."""
 
     def note(self, **facts: object) -> None:
         """Ids and counts; what is None is left out."""
 
     def failed(self, failed: bool = True) -> None:
-        """It did not end well."""
+        """Mark it as failed, unless ``failed`` is False."""
 
 
 class _NoSpan:
-    """Tells nobody."""
+    """The span where tracing is off."""
 
     def name(self, name: str) -> None: ...
     def note(self, **facts: object) -> None: ...
@@ -94,7 +94,7 @@ def end_tracing() -> None:
 
 
 class _Tracer:
-    """What of OpenTelemetry is used; imported with the first of these."""
+    """The part of OpenTelemetry that is used; it is imported here."""
 
     def __init__(self, processor: Any, process: str) -> None:
         from opentelemetry.sdk.resources import Resource  # noqa: PLC0415
@@ -119,7 +119,7 @@ class _Tracer:
         with self._tracer.start_as_current_span(
             name, context, kind, record_exception=False, set_status_on_exception=False
         ) as made:
-            reported = _Told(made)
+            reported = _OtelSpan(made)
             reported.note(**facts)
             try:
                 yield reported
@@ -137,8 +137,8 @@ class _Tracer:
         self._provider.shutdown()
 
 
-class _Told:
-    """A span of OpenTelemetry's, under the names of the log."""
+class _OtelSpan:
+    """A span of OpenTelemetry, with the field names of the log."""
 
     def __init__(self, span: Any) -> None:
         self._span = span
