@@ -48,7 +48,7 @@ class Process(Protocol):
         """Exit status, None while it runs."""
 
     def wait(self, timeout: float | None = None) -> int:
-        """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after so many seconds."""
+        """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after ``timeout`` seconds."""
 
     def terminate(self) -> None:
         """Ask it to end."""
@@ -73,7 +73,7 @@ class Child:
         """Start it in its own session: a Ctrl-C in the terminal is for the parent, which stops everything.
 
         The pipe at its standard input is never written to. It closes when the parent dies, however it dies.
-        No signal interrupts this: a child that nobody knows of would be stopped by nobody.
+        No signal interrupts this, since nobody would stop a child that is not recorded yet.
         """
         self.started_s = time.monotonic()
         with _signals_held():

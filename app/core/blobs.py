@@ -77,7 +77,7 @@ class BlobStore:
         return writer
 
     def free_bytes(self) -> int | None:
-        """How much room there is for blobs; None where nothing tells, as of a bucket."""
+        """Free room for blobs, bytes; None where it is unknown, as of a bucket."""
         return free_bytes(self._fs, self._root)
 
     def probe(self) -> None:
@@ -146,7 +146,7 @@ class BlobStore:
     def register_database(self, identity: str) -> None:
         """Note that this database refers to blobs here, so that no other takes them for orphans.
 
-        Where there are blobs and no notes, nobody knows whose the blobs are: that is noted as well.
+        Blobs without any note are of unknown databases: that is noted as well.
         """
         if identity in self._noted:
             return
@@ -182,7 +182,7 @@ class BlobStore:
 class BlobWriter:
     """One blob on its way in. Use as a context manager; without ``finish`` nothing is left behind.
 
-    How large a blob may become is for whoever writes it to say: ``size_bytes`` is what it has so far.
+    The writer's user limits its size: ``size_bytes`` counts what was written so far.
     """
 
     def __init__(
@@ -217,7 +217,7 @@ class BlobWriter:
             self._file.write(chunk)
 
     def require_room(self, size_bytes: int) -> None:
-        """``StorageFullError`` unless so many bytes more leave as much free as is to stay free."""
+        """``StorageFullError`` unless the room to keep free remains after ``size_bytes`` more."""
         free = free_bytes(self._fs, self._root) if self._keep_free_bytes else None
         if free is not None and free < self._keep_free_bytes + size_bytes:
             raise storage_full()
@@ -231,7 +231,7 @@ class BlobWriter:
     def finish(self, content_sha256: str | None = None) -> StoredBlob:
         """Complete the blob and give it its key; in a folder it survives a power cut from here on.
 
-        ``content_sha256`` is for who knows more of the content than ``ContentHash``.
+        ``content_sha256`` takes the place of what ``ContentHash`` computes, as for a zip.
         """
         key = f"{self._section}/{self._name}"
         self._close()

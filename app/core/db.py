@@ -44,7 +44,7 @@ class Patience:
 
 
 def server_options(patience: Patience | None) -> str:
-    """What the server is told at the start of a connection."""
+    """Options of the server for a connection."""
     if patience is None:
         return _SERVER_OPTIONS
     statement_ms, lock_ms = round(1000 * patience.statement_s), round(1000 * patience.lock_s)

@@ -63,7 +63,7 @@ def complete(fs: Any, part: str, target: str) -> None:
 
 
 def free_bytes(fs: Any, root: str) -> int | None:
-    """How much room there is; None where nothing tells, as of a bucket. The folder need not exist yet."""
+    """Free room, bytes; None where it is unknown, as of a bucket. The folder need not exist yet."""
     if not is_folder(fs):
         return None
     place = next(folder for folder in (Path(root), *Path(root).parents) if folder.is_dir())

@@ -141,7 +141,7 @@ class EarlyAnswers:
     """Lets a client read an answer that is given before its body was read to the end.
 
     Closing at once would make the system reset the connection, and a client that is still sending may then
-    lose the answer (a 413, say). So a bounded part of what it still sends is read and dropped first.
+    lose the answer, such as a 413. So a bounded part of what it still sends is read and dropped first.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -175,7 +175,7 @@ class EarlyAnswers:
 
 
 def _announces_body(headers: Headers) -> bool:
-    # A client that expects to be told to send sends nothing unless told to, and reading would tell it to.
+    # A client that sends "Expect: 100-continue" waits for permission, and reading would give it.
     return "expect" not in headers and has_body(headers)
 
 

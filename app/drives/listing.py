@@ -27,7 +27,7 @@ from app.core.query import cursor_of, parse_cursor
 from app.drives.documents import DrivePlace, DriveStatus
 
 NAME_LENGTH = 100
-"""Of a file's name so many letters decide its place: longer keys would not fit into an index."""
+"""Letters of a file's name that decide its place: longer keys would not fit into an index."""
 _CURSOR_LENGTH = 1000
 
 

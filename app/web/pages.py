@@ -24,7 +24,7 @@ BUILT = (Path(__file__).parent / "built").resolve()
 FOR_EVER = "public, max-age=31536000, immutable"
 """Files below ``assets/`` are named by what is in them."""
 PLACE = '<meta name="versant" content="{}"'
-"""Where a page is told what the service has set."""
+"""The element of a page that holds the service's settings."""
 WITHOUT_SCRIPTS = "</noscript>"
 """What is seen without scripts ends here."""
 
@@ -92,7 +92,7 @@ def _page(name: str, settings_shown: str, plainly: str) -> File:
 
 
 def page_answer(request: Request, settings: Settings, name: str, plainly: str = "") -> Response:
-    """A page as this service's settings make it; ``plainly`` is HTML that it has for who runs no scripts."""
+    """A page as this service's settings make it; ``plainly`` is HTML for clients that run no scripts."""
     settings_shown = {
         "version": code_version(),
         "background_style_url": settings.map_background_url,

@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from app.core.settings.front import Network
 
 CLIENT_PREFIX = 64
-"""Of IPv6: whoever has one address has all 2^64 of its network."""
+"""Of IPv6: a client that has one address has all 2^64 of its network."""
 UNKNOWN = "unknown"
 _LONGEST_ADDRESS = 60
 

@@ -30,7 +30,7 @@ MOST_PIPELINED = 16
 """Requests that a connection may send before its first is answered: thousands fit into one packet, each of them an
 object that is kept."""
 UNREAD_S = 60.0
-"""An answer of which a client takes nothing for so long is given up, with the memory that it waits in."""
+"""An answer of which a client takes nothing for this time is given up, and its memory freed."""
 OWN_FILES = 200
 """Descriptors that are for no client: connections to the database, files, pipes."""
 SPARE = 50
@@ -52,7 +52,7 @@ def server_options(settings: Settings) -> dict[str, Any]:
     class Bounded(BoundedProtocol):
         held_by = connections
 
-    # Proxy headers are for ``app.core.receiving.clients`` alone: uvicorn would believe whoever comes from loopback.
+    # Proxy headers are for ``app.core.receiving.clients`` alone: uvicorn would believe every client on loopback.
     return {"http": Bounded, "ws": "none", "proxy_headers": False, "access_log": False}
 
 
@@ -263,7 +263,7 @@ class _RefusedError(Exception):
 
 
 def _as_files_allow(wanted: int) -> int:
-    """So many connections as wanted, or as the process may have files; its own limit is raised to the system's."""
+    """The connections wanted, or as many as the process may open files; its limit is raised to the system's first."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     beside = OWN_FILES + SPARE
     if soft != resource.RLIM_INFINITY and soft < wanted + beside:

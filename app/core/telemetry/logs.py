@@ -1,7 +1,7 @@
-"""Lines of the log: one for each request and each event of a drive, as text or as JSON, with the ids they are about.
+"""Lines of the log: one for each request and each event of a drive, as text or as JSON, with the ids of their subjects.
 
-Nothing of a track stands in them. Who tells something names ids, counts and times, never a place; names of files, which
-may hold a person's, are told at DEBUG alone. To be sure, numbers that are as long as those of places are blanked in
+They hold nothing of a track: ids, counts and times, never a place. Names of files, which
+may hold a person's, are logged at DEBUG alone. To be sure, numbers as long as those of places are blanked in
 whatever comes: messages and tracebacks of others, words of the database.
 """
 
@@ -40,7 +40,7 @@ DIGITS = 3
 
 _IDS: ContextVar[Mapping[str, str]] = ContextVar("versant_ids", default={})  # noqa: B039 - it is never changed
 
-# A degree with four decimals is a street. Times have three, and so has what is told.
+# A degree with four decimals is a street. Times and figures of events have three.
 _PLACE = re.compile(r"(?<![\w.])[-+]?\d{1,3}\.\d{4,}")
 _GEOMETRY = re.compile(r"\b0[01][0-9A-F]{40,}\b")
 _BLANK = "(blanked)"
@@ -75,7 +75,7 @@ def blanked(text: str) -> str:
 
 
 def reason_text(reason: str | None) -> Any:
-    """Why something failed, as it may be stored: it is told to operators too, so no place is in it."""
+    """The reason of a failure as it may be stored: operators see it too, so it holds no place."""
     return plain_text(None if reason is None else blanked(reason))
 
 

@@ -180,7 +180,7 @@ class _Driven:
         return values
 
     def headed(self, heading_rad: Floats) -> Ints:
-        """+1, -1 or 0 per epoch: whether the vehicle heads along its segment, against it, or nobody knows."""
+        """+1, -1 or 0 per epoch: whether the vehicle heads along its segment, against it, or unknown."""
         cosine = np.nan_to_num(np.cos(heading_rad - self.of_each("bearing_rad")))
         return np.where(np.abs(cosine) > LEAST_COSINE, np.sign(cosine), 0).astype(np.int64)
 

@@ -265,7 +265,7 @@ def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
 
 
 def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
-    # Whoever waited for the same picture finds it.
+    # Another request may have drawn it while this one waited.
     if drawn := _kept_picture(service, drive_id):
         return drawn
     with service.reading() as session:
