@@ -113,12 +113,6 @@ def with_positioning(options: Mapping[str, Any], positioning: Mapping[str, Any])
     return combined | dict(positioning)
 
 
-def checked_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """``options`` as asked for; ``UnknownNameError`` or ``BadOptionsError`` if they cannot be used."""
-    check_options(method, options)
-    return dict(options)
-
-
 def check_options(method: str, options: Mapping[str, Any]) -> None:
     """Raise ``UnknownNameError`` or ``BadOptionsError`` for what cannot be used.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import mimetypes
+from collections.abc import Callable
 from functools import lru_cache
 from hashlib import sha256
 from html import escape
@@ -117,34 +118,25 @@ def _answer(request: Request, file: File, headers: dict[str, str]) -> Response:
     return Response(file.content, media_type=file.media_type, headers=headers)
 
 
-@router.get("/map")
-def map_page(request: Request, service: ServiceDep) -> Response:
-    """The map."""
-    return page_answer(request, service.settings, "map")
+PAGES = {
+    "/map": "map",
+    "/upload": "upload",
+    "/drives": "drives",
+    "/drives/{drive_id}": "drive",
+    "/admin": "admin",
+}
+"""Address -> page; that of a drive itself says where there is none."""
 
 
-@router.get("/upload")
-def upload_page(request: Request, service: ServiceDep) -> Response:
-    """Where logs are uploaded."""
-    return page_answer(request, service.settings, "upload")
+def _route_of(name: str) -> Callable[[Request, ServiceDep], Response]:
+    def page(request: Request, service: ServiceDep) -> Response:
+        return page_answer(request, service.settings, name)
+
+    return page
 
 
-@router.get("/drives")
-def drives_page(request: Request, service: ServiceDep) -> Response:
-    """The list of drives."""
-    return page_answer(request, service.settings, "drives")
-
-
-@router.get("/drives/{drive_id}")
-def drive_page(request: Request, service: ServiceDep, drive_id: str) -> Response:
-    """One drive; the page itself says where there is none."""
-    return page_answer(request, service.settings, "drive")
-
-
-@router.get("/admin")
-def admin_page(request: Request, service: ServiceDep) -> Response:
-    """The operators' dashboard."""
-    return page_answer(request, service.settings, "admin")
+for _address, _name in PAGES.items():
+    router.get(_address)(_route_of(_name))
 
 
 @router.get("/web/{name:path}")
