@@ -19,7 +19,18 @@ from typing import Any, BinaryIO, Self
 from fsspec.spec import AbstractBufferedFile
 
 from app.core.content import ContentHash
-from app.core.filesystems import complete, file_system, free_bytes, full_is_told, make_folder, storage_full
+from app.core.filesystems import (
+    INCOMING,
+    complete,
+    file_system,
+    free_bytes,
+    full_is_told,
+    make_folder,
+    modified_at,
+    put_file,
+    remove_file,
+    storage_full,
+)
 
 BLOCK_BYTES = 8 * 2**20
 """What is collected for one request to a bucket; ten thousand such are a blob."""
@@ -32,7 +43,6 @@ NOTED_WITHIN = timedelta(hours=1)
 LOGS, EXPORTS, IMPORTS = "drives", "exports", "imports"
 """Sections of a store: logs of drives, files that were made for somebody, and files that the operator imports."""
 
-_INCOMING = "incoming"
 _DATABASES = "databases"
 
 
@@ -82,12 +92,12 @@ class BlobStore:
 
     def probe(self) -> None:
         """Write a few bytes and remove them again: raises what an upload would meet."""
-        path = f"{self._root}/{_INCOMING}/{uuid.uuid4().hex}"
-        make_folder(self._fs, f"{self._root}/{_INCOMING}")
+        path = f"{self._root}/{INCOMING}/{uuid.uuid4().hex}"
+        make_folder(self._fs, f"{self._root}/{INCOMING}")
         try:
             self._fs.pipe_file(path, b"ready")
         finally:
-            _remove(self._fs, path)
+            remove_file(self._fs, path)
 
     def exists(self, key: str) -> bool:
         """Whether the blob is there."""
@@ -109,20 +119,13 @@ class BlobStore:
         """
         if self.exists(key):
             return False
-        part = f"{self._root}/{_INCOMING}/{uuid.uuid4().hex}"
         with full_is_told():
-            make_folder(self._fs, f"{self._root}/{_INCOMING}")
-            try:
-                self._fs.put_file(str(path), part)
-                complete(self._fs, part, f"{self._root}/{key}")
-            except BaseException:
-                _remove(self._fs, part)
-                raise
+            put_file(self._fs, self._root, path, key)
         return True
 
     def delete(self, key: str) -> None:
         """Remove the blob; one that is not there is no error."""
-        _remove(self._fs, f"{self._root}/{key}")
+        remove_file(self._fs, f"{self._root}/{key}")
 
     def keys(self) -> list[str]:
         """The keys of all complete blobs, sorted."""
@@ -132,9 +135,9 @@ class BlobStore:
         """Remove parts of uploads that began longer ago than ``older_than``; return how many."""
         limit = datetime.now(UTC) - older_than
         removed = 0
-        for path in self._list(_INCOMING):
+        for path in self._list(INCOMING):
             if _changed_at(self._fs, path) < limit:
-                _remove(self._fs, path)
+                remove_file(self._fs, path)
                 removed += 1
         return removed
 
@@ -165,7 +168,7 @@ class BlobStore:
         """Forget all databases that refer to blobs here, except this one."""
         for identity in self.databases():
             if identity != but:
-                _remove(self._fs, f"{self._root}/{_DATABASES}/{identity}")
+                remove_file(self._fs, f"{self._root}/{_DATABASES}/{identity}")
 
     def _note(self, identity: str) -> None:
         with full_is_told():
@@ -193,12 +196,12 @@ class BlobWriter:
         self._section = section
         self._keep_free_bytes = keep_free_bytes
         self._name = uuid.uuid4().hex
-        self._part = f"{root}/{_INCOMING}/{self._name}"
+        self._part = f"{root}/{INCOMING}/{self._name}"
         self._hash = ContentHash(max_content_bytes)
         self._finished = self._closed = False
         self.size_bytes = 0
         with full_is_told():
-            make_folder(fs, f"{root}/{_INCOMING}")
+            make_folder(fs, f"{root}/{INCOMING}")
             self._file = fs.open(self._part, "wb", block_size=BLOCK_BYTES)
 
     def __enter__(self) -> Self:
@@ -249,7 +252,7 @@ class BlobWriter:
                 with contextlib.suppress(OSError):  # what is still buffered finds no room now either
                     _drop(self._file)
         finally:
-            _remove(self._fs, self._part)
+            remove_file(self._fs, self._part)
 
     def _close(self) -> None:
         if self._closed:
@@ -268,17 +271,8 @@ def _drop(file: Any) -> None:
         file.close()
 
 
-def _remove(fs: Any, path: str) -> None:
-    try:
-        fs.rm_file(path)
-    except FileNotFoundError:
-        return
-
-
 def _changed_at(fs: Any, path: str) -> datetime:
     try:
-        moment = fs.modified(path)
+        return modified_at(fs, path)
     except FileNotFoundError:  # finished or discarded while we looked
         return datetime.now(UTC)
-    stamp: datetime = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return stamp

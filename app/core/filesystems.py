@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import errno
 import shutil
+import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,8 @@ from app.core.errors import StorageFullError
 from app.core.settings import SettingsError
 
 _BUCKETS = frozenset({"s3", "s3a"})
+INCOMING = "incoming"
+"""Folder of a store in which files are written before they have their name."""
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
@@ -60,6 +64,30 @@ def complete(fs: Any, part: str, target: str) -> None:
         return
     make_folder(fs, target.rpartition("/")[0])
     fs.mv(part, target)
+
+
+def put_file(fs: Any, root: str, source: Path, name: str) -> None:
+    """Copy a file of this machine to ``root/name``, where it appears complete or not at all."""
+    part = f"{root}/{INCOMING}/{uuid.uuid4().hex}"
+    make_folder(fs, f"{root}/{INCOMING}")
+    try:
+        fs.put_file(str(source), part)
+        complete(fs, part, f"{root}/{name}")
+    except BaseException:
+        remove_file(fs, part)
+        raise
+
+
+def remove_file(fs: Any, path: str) -> None:
+    """Remove a file; one that is not there is no error."""
+    with suppress(FileNotFoundError):
+        fs.rm_file(path)
+
+
+def modified_at(fs: Any, path: str) -> datetime:
+    """When a file was last written, UTC; ``FileNotFoundError`` where there is none."""
+    moment: datetime = fs.modified(path)
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
 def free_bytes(fs: Any, root: str) -> int | None:

@@ -16,10 +16,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path, PurePosixPath
 
 from app.core.durable import rename_durably, sync_named
-from app.core.filesystems import complete, file_system, is_folder, make_folder
+from app.core.filesystems import INCOMING, file_system, is_folder, modified_at, put_file
 from app.core.settings.places import FilePlace, RemoteFolder
-
-_INCOMING = "incoming"
 
 
 class MirrorError(Exception):
@@ -42,11 +40,8 @@ def send(place: FilePlace, names: Sequence[str]) -> None:
         return
     fs, root = file_system(place.url)
     for name in names:
-        part = f"{root}/{_INCOMING}/{uuid.uuid4().hex}"
         try:
-            make_folder(fs, f"{root}/{_INCOMING}")
-            fs.put_file(str(place.copies / name), part)
-            complete(fs, part, f"{root}/{name}")
+            put_file(fs, root, place.copies / name, name)
         except Exception as error:  # any storage fsspec knows, each with errors of its own
             raise MirrorError(f"{name} cannot be stored in {place.url}: {_reason(error)}.") from error
 
@@ -82,7 +77,7 @@ def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
     except FileNotFoundError:
         return False
     limit = datetime.now(UTC) - than
-    if any(_utc(fs.modified(path)) >= limit for path in paths):
+    if any(modified_at(fs, path) >= limit for path in paths):
         return False
     for path in paths:
         fs.rm_file(path)
@@ -105,7 +100,7 @@ def forget(place: FilePlace, name: str) -> None:
 
 def _fetch(place: RemoteFolder, group: str, filename: str, sha256: str) -> None:
     fs, root = file_system(place.url)
-    incoming = place.copies / _INCOMING / uuid.uuid4().hex
+    incoming = place.copies / INCOMING / uuid.uuid4().hex
     incoming.mkdir(parents=True)
     try:
         paths = [str(path) for path in fs.ls(f"{root}/{group}", detail=False)]
@@ -146,7 +141,3 @@ def _reason(error: Exception) -> str:
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _utc(moment: datetime) -> datetime:
-    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)

@@ -80,7 +80,7 @@ def reason_text(reason: str | None) -> Any:
 
 
 class _Lines(logging.Formatter):
-    """What both kinds of lines have in common."""
+    """The common part of both kinds of lines."""
 
     def __init__(self, process: str) -> None:
         super().__init__()
@@ -107,13 +107,13 @@ class TextLines(_Lines):
 
     def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
         """The line, and the lines of a traceback."""
-        said = " ".join(
+        message = " ".join(
             [
                 _one_line(record.getMessage().rstrip()),
                 *(f"{name}={_word(value)}" for name, value in fields.items()),
             ]
         )
-        head = f"{_moment(record)} {record.levelname} {self._process} {record.name}: {said}"
+        head = f"{_moment(record)} {record.levelname} {self._process} {record.name}: {message}"
         trace = self.trace(record)
         return head if trace is None else f"{head}\n{trace}"
 
@@ -122,7 +122,7 @@ class JsonLines(_Lines):
     """One JSON object a line; ``error`` holds a traceback."""
 
     def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
-        """The object; what every line has comes first and is never another thing."""
+        """The object; the fields of every line come first and cannot be overwritten."""
         own = {
             "time": _moment(record),
             "level": record.levelname,
@@ -137,7 +137,7 @@ class JsonLines(_Lines):
 
 
 class _StandardError(logging.StreamHandler[TextIO]):
-    """Standard error as it is when a line is written: who has taken it for a while closes what it put there."""
+    """Standard error as it is when a line is written: a program that replaces it closes its replacement."""
 
     @property
     def stream(self) -> TextIO:

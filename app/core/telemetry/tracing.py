@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any
 
 from app.core.settings import Settings, SettingsError
 from app.core.telemetry.logs import present_ids
@@ -21,8 +21,8 @@ TRACES_PATH = "/v1/traces"
 logger = logging.getLogger(__name__)
 
 
-class Span(Protocol):
-    """A stretch of work in a trace."""
+class Span:
+    """A stretch of work in a trace; this class itself is of no trace, for where tracing is off."""
 
     def name(self, name: str) -> None:
         """Rename it."""
@@ -34,15 +34,7 @@ class Span(Protocol):
         """Mark it as failed, unless ``failed`` is False."""
 
 
-class _NoSpan:
-    """The span where tracing is off."""
-
-    def name(self, name: str) -> None: ...
-    def note(self, **facts: object) -> None: ...
-    def failed(self, failed: bool = True) -> None: ...
-
-
-_NOTHING = _NoSpan()
+_NO_SPAN = Span()
 _tracer: _Tracer | None = None
 
 
@@ -53,7 +45,7 @@ def span(name: str, *, server: bool = False, parent: str | None = None, **facts:
     ``server``: it answers somebody outside. An error that leaves the block marks it as failed, by its class alone.
     """
     if _tracer is None:
-        yield _NOTHING
+        yield _NO_SPAN
         return
     with _tracer.span(name, server, parent, {**present_ids(), **facts}) as made:
         yield made
@@ -137,7 +129,7 @@ class _Tracer:
         self._provider.shutdown()
 
 
-class _OtelSpan:
+class _OtelSpan(Span):
     """A span of OpenTelemetry, with the field names of the log."""
 
     def __init__(self, span: Any) -> None:
