@@ -1,5 +1,6 @@
-"""What every route needs: the service's parts, links that work from outside, which answer is wanted, and how answers
-are described in the API's document. Knows no route.
+"""Helpers of all routes: the service's parts, links, content negotiation, ETags, and the words of the API's document.
+
+Knows no route.
 """
 
 from __future__ import annotations
@@ -58,16 +59,16 @@ class Service:
     blobs: BlobStore
     request_classes: Mapping[str, RequestClass]
     probes: Sessions
-    """On a connection of their own: a service that has much to do is ready."""
+    """Sessions on a connection of their own: a busy service still answers probes."""
     probe_threads: CapacityLimiter
     extents: dict[tuple[object, ...], Bounds | None] = field(default_factory=dict)
-    """The network's extent by road version: reading it takes a look at every segment."""
+    """The network's extent by road version, kept because reading it scans every segment."""
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """A session for one short read; its connection goes back before the answer is sent.
+        """A session for one short read; its connection is returned before the answer is sent.
 
-        A client that leaves meanwhile ends what the session does.
+        If the client disconnects meanwhile, the session's statement is cancelled.
         """
         with self.sessions() as session, ending_with_client(session):
             yield session
@@ -103,7 +104,7 @@ def link(href: str, rel: str, type_: str | None = JSON, title: str | None = None
 
 
 def link_documents(links: list[Link]) -> list[dict[str, str]]:
-    """Links as plain dictionaries, without what is unknown."""
+    """Links as plain dictionaries, without unknown members."""
     return [item.model_dump(exclude_none=True) for item in links]
 
 

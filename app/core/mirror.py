@@ -1,7 +1,7 @@
-"""Files that never change, kept elsewhere (a bucket) and read through copies on this machine. Knows no raster.
+"""Files that never change, stored elsewhere (a bucket) and read through copies on this machine. Knows no raster.
 
-A file's folder is named after its content, so that a copy which is there is right. It is fetched once per machine,
-however many processes ask for it at the same time, and is there complete or not at all.
+A file's folder is named after its content, so an existing copy is right. It is fetched once per machine, however many
+processes ask for it at once, and appears complete or not at all.
 """
 
 from __future__ import annotations
@@ -58,8 +58,9 @@ def fetch(place: FilePlace, name: str, sha256: str) -> Path:
 
 
 def problem(place: FilePlace, name: str, sha256: str) -> str:
-    """What is wrong with a file that is kept, empty where nothing is. Of one that is kept elsewhere it is only asked
-    whether it is there: nothing is fetched.
+    """What is wrong with a stored file; empty if nothing is.
+
+    A file that is stored elsewhere is not fetched: only its existence is checked.
     """
     if not isinstance(place, Path):
         fs, root = file_system(place.url)
@@ -89,7 +90,7 @@ def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
 
 
 def forget(place: FilePlace, name: str) -> None:
-    """Let a file and its folder go, here and where it is kept; what is not there, or cannot go, is left."""
+    """Remove a file and its folder, here and where it is stored; missing files and failures are ignored."""
     group = PurePosixPath(name).parent
     shutil.rmtree(local_folder(place) / group, ignore_errors=True)
     if isinstance(place, RemoteFolder):
@@ -104,7 +105,7 @@ def _fetch(place: RemoteFolder, group: str, filename: str, sha256: str) -> None:
     incoming.mkdir(parents=True)
     try:
         paths = [str(path) for path in fs.ls(f"{root}/{group}", detail=False)]
-        # The wanted file comes last: where it is, what belongs to it is as well.
+        # The named file comes last: where it exists, the files that belong to it do as well.
         paths.sort(key=lambda path: PurePosixPath(path).name == filename)
         for path in paths:
             fs.get_file(path, str(incoming / PurePosixPath(path).name))

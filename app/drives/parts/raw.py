@@ -1,4 +1,4 @@
-"""What a drive was made of, over HTTP: its log as it was uploaded, and what its sensors said along it."""
+"""The sources of a drive over HTTP: its log as it was uploaded, and its sensors' measurements along it."""
 
 from __future__ import annotations
 

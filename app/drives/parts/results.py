@@ -1,4 +1,4 @@
-"""What a drive yielded, over HTTP: its track, its elevation profile, its estimates. Knows no SQL and draws nothing."""
+"""The results of a drive over HTTP: track, elevation profile and estimates. Knows no SQL and draws nothing."""
 
 from __future__ import annotations
 
