@@ -44,7 +44,7 @@ def simulate(
             bundle = write_all(out, drives, seed, duration_s=duration_s, rate_hz=rate_hz, progress=show)
             paths = list(bundle.drives)
         else:
-            _known(receiver)
+            _check_receiver(receiver)
             bundle = write_all(out, 0, seed, progress=show)
             paths, simulated = [], []
             for k in range(drives):
@@ -68,7 +68,7 @@ def simulate(
     )
 
 
-def _known(receiver: str) -> None:
+def _check_receiver(receiver: str) -> None:
     from fusion.simulate.receiver.profiles import RECEIVERS
 
     with naming("--receiver"):

@@ -140,7 +140,7 @@ class Cell(Base):
     """The same of changes that a drive would notice: roads that came, went, or lie elsewhere."""
 
     drawn_version: Mapped[int] = mapped_column(BigInteger, server_default="0")
-    """Raised when what low zooms draw of the cell changes, which follows ``version`` (``app.map.drawn``). What is
+    """Raised when what low zooms draw of the cell changes, which follows ``version`` (``app.map.derived``). What is
     drawn of a greater cell raises it of any cell inside."""
     changed_xid: Mapped[int] = mapped_column(BigInteger, server_default="0", index=True)
     """The transaction that raised either of the two last; a trigger writes it (``SegmentChange.xid``)."""

@@ -207,7 +207,6 @@ for _query in (
             "slope_sigma_percent": "Its sigma",
             "drives": "Drives behind it",
             "drives_rejected": "Drives that are rejected there",
-            "drives_unheard": "The same by its old name; deprecated",
             "lowest_percent": "The least that any drive says",
             "highest_percent": "The most",
             "farthest_sigmas": "How far from the published slope the farthest is, in its own sigmas",
