@@ -73,7 +73,7 @@ def lower(text: str) -> str:
 def places(word: str, name: str, text: str) -> list[str]:
     """``path:line: text`` of each line with the word. Phrases in which it may stand are taken out beforehand."""
     allowed = exceptions_of(word)
-    if name.startswith(allowed.paths) or word.split()[0].lower() not in lower(text):
+    if name.startswith(allowed.paths) or word.split(maxsplit=1)[0].lower() not in lower(text):
         return []
     for phrase in allowed.phrases:
         text = re.sub(re.escape(phrase), "", text, flags=re.IGNORECASE)

@@ -228,7 +228,7 @@ def outputs() -> str:
     return table(("format", "suffix", "what"), rows)
 
 
-def handovers() -> str:
+def consumer_formats() -> str:
     rows = [
         (code(name), item.consumer, " ".join(map(code, item.suffixes)), item.description)
         for name, item in HANDOVERS.items()
@@ -236,7 +236,7 @@ def handovers() -> str:
     return table(("name", "for", "suffixes", "what"), rows)
 
 
-def handover_options() -> str:
+def consumer_options() -> str:
     rows = [
         (code(name), code(option), plain(fact.default), fact.allowed, fact.description)
         for name, item in HANDOVERS.items()
@@ -275,8 +275,8 @@ MAKERS: dict[str, Callable[[], str]] = {
         positionings,
         solver_options,
         outputs,
-        handovers,
-        handover_options,
+        consumer_formats,
+        consumer_options,
         metrics,
     )
 }
