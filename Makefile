@@ -17,7 +17,7 @@ UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-all coverage fuzz soak docs web pictures check check-types check-tests lock clean
+.PHONY: help setup demo test test-all coverage fuzz soak docs tables web pictures check check-types check-tests lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 16
@@ -48,6 +48,9 @@ soak: setup  ## ten minutes of uploads, removals, imports and kills at random (S
 docs: $(INSTALLED)  ## build docs/ as a site into docs/_build; a warning or a dead link fails
 	@$(BIN)/python -m sphinx -q -W --keep-going -b html -d docs/_build/.doctrees docs docs/_build/html
 	@echo "docs/_build/html/index.html"
+
+tables: $(INSTALLED)  ## renew the tables of docs/ that come from the code
+	@PYTHONPATH=.:tests/support $(BIN)/python tests/test_readme.py --write
 
 web: $(INSTALLED)  ## build the pages anew into app/web/built, checked and tested (needs npm)
 	@.ci/prepare npm $(WEB)

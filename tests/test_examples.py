@@ -143,7 +143,7 @@ def test_the_script_makes_a_file_of_logs(
 
 
 @pytest.mark.slow
-def test_the_page_on_reports_has_every_field(bundle: Bundle) -> None:
+def test_the_page_on_reports_has_every_field(bundle: Demonstration) -> None:
     page = (DOCS / "reference" / "drive-report.md").read_text(encoding="utf-8")
     stored = page.partition("## Added when")[0]
     cells = re.findall(r"^\| (`.*?) \|", stored, re.MULTILINE)
