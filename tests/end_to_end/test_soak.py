@@ -15,9 +15,7 @@ SECONDS, LOGS, SEED = 30, 12, 3
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.long(
-        "half a minute of use and kills, then rest: what each kill does is tested by itself beside its subject"
-    ),
+    pytest.mark.long("half a minute of kills and rest; what each kill does is tested beside its subject"),
 ]
 
 

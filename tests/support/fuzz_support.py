@@ -1,4 +1,4 @@
-"""How long the fuzzers of ``tests/fuzz`` go on: seconds under ``make test-all``, as long as asked under ``make fuzz``."""
+"""How long the fuzzers of ``tests/fuzz`` go on: as long as asked under ``make fuzz``, seconds otherwise."""
 
 from __future__ import annotations
 
