@@ -12,7 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 SPREAD := -n 3 --dist worksteal --durations=10 --durations-min=1
 CHECK_S := 35
-CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache
+CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache .coverage*
 UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-hashes --python-version 3.11
 
 .DEFAULT_GOAL := help
@@ -26,6 +26,11 @@ setup: $(INSTALLED) $(POSTGRES) $(COMPILED)  ## make .venv, compile, and as root
 
 demo: $(INSTALLED) $(POSTGRES)  ## from nothing to slopes: the whole job on simulated drives, result in demo/
 	@$(BIN)/versant demo --output demo
+
+# Each process of the tests has its share of the cores: threads of linear algebra that wait for each other take a
+# quarter more of the processor.
+test test-all coverage fuzz check-tests: export OPENBLAS_NUM_THREADS := 1
+test test-all coverage fuzz check-tests: export OMP_NUM_THREADS := 1
 
 test: setup  ## every test but the long ones, on a private PostGIS, the pages' in Chromium; names the ten slowest
 	@.ci/prepare chromium
