@@ -69,6 +69,7 @@ SERVICE = {
 
 FRAGMENTS: Mapping[str, str] = {
     "app/drives/outputs/drawing_process.py": "a program of its own",
+    "app/exports/formats/flatgeobuf.py": "one format, one file",
     "fusion/formats/nmea.py": "one log format, one file",
 }
 """Short files with one importer that stay by themselves, each with the reason."""
