@@ -57,13 +57,12 @@ def write_slopes(
     rows: Bools,
     tolerance_sigmas: float,
 ) -> list[int]:
-    """Store those ``rows`` of a solution, a mask, that are these segments, on which so many drives are heard.
+    """Store the ``rows`` (a mask) of a solution for these segments, on each of which so many ``drives`` are accepted.
 
-    Returns the segments that are new or moved by more than so many of their sigmas. Segments that meet and are written
-    together have one height where they meet. At the edge of what is written two can stand: the one inside is of the
-    new solution, the one outside waits until its own roads are solved again, as slopes there do. They differ by what
-    windows leave, which is more for heights, which come from far away, than for slopes. ``settle_network`` leaves such
-    edges between its partitions.
+    Returns the segments that are new or moved by more than ``tolerance_sigmas``. Segments that meet and are written
+    together have one height where they meet. At the edge of what is written there can be two: that of the new solution
+    inside, and an older one outside until its roads are solved again. They differ by what subnetworks leave, which is
+    more for heights, which come from far away, than for slopes. ``settle_network`` leaves such edges between cells.
     """
     values: dict[str, Any] = {name: _nullable(getattr(result, name)[rows]) for name in NETWORK_ONLY}
     start, end = _node_heights(session, segment_ids, result, rows, tolerance_sigmas)

@@ -1,6 +1,6 @@
-"""Which elevation rasters lie under which roads: whose data something is, and what the removal of a raster changes.
+"""Which elevation rasters lie under which roads: for attributions, and for what the removal of a raster changes.
 
-By the rasters' bounds, which the database knows: a void inside counts as covered, and one of unknown bounds covers
+The rasters' bounds in the database decide: a void inside counts as covered, and a raster of unknown bounds covers
 everything. No raster is opened here.
 """
 

@@ -1,6 +1,6 @@
 """The files of elevation rasters: copied to where they are kept, looked at, and removed when no set names them.
 
-Which of them count is in ``app.terrain.store``. How heights are read is the library's business.
+``app.terrain.store`` has which of them are active; the library reads heights.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ def store_files(
 
 
 def with_bounds(sources: Iterable[DemSource], dem_dir: FilePlace) -> list[DemSource]:
-    """The sources, each with its bounds: what is not known yet is read from its raster.
+    """The sources, each with its bounds, which are read from the raster where they are not known yet.
 
-    One whose raster cannot be read stays without, and counts everywhere.
+    A source whose raster cannot be read stays without bounds, and counts everywhere.
     """
     bounded = []
     for source in sources:
@@ -79,7 +79,7 @@ def with_bounds(sources: Iterable[DemSource], dem_dir: FilePlace) -> list[DemSou
 
 
 def add_bounds(sessions: Sessions, dem_dir: FilePlace) -> int:
-    """Give bounds to the rasters of all versions that have none, as those of before 0014; of how many."""
+    """Add bounds to rasters without, as versions of before 0014 have them; returns how many got bounds."""
     with sessions() as session:
         named = {s.uri: s for sources in sources_of_all(session).values() for s in sources}
         without = [source for source in named.values() if source.bounds_deg is None]
@@ -106,7 +106,7 @@ def bounds_deg(path: Path, margin_posts: int = 0) -> Bounds:
 
 
 def reach_deg(source: DemSource, dem_dir: FilePlace) -> Bounds:
-    """Where a raster may give heights: its bounds and two posts more; everywhere, where nothing tells."""
+    """Where a raster may give heights: its bounds and two posts more; everywhere if they are unknown."""
     try:
         return bounds_deg(local_raster(dem_dir, source), margin_posts=2)
     except (TerrainError, ProjError):

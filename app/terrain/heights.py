@@ -1,7 +1,7 @@
 """Slopes and heights of the stored segments by the active elevation rasters: computed, filled in, renewed.
 
-Heights are computed outside of any lock and written in pieces, each a short transaction that owns the network: drives
-come and go in between. What is left to be renewed is noted in the database, so whoever does it may be cut off.
+Heights are computed outside of any lock and written in pieces, each a short transaction that owns the network; drives
+come and go in between. The database notes what is left to be renewed, so the work may be interrupted at any moment.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from fusion.terrain.windows import dem_slopes
 from fusion.types import Floats, Ints, Progress
 
 SEGMENTS_PER_FILL = 10_000
-"""So long do drives that come and go wait: a second or so."""
+"""Drives wait for one such piece at most, a second or so."""
 
 
 Look = Callable[[], object]
-"""Is called again and again meanwhile, and raises where the work is to end."""
+"""Called repeatedly during the work; it raises to end it."""
 
 
 def _nothing() -> None:
@@ -104,7 +104,7 @@ def fill_heights_along(sessions: Sessions, dem_dir: FilePlace, driven: RoadTable
 
 
 def renew_all(sessions: Sessions, dem_dir: FilePlace, progress: Progress) -> None:
-    """Renew the heights of all segments for which that is left to be done; ``progress`` may end it at any moment."""
+    """Renew the heights of all segments that wait for it; ``progress`` may end the work at any moment."""
     shares = [0.0]
     for share in renewing(sessions, dem_dir, wait=True, look=lambda: progress("reading posts", shares[-1])):
         shares.append(share)
@@ -112,9 +112,9 @@ def renew_all(sessions: Sessions, dem_dir: FilePlace, progress: Progress) -> Non
 
 
 def renewing(sessions: Sessions, dem_dir: FilePlace, *, wait: bool, look: Look = _nothing) -> Iterator[float]:
-    """Renew the heights of all segments for which that is left to be done, a piece at each step; yields the share done.
+    """Renew the heights of all segments that wait for it, a piece at each step; yields the share done.
 
-    One program does it at a time: another one waits for it, or without ``wait`` leaves it to that one.
+    One program does it at a time: another one waits, or without ``wait`` leaves the work to the first.
     """
     with own_heights(sessions, wait=wait) as mine:
         while mine:
@@ -136,7 +136,7 @@ def renewing(sessions: Sessions, dem_dir: FilePlace, *, wait: bool, look: Look =
 def _renew(
     sessions: Sessions, dem_dir: FilePlace, pending: PendingHeights, ids: Ints, look: Look, *, last: bool
 ) -> PendingHeights | None:
-    """Write what the active rasters say of these segments; what is left then, None where it is to be asked anew."""
+    """Write the active rasters' heights of these segments; what is left then, None where it has to be read again."""
     with sessions() as session:
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
         active, cells = current_dem(session, dem_dir), cells_met(session, ids.tolist())

@@ -1,6 +1,6 @@
 """The active set of elevation rasters in the database, and the slopes and heights of segments by them.
 
-The files themselves are ``app.terrain.files``' business: no raster is opened here.
+No raster is opened here; ``app.terrain.files`` handles the files.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ def pending_heights(session: Session) -> PendingHeights | None:
 
 
 def note_renewed(session: Session, pending: PendingHeights, after_id: int | None) -> None:
-    """Note how far heights are renewed; None: everywhere."""
+    """Note up to which segment id heights are renewed; None: all are."""
     left = None if after_id is None else json.dumps({"boxes_deg": pending.boxes_deg, "after_id": after_id})
     session.execute(_NOTE_PENDING, {"id": pending.version_id, "pending": left})
 
@@ -212,7 +212,7 @@ def sources_of_all(session: Session) -> dict[int, tuple[DemSource, ...]]:
 
 
 def set_sources(session: Session, version_id: int, sources: Sequence[DemSource]) -> None:
-    """Write anew what is known of a version's rasters; they stay the same ones."""
+    """Update what is known of a version's rasters; the rasters stay the same."""
     listed = json.dumps([asdict(source) for source in sources])
     session.execute(_SET_SOURCES, {"id": version_id, "sources": listed})
 

@@ -1,6 +1,6 @@
-"""What is wrong with a service, found by looking only: each finding with what to do about it.
+"""Examines a service without changing it: each finding says what is wrong and what to do about it.
 
-One look after the other; one that fails is a finding itself and ends no other.
+Checks run one after the other; a check that fails is a finding itself and does not end the others.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Patient:
-    """The service that is looked at. ``sessions`` None: its database is not there, which ``away`` says."""
+    """The service that is examined. ``sessions`` None: its database cannot be reached, for the reason in ``away``."""
 
     settings: Settings
     sessions: Sessions | None
@@ -63,7 +63,7 @@ _DatabaseLook = Callable[[Settings, Session], Iterable[Finding]]
 
 
 def examine(patient: Patient, progress: Progress = no_progress) -> list[Finding]:
-    """All findings, in an order that begins with what others rest on."""
+    """All findings, those that others depend on first."""
     findings: list[Finding] = []
     looks = [*_LOOKS, *(_with_session(name, look) for name, look in _DATABASE_LOOKS.items())]
     for done, (subject, look) in enumerate(looks):
@@ -72,9 +72,7 @@ def examine(patient: Patient, progress: Progress = no_progress) -> list[Finding]
             findings.extend(look(patient))
         except (SQLAlchemyError, FusionError, OSError) as error:
             reason = " ".join(str(getattr(error, "orig", None) or error).split())
-            findings.append(
-                Finding(subject, "fail", f"It cannot be looked at: {reason}", "See to that first.")
-            )
+            findings.append(Finding(subject, "fail", f"The check failed: {reason}", "Fix that first."))
     return findings
 
 
@@ -140,7 +138,7 @@ def _room(patient: Patient) -> Iterator[Finding]:
 
 def _reachable(patient: Patient) -> Iterator[Finding]:
     if patient.sessions is None:
-        yield Finding("database", "fail", patient.away, "Nothing else of it can be looked at.")
+        yield Finding("database", "fail", patient.away, "Nothing else of it can be checked.")
 
 
 def _database(settings: Settings, session: Session) -> Iterator[Finding]:

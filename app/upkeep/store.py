@@ -1,4 +1,4 @@
-"""What backups and the doctor ask of the database, and what a restored one is told. No file is opened here."""
+"""The statements of backups, restores and the doctor. No file is opened here."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from app.core.tables import IS_SHOWN
 
-# What stands here is in databases of every version, so that one can be backed up before it is migrated.
+# These statements work on databases of every version, so that one can be backed up before it is migrated.
 _EXPORT = text("SELECT pg_export_snapshot()")
 _VERSIONS = text(
     """

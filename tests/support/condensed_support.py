@@ -1,4 +1,4 @@
-"""A tiny jury, so that few drives make condensed, and what has to hold of them whatever happened."""
+"""Few recent passes, so that few drives make condensed ones, and what has to hold of them whatever happened."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ TINY = 3
 
 @pytest.fixture
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A jury of three."""
+    """Three recent passes."""
     monkeypatch.setattr(condensed, "RECENT_PASSES", TINY)
 
 
 def _summed_rows(sessions: Sessions) -> dict[int, int]:
-    """How many passes over each segment are in its sum by their own rows, rejected ones left out."""
+    """How many passes over each segment are condensed by their own rows, rejected ones left out."""
     with sessions() as session:
         query = "SELECT segment_id, count(*) FROM drive_passes WHERE condensed_weight > 0 GROUP BY 1"
         return {row[0]: row[1] for row in session.execute(text(query))}

@@ -146,8 +146,8 @@ def rows_of(sessions: Sessions, relation: str = "segment_slopes") -> Rows:
         return {row[0]: (row[1], row[2], row[3], row[4]) for row in session.execute(text(query))}
 
 
-def verdicts_of(sessions: Sessions) -> dict[tuple[uuid.UUID, int], bool]:
-    """Whether each pass is heard, by drive and segment (of drives that pass once)."""
+def accepted_by_drive(sessions: Sessions) -> dict[tuple[uuid.UUID, int], bool]:
+    """Whether each pass is accepted, by drive and segment (of drives that pass once)."""
     with sessions() as session:
         rows = session.execute(
             text(
@@ -172,7 +172,7 @@ def assert_same(left: Rows, right: Rows) -> None:
 
 def assert_at_once(found: Rows, settled: Rows) -> None:
     """The contract on what solvers leave that came in any order and at the same time: slopes as in ``assert_same``. A
-    solver goes as far as slopes move; sigmas beyond that wait until their square is settled."""
+    solver goes as far as slopes move; sigmas beyond that wait until their cell is settled."""
     slope, sigma = _differences(found, settled)
     assert np.count_nonzero(slope > 0.1) <= max(1, len(found) // 100), sorted(slope)[-5:]
     assert max(slope, default=0.0) <= 0.2

@@ -64,8 +64,8 @@ def test_they_are_those_of_the_whole(
     assert np.array_equal(near.ids, all_ids[rows_of(whole, near.table)])
 
 
-def test_roads_reach_into_squares_from_afar(sessions: Sessions, chain: Chain) -> None:
-    """Lines of 50 km, one of them around the last latitude that has squares of its own."""
+def test_roads_reach_into_cells_from_afar(sessions: Sessions, chain: Chain) -> None:
+    """Lines of 50 km, one of them around the last latitude that has cells of its own."""
     table = chain(3, lon0_deg=[8.0, 8.0, 8.0], lat0_deg=[48.0, 48.3, 84.9],
                   lon1_deg=[8.5, 8.5, 9.0], lat1_deg=[48.3, 48.3, 85.3])  # fmt: skip
     imported(sessions, table)

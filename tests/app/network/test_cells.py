@@ -1,4 +1,4 @@
-"""The squares of the map: which a segment is shown in, and which a tile is made of."""
+"""The cells of the map: which a segment is shown in, and which a tile is made of."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SQUARES = st.floats(-4, 4).map(lambda n: n * SIDE_M)
 @given(x0=SQUARES, y0=SQUARES, x1=SQUARES, y1=SQUARES)
 @example(x0=5e-310, y0=0.0, x1=0.0, y1=0.0)  # no width to divide by
 @example(x0=-1e-9, y0=-3 * SIDE_M, x1=1e-9, y1=3 * SIDE_M)
-def test_a_line_is_in_every_square_that_it_meets_and_no_other(
+def test_a_line_is_in_every_cell_that_it_meets_and_no_other(
     sessions: Sessions, x0: float, y0: float, x1: float, y1: float
 ) -> None:
     with sessions() as session:
@@ -45,7 +45,7 @@ def test_a_line_is_in_every_square_that_it_meets_and_no_other(
     assert len(found) <= 2 * len(met) + 4
 
 
-def test_a_line_around_the_world_costs_thousands_of_squares_and_not_millions(sessions: Sessions) -> None:
+def test_a_line_around_the_world_costs_thousands_of_cells_and_not_millions(sessions: Sessions) -> None:
     with sessions() as session:
         ends = {"x0": -HALF_M, "y0": -HALF_M, "x1": HALF_M, "y1": HALF_M / 3}
         assert 16_000 < len(session.execute(_ALONG, ends).all()) < 33_000
@@ -53,10 +53,10 @@ def test_a_line_around_the_world_costs_thousands_of_squares_and_not_millions(ses
 
 @given(st.lists(st.integers(0, 2**28 - 1), min_size=1, max_size=30))
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_regions_are_those_of_the_database(sessions: Sessions, squares: list[int]) -> None:
+def test_partitions_are_those_of_the_database(sessions: Sessions, cells: list[int]) -> None:
     query = text(
         "SELECT DISTINCT versant_partition(c) AS r FROM unnest(CAST(:c AS integer[])) AS c ORDER BY r"
     )
     with sessions() as session:
-        stored = session.execute(query, {"c": squares}).scalars().all()
-    assert partitions_around(np.array(squares)) == stored
+        stored = session.execute(query, {"c": cells}).scalars().all()
+    assert partitions_around(np.array(cells)) == stored

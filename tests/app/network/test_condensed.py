@@ -1,4 +1,4 @@
-"""Old passes are read as a sum: what is read is bounded, and what is in a sum can be taken back whatever happens."""
+"""Old passes are read condensed: what is read is bounded, and condensed passes can be subtracted whatever happens."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from factor_support import street
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import (
+    accepted_by_drive,
     append,
     count_of,
     delete,
@@ -28,7 +29,6 @@ from network_support import (
     passes_of,
     publish,
     rows_of,
-    verdicts_of,
 )
 
 Chain = Callable[..., RoadTable]
@@ -36,7 +36,7 @@ Driven = tuple[RoadTable, Ints]
 
 
 @pytest.mark.usefixtures("tiny")
-def test_a_segment_reads_a_jury_however_many_passes_there_were(
+def test_a_segment_reads_recent_passes_however_many_passes_there_were(
     sessions: Sessions, chain: Chain, segment_ids: Ints
 ) -> None:
     table, ids = chain(), segment_ids.tolist()
@@ -77,7 +77,7 @@ def old_pass(drive: int, day: float, number: int) -> condensed.OldPass:
 
 @pytest.mark.usefixtures("tiny")
 def test_laps_of_a_drive_stay_together() -> None:
-    """The jury is of the newest drives as wholes; the newest stays even if it alone is more than a jury."""
+    """Recent passes are those of the newest drives as wholes; the newest drive stays even if it has more of them."""
     laps = [old_pass(7, 1.0, k) for k in range(3)]
     singles = [old_pass(k, 2.0 + k, 10 + k) for k in range(2)]
     assert condensed.passes_to_condense([*laps, *singles, old_pass(9, 0.5, 20)]) == []
@@ -88,25 +88,25 @@ def test_laps_of_a_drive_stay_together() -> None:
     assert condensed.passes_to_condense(many) == []
 
 
-def test_drives_are_summed_as_wholes_and_in_portions() -> None:
+def test_drives_are_condensed_as_wholes_and_in_portions() -> None:
     old = [old_pass(k // 3, 1.0, k) for k in range(9)]
     assert [[p.id for p in some] for some in condensed.portions(old, 4)] == [[0, 1, 2, 3, 4, 5], [6, 7, 8]]
     assert list(condensed.portions([], 4)) == []
 
 
-def test_the_map_is_up_to_date_before_old_passes_are_summed(
+def test_the_map_is_up_to_date_before_old_passes_are_condensed(
     sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     order: list[object] = []
-    monkeypatch.setattr(swap, "condense_old_passes", lambda *_: order.append("sums"))
+    monkeypatch.setattr(swap, "condense_old_passes", lambda *_: order.append("condensed"))
     append(sessions, new_drive(sessions), segment_ids, passes_of(chain(), {0: (2.0, 0.5)}))
     swap.solve_marked(sessions, published=lambda: order.append(count_of(sessions, "network_marks")))
-    assert order == [0, "sums"]
+    assert order == [0, "condensed"]
 
 
 @pytest.fixture
 def crowded(sessions: Sessions, chain: Chain, segment_ids: Ints) -> uuid.UUID:
-    """A drive over a street each segment of which has 3000 passes that are in a sum, beside 7 that are not."""
+    """A drive over a street each segment of which has 3000 condensed passes, beside 7 recent ones."""
     drive = drive_over(sessions, chain(), segment_ids, dict.fromkeys(range(6), (2.0, 0.5)))
     with sessions.begin() as session:
         session.execute(
@@ -122,10 +122,10 @@ def crowded(sessions: Sessions, chain: Chain, segment_ids: Ints) -> uuid.UUID:
     return drive
 
 
-def test_what_is_in_a_sum_is_not_even_looked_at(
+def test_what_is_condensed_is_not_even_looked_at(
     sessions: Sessions, crowded: uuid.UUID, segment_ids: Ints
 ) -> None:
-    """Of the 16 parts of the table only that of the region is; there an index knows what is in no sum."""
+    """Of the 16 parts of the table only that of the partition is; there an index knows the recent passes."""
     assert crowded
     ids = segment_ids[:6].tolist()
     with sessions() as session:
@@ -174,7 +174,7 @@ def test_a_drive_is_looked_for_where_it_was_only(sessions: Sessions, crowded: uu
 
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize("oldest_first", [True, False])
-def test_deleted_drives_are_taken_off_sums(
+def test_deleted_drives_are_subtracted_from_condensed_passes(
     sessions: Sessions, chain: Chain, segment_ids: Ints, oldest_first: bool
 ) -> None:
     made = ten_drives(sessions, chain(), segment_ids)
@@ -191,7 +191,7 @@ def test_deleted_drives_are_taken_off_sums(
 
 
 @pytest.mark.usefixtures("tiny")
-def test_a_drive_that_says_something_else_is_taken_off_sums(
+def test_a_drive_that_says_something_else_is_subtracted_from_condensed_passes(
     sessions: Sessions, chain: Chain, segment_ids: Ints
 ) -> None:
     table = chain()
@@ -205,7 +205,7 @@ def test_a_drive_that_says_something_else_is_taken_off_sums(
 
 
 @pytest.mark.usefixtures("tiny")
-def test_what_contradicts_is_summed_with_no_weight(
+def test_what_contradicts_is_condensed_with_no_weight(
     sessions: Sessions, chain: Chain, segment_ids: Ints
 ) -> None:
     table = chain()
@@ -220,7 +220,7 @@ def test_what_contradicts_is_summed_with_no_weight(
         }
     assert weights[odd] == 0.0
     assert min(weights[k] for k in good[:2]) > 0.1
-    assert not verdicts_of(sessions)[odd, here]
+    assert not accepted_by_drive(sessions)[odd, here]
     assert rows_of(sessions)[here][2] == 10  # not the odd one
     assert_sums_hold(sessions)
     delete(sessions, odd)
@@ -229,7 +229,7 @@ def test_what_contradicts_is_summed_with_no_weight(
 
 
 @pytest.mark.usefixtures("tiny")
-def test_a_drive_that_turns_out_to_be_there_twice_leaves_its_sums(
+def test_a_drive_that_turns_out_to_be_a_duplicate_leaves_the_condensed_passes(
     sessions: Sessions, chain: Chain, segment_ids: Ints
 ) -> None:
     table = chain()
@@ -239,10 +239,10 @@ def test_a_drive_that_turns_out_to_be_there_twice_leaves_its_sums(
     said = {row: (2.0 + 0.1 * row, 0.5) for row in range(6)}
     publish(sessions, better, segment_ids, passes_of(table, said, 0.0, rows=9))
     with sessions() as session:
-        twin = session.execute(
+        duplicate = session.execute(
             text("SELECT duplicate_of FROM drives WHERE id = :id"), {"id": made[0]}
         ).scalar_one()
-    assert twin == better
+    assert duplicate == better
     assert rows_of(sessions)[here][2] == 10
     assert_sums_hold(sessions)
     delete(sessions, better)
@@ -256,7 +256,7 @@ def test_a_drive_that_turns_out_to_be_there_twice_leaves_its_sums(
 
 
 @pytest.mark.usefixtures("tiny")
-def test_a_segment_that_moves_or_goes_loses_its_sums_and_the_others_keep_theirs(
+def test_a_segment_that_moves_or_goes_loses_condensed_passes_and_the_others_keep_theirs(
     sessions: Sessions, chain: Chain, segment_ids: Ints
 ) -> None:
     """One moves a thousand kilometres into another region: nothing of what was measured goes along."""

@@ -36,7 +36,7 @@ from processing_support import remove_drive
 Chain = Callable[..., RoadTable]
 Driven = tuple[RoadTable, Ints]
 ALL_SIGMAS, SIGMA_SHARE = 0.1, 0.03
-"""What sums may change of slopes, in sigmas, and of sigmas; drives that carry no errors along."""
+"""What condensing may change of slopes, in sigmas, and of sigmas; drives that carry no errors along."""
 
 
 # What may happen: a drive comes, goes or says something else; solvers, also such that die before or after a swap.
@@ -79,7 +79,7 @@ def assert_near(
 @pytest.mark.usefixtures("tiny")
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(history=st.lists(STEPS, min_size=10, max_size=25), order=st.permutations(range(DRIVES)))
-def test_any_history_of_sums_ends_near_what_all_passes_say(
+def test_any_history_of_condensing_ends_near_what_all_passes_say(
     sessions: Sessions, streets: Driven, town: Town, history: list[tuple[str, int]], order: list[int]
 ) -> None:
     table, ids = streets
@@ -133,7 +133,7 @@ def test_any_history_of_sums_ends_near_what_all_passes_say(
 def about_to_sum(
     sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[tuple[list[uuid.UUID], list[condensed.OldPass]]]:
-    """Ten drives over a street that a solver is about to sum, and which of their passes."""
+    """Ten drives over a street that a solver is about to condense, and which of their passes."""
     with monkeypatch.context() as patch:
         patch.setattr(condensed, "RECENT_PASSES", 100)
         made = ten_drives(sessions, chain(), segment_ids)
@@ -155,7 +155,7 @@ def sum_them(
         meanwhile()
 
 
-def test_a_drive_that_goes_while_it_is_summed_is_taken_off(
+def test_a_drive_that_goes_while_it_is_condensed_is_subtracted(
     sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.OldPass]]
 ) -> None:
     """The removal waits for the end of the short transaction, and sees what it wrote."""
@@ -176,10 +176,10 @@ def test_a_drive_that_goes_while_it_is_summed_is_taken_off(
     assert {one.drives for one in left.values()} == {6}
 
 
-def test_a_drive_that_is_going_is_not_summed(
+def test_a_drive_that_is_going_is_not_condensed(
     sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.OldPass]]
 ) -> None:
-    """Nobody waits for it: the others are summed."""
+    """Nobody waits for it: the others are condensed."""
     made, old = about_to_sum
     with sessions.begin() as session:
         slopes.begin_change(session, made[0])
@@ -190,7 +190,7 @@ def test_a_drive_that_is_going_is_not_summed(
     assert {one.passes for one in left.values()} == {6}
 
 
-def test_a_pass_is_summed_once(
+def test_a_pass_is_condensed_once(
     sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.OldPass]]
 ) -> None:
     _, old = about_to_sum

@@ -1,4 +1,4 @@
-"""Surveyed heights in the database: once at a place, heard by the roads there, and gone without a trace."""
+"""Surveyed heights in the database: once at a place, used by the roads there, and gone without a trace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One drive that is there twice is one witness, whichever came first."""
+"""One drive that is there twice counts once, whichever came first."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import (
     Rows,
+    accepted_by_drive,
     assert_settled,
     delete,
     drive_over,
@@ -29,7 +30,6 @@ from network_support import (
     passes_of,
     publish,
     rows_of,
-    verdicts_of,
 )
 
 Chain = Callable[..., RoadTable]
@@ -72,7 +72,7 @@ def alone(sessions: Sessions, chain: Chain, segment_ids: Ints) -> Rows:
 
 
 @pytest.mark.parametrize("better_first", [True, False])
-def test_the_log_with_more_measurements_is_heard(
+def test_the_log_with_more_measurements_counts(
     sessions: Sessions, chain: Chain, segment_ids: Ints, better_first: bool
 ) -> None:
     made = {
@@ -80,17 +80,17 @@ def test_the_log_with_more_measurements_is_heard(
     }
     assert duplicate_of(sessions, made[5]) == made[9]
     assert duplicate_of(sessions, made[9]) is None
-    assert {heard for (one, _), heard in verdicts_of(sessions).items() if one == made[5]} == {False}
+    assert {good for (one, _), good in accepted_by_drive(sessions).items() if one == made[5]} == {False}
     assert {row[2] for row in rows_of(sessions).values()} == {1}
     delete(sessions, made[9])
     assert duplicate_of(sessions, made[5]) is None
-    assert set(verdicts_of(sessions).values()) == {True}
+    assert set(accepted_by_drive(sessions).values()) == {True}
     assert {row[2] for row in rows_of(sessions).values()} == {1}
     delete(sessions, made[5])
     assert rows_of(sessions) == {}
 
 
-def test_who_is_heard_does_not_depend_on_the_order(
+def test_which_drive_counts_does_not_depend_on_the_order(
     sessions: Sessions, chain: Chain, segment_ids: Ints, alone: Rows
 ) -> None:
     for n in (5, 9, 7):
@@ -99,7 +99,7 @@ def test_who_is_heard_does_not_depend_on_the_order(
     assert_settled(alone, rows_of(sessions))
 
 
-def test_the_report_of_the_one_that_is_not_heard_says_so(
+def test_the_report_of_a_duplicate_names_the_original(
     sessions: Sessions, chain: Chain, segment_ids: Ints
 ) -> None:
     weak, strong = (drive(sessions, chain(), segment_ids, n) for n in (5, 9))

@@ -22,7 +22,7 @@ Driven = tuple[RoadTable, Ints]
 DRIVES = 6
 SETTLED_SIGMAS = 0.01
 
-# What may happen: a drive comes, goes or says something else; a solver takes some squares, and may die over them.
+# What may happen: a drive comes, goes or says something else; a solver takes some cells, and may die over them.
 STEPS = st.one_of(
     st.tuples(st.sampled_from(["comes", "goes", "other"]), st.integers(0, DRIVES - 1)),
     st.tuples(st.sampled_from(["solved", "died before", "died after"]), st.just(0)),

@@ -19,6 +19,7 @@ from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
 from network_support import (
+    accepted_by_drive,
     assert_same,
     assert_settled,
     count_of,
@@ -29,7 +30,6 @@ from network_support import (
     passes_of,
     publish,
     rows_of,
-    verdicts_of,
     walks,
 )
 
@@ -151,13 +151,13 @@ def test_nothing_is_left_of_a_deleted_drive(sessions: Sessions, streets: Driven,
     said = walks(town, 8)
     for one in said:
         drive_over(sessions, *streets, one)
-    before, verdicts = rows_of(sessions), verdicts_of(sessions)
+    before, accepted = rows_of(sessions), accepted_by_drive(sessions)
     settle_network(sessions)
     settled = rows_of(sessions)
     wild = {row: (slope + 8.0, 0.4) for row, (slope, _) in said[0].items()}
     delete(sessions, drive_over(sessions, *streets, wild))
     assert_same(before, rows_of(sessions))
-    assert verdicts_of(sessions) == verdicts
+    assert accepted_by_drive(sessions) == accepted
     settle_network(sessions)
     assert_settled(settled, rows_of(sessions))
 
@@ -177,7 +177,7 @@ def test_a_second_run_replaces_the_passes_of_the_first(
     assert_same(wanted, rows_of(sessions))
 
 
-def test_a_drive_that_contradicts_the_others_is_not_heard_until_it_is_one_of_many(
+def test_a_drive_that_contradicts_the_others_is_rejected_until_it_is_one_of_many(
     sessions: Sessions, chain: Callable[..., RoadTable], segment_ids: Ints
 ) -> None:
     table = chain()
@@ -197,17 +197,17 @@ def test_a_drive_that_contradicts_the_others_is_not_heard_until_it_is_one_of_man
     assert slope == pytest.approx(2.3, abs=0.5)
     assert (count, observations) == (2, 10)
 
-    for slope in (9.1, 8.9, 9.05):  # the verdict over stored passes turns, theirs and its
+    for slope in (9.1, 8.9, 9.05):  # whether stored passes are accepted turns, theirs and its
         drive_over(sessions, table, segment_ids, {0: (slope, 0.3)})
-    assert verdicts_of(sessions)[odd, here]
+    assert accepted_by_drive(sessions)[odd, here]
     slope, _, count, _ = rows_of(sessions)[here]
     assert slope == pytest.approx(9.0, abs=0.6)
     assert count == 4
     before = rows_of(sessions)
-    verdicts = verdicts_of(sessions)
+    accepted = accepted_by_drive(sessions)
     settle_network(sessions)
     assert_same(before, rows_of(sessions))
-    assert verdicts_of(sessions) == verdicts
+    assert accepted_by_drive(sessions) == accepted
 
 
 def test_a_drive_that_passes_twice_counts_once(

@@ -95,7 +95,7 @@ def test_a_swap_that_breaks_off_leaves_what_stood_and_the_marks(
 def test_a_solution_that_is_out_of_date_is_found_again(
     sessions: Sessions, streets: Driven, town: Town, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """While one solver computes, a drive comes and another solver writes in one of the squares."""
+    """While one solver computes, a drive comes and another solver writes in one of the cells."""
     one, two, three = walks(town, 3)
     drive_over(sessions, *streets, one)
     genuine, tries = swap.solve_around, []

@@ -56,7 +56,7 @@ def test_a_town_comes_back_bit_for_bit(sessions: Sessions, town: Town) -> None:
             st.floats(-180, 180), st.floats(-85, 85), st.floats(-180, 180), st.floats(-85, 85), st.booleans()
         ),
         min_size=1,
-        max_size=5,  # lines around the world are shown in thousands of squares
+        max_size=5,  # lines around the world are shown in thousands of cells
     )
 )
 def test_any_coordinates_come_back_bit_for_bit(
