@@ -15,7 +15,6 @@ from source_tree import REPOSITORY, imported_names, name_of, sources, text_of, t
 
 TOP_LEVEL = {
     "pyproject.toml",
-    "setup.py",
     "README.md",
     "LICENSE",
     "CONTRIBUTING.md",

@@ -29,14 +29,8 @@ _OF_THE_SITE = ("_build/", "conf.py", "__pycache__/")
 _ELSEWHERE = re.compile(r"https?:|mailto:")
 
 
-def _folder() -> Path:
-    """Where the documents are: inside an installed package (``setup.py`` puts them there), else in the checkout."""
-    here = Path(__file__).resolve()
-    installed = here.with_name("guides")
-    return installed if installed.is_dir() else here.parents[2] / "docs"
-
-
-FOLDER = _folder()
+FOLDER = Path(__file__).with_name("guides").resolve()
+"""A link to ``docs/`` in the checkout; an installed package has the files themselves there."""
 
 
 class Heading(NamedTuple):

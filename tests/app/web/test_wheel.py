@@ -15,7 +15,7 @@ import pytest
 from source_tree import REPOSITORY
 
 LEAST_SETUPTOOLS = 77
-PARTS = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "docs", "app", "fusion", "migrations")
+PARTS = ("pyproject.toml", "README.md", "LICENSE", "docs", "app", "fusion", "migrations")
 BUILD = "import sys; from setuptools import build_meta; build_meta.build_{}(sys.argv[1])"
 SERVE = """
 import sys, app
