@@ -43,7 +43,7 @@ def run(monkeypatch: pytest.MonkeyPatch, found: Positioned, *arguments: str | Pa
     monkeypatch.setattr(fusion.formats, "read_logs", lambda *_, **__: found.log, raising=False)
     monkeypatch.setattr(fusion.gnss.positioning, "positioned", given)
     options = ["--gnss", "receiver"]  # the registry knows it whatever solvers there are
-    return CliRunner().invoke(app, [*map(str, arguments), *options], obj=Console(quiet=True))
+    return CliRunner().invoke(app, ["gnss-study", *map(str, arguments), *options], obj=Console(quiet=True))
 
 
 @pytest.mark.slow
