@@ -14,8 +14,8 @@ from street_canyon import (
     SCENES,
     describe,
     followed,
-    given,
     interval,
+    measurements_for,
     print_order,
 )
 
@@ -37,17 +37,17 @@ def test_published_figures_are_of_one_table() -> None:
 def test_solvers_are_given_no_rates_and_in_the_thesis_s_reading_no_more_than_it_says(
     drive: CanyonDrive,
 ) -> None:
-    ours, none = given(drive, "ekf", "ours")
+    ours, none = measurements_for(drive, "ekf", "ours")
     assert none == {}
     assert np.isnan(ours.range_rate_mps).all()
     np.testing.assert_array_equal(ours.cn0_dbhz, drive.cn0_dbhz)
-    blind, options = given(drive, "ekf", "thesis")
+    blind, options = measurements_for(drive, "ekf", "thesis")
     assert len(np.unique(blind.cn0_dbhz)) == 1
     assert options == {"tau_s": 1.0}
-    told, options = given(drive, "rbpf-dpm", "thesis")
+    told, options = measurements_for(drive, "rbpf-dpm", "thesis")
     np.testing.assert_array_equal(told.cn0_dbhz < 40, drive.reflected)
     assert options["los_dof"] == 3.0
-    same, _ = given(drive, "one-sided", "thesis")
+    same, _ = measurements_for(drive, "one-sided", "thesis")
     np.testing.assert_array_equal(same.cn0_dbhz, drive.cn0_dbhz)
 
 
