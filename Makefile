@@ -7,30 +7,47 @@ POSTGRES := $(VENV)/.postgres
 COMPILED := $(VENV)/.compiled
 WEB := app/web
 DESCRIBE := import json; from app.main import create_app; print(json.dumps(create_app().openapi()))
+# Modules are compiled once and read by every process of the tests, also where the environment says otherwise.
+unexport PYTHONDONTWRITEBYTECODE
+
+SPREAD := -n 3 --dist worksteal --durations=10 --durations-min=1
+CHECK_S := 35
 CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache
 UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-hashes --python-version 3.11
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test fuzz soak web pictures check check-types check-tests lock clean
+.PHONY: help setup demo test test-all coverage fuzz soak docs web pictures check check-types check-tests lock clean
 
 help:  ## list the targets
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 16
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 16
 
 setup: $(INSTALLED) $(POSTGRES) $(COMPILED)  ## make .venv, compile, and as root on Debian install PostGIS if it is missing
 
 demo: $(INSTALLED) $(POSTGRES)  ## from nothing to slopes: the whole job on simulated drives, result in demo/
 	@$(BIN)/versant demo --output demo
 
-test: setup  ## every test, on a private PostGIS, the pages' in Chromium
+test: setup  ## every test but the long ones, on a private PostGIS, the pages' in Chromium; names the ten slowest
 	@.ci/prepare chromium
-	@$(BIN)/python -m pytest -n 3 --dist worksteal
+	@$(BIN)/python -m pytest $(SPREAD) -m "not long"
+
+test-all: setup  ## every test, also what is long by nature: fuzzers, a soak, the rarest laws of chance
+	@.ci/prepare chromium
+	@$(BIN)/python -m pytest $(SPREAD) --timeout=0
+
+coverage: setup  ## which lines and branches the tests reach, in build/coverage/index.html
+	@.ci/prepare chromium
+	@$(BIN)/python -m pytest $(SPREAD) -m "not long" --cov --cov-report=term --cov-report=html:build/coverage
 
 fuzz: setup  ## readers, routes and filters with inputs at random (FUZZ=600: seconds for each fuzzer)
 	@FUZZ_SECONDS=$(or $(FUZZ),120) $(BIN)/python -m pytest -n 2 --dist worksteal --timeout=0 tests/fuzz
 
 soak: setup  ## ten minutes of uploads, removals, imports and kills at random (SOAK=--seed 7: that one again)
 	@PYTHONPATH=.:benchmarks $(BIN)/python -m soak $(SOAK)
+
+docs: $(INSTALLED)  ## build docs/ as a site into docs/_build; a warning or a dead link fails
+	@$(BIN)/python -m sphinx -q -W --keep-going -b html -d docs/_build/.doctrees docs docs/_build/html
+	@echo "docs/_build/html/index.html"
 
 web: $(INSTALLED)  ## build the pages anew into app/web/built, checked and tested (needs npm)
 	@.ci/prepare npm $(WEB)
@@ -41,7 +58,7 @@ pictures: setup  ## draw the pages of the README anew, from a demonstration in C
 	@.ci/prepare chromium
 	@PYTHONPATH=.:benchmarks $(BIN)/python -m service.pictures
 
-check: $(INSTALLED)  ## linters, types and the fast tests, in under a minute
+check: $(INSTALLED)  ## linters, types, layout, contracts and the tests of what changed, in under a minute
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(MAKE) --no-print-directory -j2 --output-sync check-types check-tests
@@ -50,7 +67,8 @@ check-types:
 	@$(BIN)/mypy
 
 check-tests:
-	@$(BIN)/python -m pytest -n 2 --dist loadfile -m "not db and not slow" --hypothesis-profile=quick
+	@$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not long" -rs --seconds=$(CHECK_S) \
+		--hypothesis-profile=quick $$($(BIN)/python tests/support/changed_tests.py)
 
 lock: $(INSTALLED)  ## bring .lock/ up to pyproject.toml (UPGRADE=--upgrade: newest versions)
 	@PATH="$$PWD/$(BIN):$$PATH"; command -v uv > /dev/null || $(BIN)/pip install --quiet uv
@@ -58,7 +76,7 @@ lock: $(INSTALLED)  ## bring .lock/ up to pyproject.toml (UPGRADE=--upgrade: new
 	@PATH="$$PWD/$(BIN):$$PATH"; $(UV_COMPILE) $(UPGRADE) --extra s3 --extra otel --extra dev -c .lock/runtime.txt pyproject.toml -o .lock/dev.txt
 
 clean:  ## remove everything that make made
-	rm -rf $(VENV) $(CACHES) build dist demo *.egg-info
+	rm -rf $(VENV) $(CACHES) build dist demo docs/_build *.egg-info
 	find app fusion migrations tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 $(VENV)/.made:

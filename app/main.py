@@ -17,11 +17,11 @@ from app.changes import events as change_events
 from app.changes import routes as changes
 from app.changes.live import Live
 from app.changes.webhooks import routes as webhooks
+from app.core.admission import MORE_CONNECTIONS, Admission, RequestClass, Turnstile, make_request_classes
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.disconnects import EndWithClient
 from app.core.http import Service
-from app.core.lanes import MORE_CONNECTIONS, Lane, Lanes, Turnstile, make_lanes
 from app.core.middleware import (
     CollectAfterRequests,
     Compressed,
@@ -38,11 +38,11 @@ from app.core.receiving.pace import Bodies
 from app.core.settings import Settings, SettingsError, get_settings
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
+from app.drives import catalogue as methods
 from app.drives import events, upload
 from app.drives import routes as drives
 from app.drives.batches import removing
 from app.drives.batches import routes as batches
-from app.drives.catalogue import routes as methods
 from app.drives.documents import Drive
 from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
@@ -54,15 +54,16 @@ from app.exports import routes as exports
 from app.map import segments
 from app.map.heights import profile
 from app.map.heights import routes as heights
-from app.map.ogc import api, collections, items, landing, schemas
-from app.map.ogc.landing import BIND_NOTE
-from app.map.ogc.parameters import tell_limits
+from app.map.items import api, landing, schemas
+from app.map.items import collection_routes as collections
+from app.map.items import routes as items
+from app.map.items.landing import BIND_NOTE
+from app.map.items.parameters import tell_limits
 from app.map.style import routes as style
-from app.map.tiles import ogc as ogc_tiles
+from app.map.tiles import ogc_routes as ogc_tiles
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
-from app.map.tiles.told import WatchedMap
 from app.operations import routes as operations
 from app.operations import sources
 from app.ops import health, stats
@@ -129,7 +130,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     """
     chosen = settings or get_settings()
     metrics = Metrics(lambda: _gauges(app))
-    lanes = make_lanes(chosen.db_pool_size)
+    request_classes = make_request_classes(chosen.db_pool_size)
     app = FastAPI(
         title="Versant",
         summary="Slopes of roads from vehicle logs",
@@ -137,13 +138,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=code_version(),
         openapi_tags=TAGS,
         license_info={"name": "Apache 2.0", "identifier": "Apache-2.0"},
-        openapi_url=None,  # app.map.ogc.api answers, in two versions and as a page
+        openapi_url=None,  # app.map.items.api answers, in two versions and as a page
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,
-        middleware=_middleware(chosen, metrics, lanes),
+        middleware=_middleware(chosen, metrics, request_classes),
     )
-    app.state.settings, app.state.metrics, app.state.lanes = chosen, metrics, lanes
+    app.state.settings, app.state.metrics, app.state.request_classes = chosen, metrics, request_classes
     install_error_handlers(app)
     for router in ROUTERS:
         app.include_router(router)
@@ -151,7 +152,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     return app
 
 
-def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane]) -> list[Middleware]:
+def _middleware(
+    settings: Settings, metrics: Metrics, request_classes: Mapping[str, RequestClass]
+) -> list[Middleware]:
     """The outermost first."""
     return [
         Middleware(Forwarded, proxies=settings.proxies),
@@ -166,7 +169,7 @@ def _middleware(settings: Settings, metrics: Metrics, lanes: Mapping[str, Lane])
         Middleware(EndWithClient),
         Middleware(EarlyAnswers),
         Middleware(Bodies, body_timeout_s=settings.body_timeout_s, upload_stall_s=settings.upload_stall_s),
-        Middleware(Lanes, lanes=lanes),
+        Middleware(Admission, request_classes=request_classes),
         Middleware(SameOriginWrites, public_url=settings.public_url),
         # It leaves event streams and pictures alone, and compresses large answers in a thread.
         Middleware(Compressed, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
@@ -192,7 +195,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         engine,
         session_factory(engine),
         BlobStore(settings.blob_store_url),
-        app.state.lanes,
+        app.state.request_classes,
         session_factory(probing),
         CapacityLimiter(2),
     )
@@ -201,8 +204,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     app.state.feed = Feed(
         url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
     )
-    app.state.tiles = Tiles(url, settings, app.state.lanes)
-    app.state.live = Live(WatchedMap(app.state.tiles.watch), streams)
+    app.state.tiles = Tiles(url, settings, app.state.request_classes)
+    app.state.live = Live(app.state.tiles.watch, streams)
     running = (app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
     beside = [asyncio.create_task(one) for one in running]
     try:

@@ -44,8 +44,8 @@ from fusion.matching.samples import thin
 from fusion.published.matchers import MATCHERS
 from fusion.published.matchers.base import PointMatcher, PointMatches
 from fusion.types import Ints
-from matching import leuven
-from matching.tracks import Track, error, find_tracks, read_track
+from published.matchers import leuven
+from published.matchers.tracks import Track, error, find_tracks, read_track
 
 LAST_TUNED = 18
 SPACING_M = 14.0

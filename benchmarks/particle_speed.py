@@ -6,10 +6,10 @@
 
 A simulated drive of the length of the thesis's (549 s at 1 Hz) with all five corrections: GNSS, acceleration, pitch,
 map, terrain. Both filters take the same epochs, roads and terrain, the same importance density and the same matcher;
-the numpy loop (``particle/numpy_cloud.py``) does the arithmetic by whole arrays in double precision. Above 100,000
-particles the drive is cut short in proportion, to no less than a minute. Rounds alternate between the two; figures are
-medians. Memory is the peak resident size of the process above what it held before the filter, in a fresh process per
-size.
+the numpy loop (``published/particle/numpy_cloud.py``) does the arithmetic by whole arrays in double precision. Above
+100,000 particles the drive is cut short in proportion, to no less than a minute. Rounds alternate between the two;
+figures are medians. Memory is the peak resident size of the process above what it held before the filter, in a fresh
+process per size.
 
 Columns: particles; threads; ms per epoch of ours and of numpy's; their ratio; ns per particle beyond what an epoch
 takes with hardly any particles, which is the same in every row if time grows linearly (times threads: two share the
@@ -47,8 +47,8 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, no_progress
-from particle import profile as particle_profile
-from particle.numpy_cloud import NumpyCloud
+from published.particle import profile as particle_profile
+from published.particle.numpy_cloud import NumpyCloud
 
 Scene = tuple[DriveLog, RoadNetwork, Dem]
 FEWEST = 100

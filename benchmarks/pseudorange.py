@@ -38,9 +38,9 @@ from fusion.gnss.measure import measure
 from fusion.gnss.measurements import Solution, Solver
 from fusion.signals import WEEK_S, unix_from_gps
 from fusion.types import Floats, no_progress
-from positioning import smartloc
-from positioning.robust import ESTIMATORS, single_points, track
-from positioning.scoring import Scene, figures, row
+from published.positioning import smartloc
+from published.positioning.robust import ESTIMATORS, single_points, track
+from published.positioning.scoring import Scene, figures, row
 from satellites.library import library_single_points
 
 TRUTH_GAP_S = 1.5

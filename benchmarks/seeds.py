@@ -11,7 +11,7 @@ DATA_DIR (the folder ``karlsruhe``; ``roadtruth.py`` makes logs of them as for `
 the last part is left out.
 
 Each row shows what the document prints beside the median, least and most of ours over the seeds, and where they differ
-a sentence. ``--write`` puts the tables into .docs/experiments.md, and with ``calais`` draws its picture beside it.
+a sentence. ``--write`` puts the tables into the pages of docs/published/, and with ``calais`` draws its picture.
 """
 
 from __future__ import annotations
@@ -25,30 +25,41 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from experiments.rows import Row, by_experiment, markdown_table, text_table
+from accuracy.scoring import show_progress
 from fusion.errors import FusionError
+from published.rows import Row, by_experiment, markdown_table, text_table
 
-PARTS = ("calais", "lahrech", "saadaoui", "methods")
-DOCUMENT = Path(__file__).resolve().parent.parent / ".docs" / "experiments.md"
-PICTURE = DOCUMENT.with_name("calais.png")
-
-
-def show_progress(stage: str, share: float) -> None:
-    """A line on standard error, rewritten on a terminal."""
-    if sys.stderr.isatty():
-        print(f"\r{stage} {share:4.0%} ", end="", file=sys.stderr, flush=True)
+PARTS = {
+    "calais": "published.particle.calais",
+    "lahrech": "published.odometer_map.lahrech",
+    "saadaoui": "published.gps_ins.saadaoui",
+    "methods": "published.methods",
+}
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+PAGES = {
+    "calais": DOCS / "published" / "al-assaad-2020.md",
+    "lahrech": DOCS / "published" / "lahrech-2005.md",
+    "saadaoui": DOCS / "published" / "saadaoui-2011.md",
+    "methods": DOCS / "published" / "index.md",
+}
+PICTURE = DOCS / "images" / "calais.png"
+MARKERS = {"methods": "methods_on_roads"}
+"""Names of tables that are not the part's."""
 
 
 def run_part(part: str, args: argparse.Namespace) -> list[Row]:
     """The rows of one part; its module is loaded only now."""
+
+    def progress(stage: str, share: float) -> None:
+        show_progress(f"{stage} {share:4.0%}")
+
     print(f"{part} ...", file=sys.stderr)
-    module = importlib.import_module(f"experiments.{part}")
+    module = importlib.import_module(PARTS[part])
     if part == "methods":
-        rows = module.run(args.seeds, show_progress, args.data_dir, args.roadtruth)
+        rows = module.run(args.seeds, progress, args.data_dir, args.roadtruth)
     else:
-        rows = module.run(args.seeds, show_progress)
-    if sys.stderr.isatty():
-        print("\r" + " " * 40 + "\r", end="", file=sys.stderr)
+        rows = module.run(args.seeds, progress)
+    show_progress("")
     return list(rows)
 
 
@@ -60,18 +71,19 @@ def renewed(document: str, part: str, rows: list[Row]) -> str:
     tables = "\n\n".join(
         f"### {name}\n\n{markdown_table(group)}" for name, group in by_experiment(rows).items()
     )
-    pattern = re.compile(rf"(<!-- table: {part} -->\n).*?(\n<!-- end -->)", re.DOTALL)
-    text, count = pattern.subn(lambda found: f"{found[1]}\n{tables}\n{found[2]}", document)
+    pattern = re.compile(rf"(<!-- table: {MARKERS.get(part, part)} -->\n).*?(\n<!-- end -->)", re.DOTALL)
+    text, count = pattern.subn(lambda markers: f"{markers[1]}\n{tables}\n{markers[2]}", document)
     if count != 1:
-        raise ValueError(f"{DOCUMENT.name} has {count} places for the tables of {part}, not one")
+        raise ValueError(f"{PAGES[part].name} has {count} places for the tables of {part}, not one")
     return text
 
 
 def write(part: str, rows: list[Row]) -> None:
     """Renew the page."""
-    DOCUMENT.write_text(renewed(DOCUMENT.read_text(encoding="utf-8"), part, rows), encoding="utf-8")
+    page = PAGES[part]
+    page.write_text(renewed(page.read_text(encoding="utf-8"), part, rows), encoding="utf-8")
     if part == "calais":
-        importlib.import_module("experiments.calais_picture").draw(PICTURE)
+        importlib.import_module("published.particle.calais_picture").draw(PICTURE)
 
 
 def chosen_parts(args: argparse.Namespace) -> list[str]:
@@ -91,10 +103,10 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--roadtruth", type=Path)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--write", action="store_true", help="renew the tables in .docs/experiments.md")
+    parser.add_argument("--write", action="store_true", help="renew the tables in docs/published/")
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    found: list[Row] = []
+    all_rows: list[Row] = []
     for part in chosen_parts(args):
         try:
             rows = run_part(part, args)
@@ -103,9 +115,9 @@ def main() -> None:
         print(text_table(rows), end="\n\n", flush=True)
         if args.write:
             write(part, rows)
-        found += rows
+        all_rows += rows
     if args.json:
-        args.json.write_text(json.dumps([asdict(row) for row in found], indent=1))
+        args.json.write_text(json.dumps([asdict(row) for row in all_rows], indent=1))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
     python benchmarks/serving.py FILE --tipg PYTHON [--segments 1000000] [--rounds 3] [--seconds 3] [--keep DIR]
                                  [--json FILE]
 
-FILE is a road map (.osm.pbf) whose copies make up the segments (``scenes/million.py``). PYTHON is the interpreter of an
+FILE is a road map (.osm.pbf) whose copies make up the segments (``served/million.py``). PYTHON is the interpreter of an
 environment with tipg and uvicorn, which want other packages than ours: ``python -m venv tipg`` and
 ``tipg/bin/pip install tipg uvicorn uvloop``. DIR keeps the database for the next run.
 
@@ -49,8 +49,8 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.map.derived import store as derived
 from app.map.derived.following import LONG_S, follow_all
 from app.network.cells import raise_versions
-from scenes.million import fill
 from served.clients import Asked, Rates, ask, tags_of
+from served.million import fill
 from served.servers import PROPERTIES, bare, make_flat, tipg
 from service.processes import Service
 

@@ -50,7 +50,7 @@ from fusion.published.positioning.dpm import LOS_SIMULATED
 from fusion.published.positioning.metrics import PositionMetrics, position_metrics
 from fusion.signals import GALILEO, GPS
 from fusion.types import Floats, no_progress
-from positioning import canyon_slopes
+from published.positioning import canyon_slopes
 
 SCENES: dict[str, Callable[[int], CanyonDrive]] = {
     "study": rouen,

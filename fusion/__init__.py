@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from fusion.roads.osm import read_roads as read_roads
     from fusion.terrain.dem import Dem as Dem
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
+"""The one place of the version: pyproject.toml and ``app.core.version`` take it from here."""
 
 HOMES = {
     "Dem": "fusion.terrain.dem",

@@ -44,7 +44,7 @@ _OF_THE_SAME_BASE = (
 
 def include_object(thing: Any, name: str | None, kind: str, reflected: bool, compare_to: Any) -> bool:
     """Hide the queue's tables, partitions and PostGIS's own from the comparison."""
-    if kind == "table" and name is not None and name.startswith(("procrastinate_", _passes.PARTITION)):
+    if kind == "table" and name is not None and name.startswith(("procrastinate_", _passes.PARTITION_PREFIX)):
         return False
     return bool(alembic_helpers.include_object(thing, name, kind, reflected, compare_to))
 

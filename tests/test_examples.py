@@ -26,8 +26,8 @@ import pytest
 import fusion
 from fusion.simulate.bundle import Bundle, write_all
 
-DOCS = Path(__file__).resolve().parents[1] / ".docs"
-NOTEBOOK = DOCS / "notebook.ipynb"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+NOTEBOOK = DOCS / "files" / "notebook.ipynb"
 MOST_BYTES = 150_000
 NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
@@ -108,9 +108,8 @@ def test_the_notebook_is_sound_small_and_names_no_place() -> None:
     assert "Warning" not in said
 
 
-def test_what_the_readme_names_of_the_library_is_offered() -> None:
-    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
-    section = text.partition("### In Python\n")[2].partition("\n## ")[0]
+def test_what_the_page_names_of_the_library_is_offered() -> None:
+    section = (DOCS / "how-to" / "use-from-python.md").read_text(encoding="utf-8")
     called = set(re.findall(r"fusion\.(\w+)[.(]", section))
     listed = {
         name
@@ -134,13 +133,24 @@ def test_the_script_makes_a_file_of_logs(
     out = tmp_path / "slopes.gpkg"
     arguments = [*bundle.drives, "--roads", bundle.osm, "--dem", bundle.dem, "-o", out]
     monkeypatch.setattr(sys, "argv", ["example.py", *map(str, arguments)])
-    script = (DOCS / "example.py").read_text(encoding="utf-8")
+    script = (DOCS / "files" / "example.py").read_text(encoding="utf-8")
     exec(compile(script, "example.py", "exec"), {"__name__": "__main__", "__doc__": "x"})  # noqa: S102 - our own
     printed = capsys.readouterr().out
     segments = geopandas.read_file(out)
     assert f"slopes.gpkg: {len(segments)} segments" in printed
     assert len(segments) > 5
     assert (segments.slope_sigma_percent > 0).all()
+
+
+@pytest.mark.slow
+def test_the_page_on_reports_has_every_field(bundle: Bundle) -> None:
+    page = (DOCS / "reference" / "drive-report.md").read_text(encoding="utf-8")
+    stored = page.partition("## Added when")[0]
+    cells = re.findall(r"^\| (`.*?) \|", stored, re.MULTILINE)
+    named = [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
+    roads, dem = fusion.read_roads(bundle.osm), fusion.Dem.open([bundle.dem])
+    _, result = fusion.run_drive(fusion.read_log(bundle.drives[0]), roads, dem)
+    assert sorted(named) == sorted(result.report)
 
 
 if __name__ == "__main__":

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import AsyncIterator
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import StreamingResponse
-from starlette.types import Receive, Scope, Send
 
-from app.changes.live import Change, Follower, Live
+from app.changes.live import Change, Live
 from app.core.http import problems
+from app.core.sse import EventStream, event, events_of, stream_answer
 from app.core.text import dumps
 
-HEARTBEAT_S = 15.0
-"""Pauses are filled with comments, because proxies end connections on which nothing moves."""
-RECONNECT_MS = 2000
-LONGEST_S = 600.0
-"""Then the stream ends, and the browser comes again by itself: no connection is held for ever."""
 DIGITS = 6
 
 _EXAMPLE = (
@@ -41,10 +35,7 @@ router = APIRouter(prefix="/v1/changes", tags=["changes"])
     summary="Follow the map",
     response_class=StreamingResponse,
     responses={
-        200: {
-            "description": "`change` events; the data are `version` and `bbox`.",
-            "content": {"text/event-stream": {"schema": {"type": "string"}, "example": _EXAMPLE}},
-        },
+        **stream_answer("`change` events; the data are `version` and `bbox`.", _EXAMPLE),
         **problems(503),
     },
 )
@@ -62,34 +53,19 @@ async def map_events(live: Annotated[Live, Depends(get_live)]) -> StreamingRespo
     except BaseException:
         live.leave(follower)
         raise
-    return _EventStream(live, follower, first)
+    events = events_of(follower, first, _event_maker(), lambda _: False)
+    return EventStream(events, lambda: live.leave(follower))
 
 
-class _EventStream(StreamingResponse):
-    """The events of one follower, who leaves with the client."""
+def _event_maker() -> Callable[[Change], str]:
+    sent = ""
 
-    def __init__(self, live: Live, follower: Follower, first: Change) -> None:
-        headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-        super().__init__(_events(follower, first), media_type="text/event-stream", headers=headers)
-        self._live, self._follower = live, follower
+    def event_of(change: Change) -> str:
+        nonlocal sent
+        if change.version == sent:
+            return ""
+        sent = change.version
+        box = None if change.box is None else [round(value, DIGITS) for value in change.box]
+        return event("change", dumps({"version": sent, "bbox": box}))
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        try:
-            await super().__call__(scope, receive, send)
-        finally:
-            self._live.leave(self._follower)
-
-
-async def _events(follower: Follower, first: Change) -> AsyncIterator[str]:
-    # When the client leaves, the server cancels this generator at its next await.
-    yield f"retry: {RECONNECT_MS}\n\n"
-    change: Change | None = first
-    sent, until = "", time.monotonic() + LONGEST_S
-    while time.monotonic() < until:
-        if change is None:
-            yield ": still here\n\n"
-        elif change.version != sent:
-            sent = change.version
-            box = None if change.box is None else [round(value, DIGITS) for value in change.box]
-            yield f"event: change\ndata: {dumps({'version': sent, 'bbox': box})}\n\n"
-        change = await follower.next(within_s=HEARTBEAT_S)
+    return event_of

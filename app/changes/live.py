@@ -7,18 +7,18 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from contextlib import suppress
 from typing import NamedTuple, Protocol
 
 import psycopg
 
 from app.core.db import Bounds
-from app.core.errors import BusyError
-from app.core.receiving.clients import Shares, present_client
+from app.core.receiving.clients import Shares
+from app.core.sse import Follower, Followers
 
 LOOK_EVERY_S = 0.5
 AGAIN_S = 2.0
 """After a look that failed."""
+_MAP = "map"  # the one topic
 
 log = logging.getLogger(__name__)
 
@@ -40,28 +40,13 @@ class Change(NamedTuple):
     box: Bounds | None
 
 
-class Follower:
-    """One who has the map open."""
-
-    def __init__(self, client: str) -> None:
-        self.client = client
-        self._change: Change | None = None
-        self._news = asyncio.Event()
-
-    async def next(self, within_s: float) -> Change | None:
-        """What changed since the last answer; None where nothing did in time."""
-        with suppress(TimeoutError):
-            async with asyncio.timeout(within_s):
-                await self._news.wait()
-        self._news.clear()
-        change, self._change = self._change, None
-        return change
-
-    def tell(self, change: Change) -> None:
-        """Together with what was not taken yet."""
-        before = self._change
-        self._change = change if before is None else Change(change.version, _joined(before.box, change.box))
-        self._news.set()
+def join_changes(former: Change, later: Change) -> Change:
+    """Two changes as one."""
+    one, other = former.box, later.box
+    if one is None or other is None:
+        return Change(later.version, None)
+    west, south, east, north = zip(one, other, strict=True)
+    return Change(later.version, (min(west), min(south), max(east), max(north)))
 
 
 class Live:
@@ -69,8 +54,9 @@ class Live:
 
     def __init__(self, watched: WatchedMap, streams: Shares) -> None:
         self._watched = watched
-        self._streams = streams
-        self._followers: set[Follower] = set()
+        self._followers = Followers[str, Change](
+            streams, "Ask GET /v1/changes every few seconds", join_changes
+        )
         self._somebody = asyncio.Event()
         self._version = ""
 
@@ -82,25 +68,15 @@ class Live:
         """Of the map as of now; raises what the database says."""
         return await self._watched.version()
 
-    def follow(self) -> Follower:
+    def follow(self) -> Follower[str, Change]:
         """A new follower; ``BusyError`` where there are too many."""
-        client = present_client()
-        if not self._streams.allows(client):
-            raise BusyError(
-                f"{self._streams.total} event streams are open already, {self._streams.held[client]} of them yours. "
-                "Ask GET /v1/changes every few seconds, or try again in a moment."
-            )
-        self._streams.take(client)
-        follower = Follower(client)
-        self._followers.add(follower)
+        follower = self._followers.add(_MAP)
         self._somebody.set()
         return follower
 
-    def leave(self, follower: Follower) -> None:
+    def leave(self, follower: Follower[str, Change]) -> None:
         """Follow no longer."""
-        if follower in self._followers:
-            self._followers.remove(follower)
-            self._streams.give_back(follower.client)
+        self._followers.leave(follower)
         if not self._followers:
             self._somebody.clear()
 
@@ -123,11 +99,5 @@ class Live:
         if version == self._version:
             return
         self._version, change = version, Change(version, self._watched.take_box())
-        for follower in self._followers:
+        for follower in self._followers.of({_MAP}):
             follower.tell(change)
-
-
-def _joined(one: Bounds | None, other: Bounds | None) -> Bounds | None:
-    if one is None or other is None:
-        return None
-    return (min(one[0], other[0]), min(one[1], other[1]), max(one[2], other[2]), max(one[3], other[3]))

@@ -63,16 +63,14 @@ COMMANDS = {
     "settle": Command(
         "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."
     ),
-    "elevation": Command(
-        "app.cli.upkeep.elevation", "List, rank or remove the elevation rasters that are in use."
-    ),
+    "elevation": Command("app.cli.elevation", "List, rank or remove the elevation rasters that are in use."),
     "backup": Command(
-        "app.cli.upkeep.backup", "Copy the database, the logs and the elevation rasters of a running service."
+        "app.cli.upkeep", "Copy the database, the logs and the elevation rasters of a running service."
     ),
-    "restore": Command("app.cli.upkeep.backup", "Bring a backup back into an empty database."),
-    "doctor": Command("app.cli.upkeep.doctor", "Look for what is wrong with a service; changes nothing."),
+    "restore": Command("app.cli.upkeep", "Bring a backup back into an empty database."),
+    "doctor": Command("app.cli.upkeep", "Look for what is wrong with a service; changes nothing."),
     "sweep": Command(
-        "app.cli.upkeep.storage",
+        "app.cli.upkeep",
         "Remove stored logs that no drive refers to any more, and files that no export does.",
     ),
     "fuse": Command(
@@ -83,7 +81,7 @@ COMMANDS = {
         "app.cli.track", "Write the positions of logs, with their heights and stated accuracies."
     ),
     "gnss-study": Command(
-        "app.cli.gnss_study",
+        "app.cli.track",
         "Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow.",
     ),
     "simulate": Command(

@@ -212,10 +212,10 @@ def _cores() -> int:
 
 def _memory_bytes() -> int:
     """Of the machine, or of the container."""
-    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    installed = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     with contextlib.suppress(OSError, ValueError):  # no such limit, or "max"
-        whole = min(whole, int(_MEMORY_LIMIT.read_text()))
-    return whole
+        installed = min(installed, int(_MEMORY_LIMIT.read_text()))
+    return installed
 
 
 def child_environment(settings: Settings) -> dict[str, str]:

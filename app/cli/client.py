@@ -116,16 +116,16 @@ class Client:
         Raises ``ClientError`` when the service refuses it or is not there, ``OSError`` when a file cannot
         be read.
         """
-        asked = {name: value for name, value in (("method", method), ("gnss", gnss)) if value}
+        query = {name: value for name, value in (("method", method), ("gnss", gnss)) if value}
         if options:
-            asked["options"] = json.dumps(dict(options))
+            query["options"] = json.dumps(dict(options))
         with ExitStack() as stack:
             parts = []
             for path in paths:
                 file: BinaryIO = stack.enter_context(path.open("rb"))
                 body = _Counted(file, sent) if sent else file
                 parts.append(("file", (path.name, body, "application/octet-stream")))
-            answer = self.request("POST", "/v1/drives", params=asked, files=parts)
+            answer = self.request("POST", "/v1/drives", params=query, files=parts)
         return self.drive(str(answer.json()["id"]))
 
     def drive(self, drive_id: str) -> RemoteDrive:

@@ -151,8 +151,8 @@ def _other_steps(scene: Scene) -> Iterator[Step]:
             yield _named(name, options), partial(_run, scene.logs[-1], scene, name, options)
     for name, positioning in POSITIONINGS.items():
         for options in _choices(positioning.options_model):
-            chosen = {"gnss": name, "gnss_options": options}
-            yield _named(name, options), partial(_run_raw, scene, chosen)
+            gnss_choice = {"gnss": name, "gnss_options": options}
+            yield _named(name, options), partial(_run_raw, scene, gnss_choice)
 
 
 def _run_raw(scene: Scene, options: Mapping[str, Any]) -> None:
@@ -177,8 +177,8 @@ def _choices(model: type[BaseModel]) -> Iterator[dict[str, Any]]:
 
 
 def _named(name: str, options: Mapping[str, Any]) -> str:
-    chosen = [f"{key}={value}" for key, value in options.items() if key not in FEW]
-    return " ".join([name, *chosen])
+    shown = [f"{key}={value}" for key, value in options.items() if key not in FEW]
+    return " ".join([name, *shown])
 
 
 @cache
@@ -190,13 +190,13 @@ def _mark(*, first: bool) -> Path | None:
     digest = hashlib.sha256()
     for source in sorted(Path(fusion.__path__[0]).rglob("*.py")):
         digest.update(source.read_bytes())
-    for said in (
+    for fact in (
         platform.python_version(),
         version("numba"),
         get_host_cpu_name(),
         get_host_cpu_features().flatten(),
     ):
-        digest.update(said.encode())
+        digest.update(fact.encode())
     return folder / f"compiled-{'first' if first else 'all'}-{digest.hexdigest()[:16]}"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from app.cli.console import Console
 from app.core import migrate
-from app.core.background import stand_back
+from app.core.background import lower_priority
 from app.core.databases import require_reachable
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings, load_settings
@@ -23,8 +23,8 @@ from app.embedded.errors import NothingHereError
 
 def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
     """The environment's settings with a command's options over them; an option not given is None."""
-    given = {name: value for name, value in {"data_dir": data_dir, **changes}.items() if value is not None}
-    return load_settings(lambda: Settings(**given))
+    changed = {name: value for name, value in {"data_dir": data_dir, **changes}.items() if value is not None}
+    return load_settings(lambda: Settings(**changed))
 
 
 @contextmanager
@@ -35,15 +35,15 @@ def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[
     database yet one is made, and said so to ``make``; without it, ``NothingHereError``. What it counts
     is added to the service's figures; it logs where the environment says how.
     """
-    chosen, embedded = settings_for(data_dir), True if data_dir else None
-    see_to_cluster(chosen, embedded, make)
-    with database(chosen, embedded=embedded) as settings:
+    named, embedded = settings_for(data_dir), True if data_dir else None
+    see_to_cluster(named, embedded, make)
+    with database(named, embedded=embedded) as settings:
         assert settings.database_url is not None  # noqa: S101 - what the block above is for
-        stand_back()
+        lower_priority()
         if settings.model_fields_set & {"log_level", "log_format"}:
             begin_logging(settings, "command")
         begin_tracing(settings, "command")
-        engine = make_engine(settings.database_url, pool_size=1, behind=True)
+        engine = make_engine(settings.database_url, pool_size=1, background=True)
         try:
             with counting(session_factory(engine), "command"):
                 yield settings, session_factory(engine)
@@ -69,8 +69,8 @@ def as_it_is(
             settings = settings.model_copy(update={"database_url": cluster.url})
         assert settings.database_url is not None  # noqa: S101 - what the lines above are for
         require_reachable(settings.database_url)
-        stand_back()
-        engine = make_engine(settings.database_url, pool_size=1, behind=True)
+        lower_priority()
+        engine = make_engine(settings.database_url, pool_size=1, background=True)
         stack.callback(engine.dispose)
         yield settings, session_factory(engine)
 

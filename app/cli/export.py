@@ -12,14 +12,15 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.options import (
     DataDir,
+    Gaps,
     JsonFile,
     MapFile,
     MapScale,
-    in_a_folder,
     naming,
     parse_assignments,
     parse_box,
     usable_map,
+    written_file,
 )
 
 if TYPE_CHECKING:
@@ -34,11 +35,10 @@ def export(
     ctx: typer.Context,
     out: Annotated[
         Path | None,
-        typer.Option(
+        written_file(
             "-o",
             "--out",
             help="File; its suffix chooses the format, such as .geojson, .parquet, .gpkg, .fgb, .csv or .pmtiles.",
-            callback=in_a_folder,
         ),
     ] = None,
     form: Annotated[
@@ -46,7 +46,7 @@ def export(
         typer.Option(
             "--as",
             metavar="FORMAT",
-            help="The format by its name, where the suffix does not tell it: see README.",
+            help="The format by its name, where the suffix does not tell it: see docs/reference/export-formats.md.",
         ),
     ] = None,
     option: Annotated[
@@ -62,9 +62,7 @@ def export(
         str | None, typer.Option(metavar="NAME", help="Only roads of this region (`versant regions list`).")
     ] = None,
     driven: Annotated[bool, typer.Option("--driven", help="Only segments that were driven.")] = False,
-    gaps: Annotated[
-        bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
-    ] = False,
+    gaps: Gaps = False,
     map_file: MapFile = None,
     scale: MapScale = None,
     data_dir: DataDir = None,
@@ -77,39 +75,41 @@ def export(
     """
     from app.cli.database import sessions
     from app.core.text import whole_file
+    from app.exports.formats import write_companions
     from app.exports.making import make_file
     from app.exports.source import snapshot
     from app.map.attribution import attribution
-    from app.map.outputs import write_beside
     from app.terrain.coverage import rasters_over
     from app.terrain.store import current_dem
 
     console: Console = ctx.obj
     box = parse_box(bbox)
-    asked = _asked(out, form, option, box, region, driven, gaps)
-    if asked is None and map_file is None:
+    request = _asked(out, form, option, box, region, driven, gaps)
+    if request is None and map_file is None:
         raise typer.BadParameter(
             "nothing is asked for: name a file by -o, or a map by --map.", param_hint="-o"
         )
     usable_map(map_file, scale)
-    figures, said = dict[str, Any](), list[str]()
+    figures, sentences = dict[str, Any](), list[str]()
     with (
         sessions(data_dir) as (settings, factory),
         snapshot(factory) as session,
         console.progress() as bars,
     ):
-        if asked is not None and out is not None:
+        if request is not None and out is not None:
             progress = bars.work(out.name)
             with whole_file(out) as partial:
-                made = make_file(session, settings, asked, partial, lambda share: progress("writing", share))
-            write_beside(asked.format.companions(out, made.stated))
-            figures |= {"file": str(out), "format": asked.format.name, asked.format.holds: made.count}
-            figures |= {"data_version": made.state.version, "notes": list(made.notes)}
-            for note in made.notes:
+                written = make_file(
+                    session, settings, request, partial, lambda share: progress("writing", share)
+                )
+            write_companions(request.format.companions(out, written.stated))
+            figures |= {"file": str(out), "format": request.format.name, request.format.holds: written.count}
+            figures |= {"data_version": written.state.version, "notes": list(written.notes)}
+            for note in written.notes:
                 console.note(f"{out}: {note}")
-            said.append(f"{out}: {made.count} {asked.format.holds}.")
+            sentences.append(f"{out}: {written.count} {request.format.holds}.")
         if map_file is not None:
-            from app.map.map_file import map_of_store
+            from app.map.picture.files import map_of_store
 
             terrain = current_dem(session, settings.dem_dir)
             source = attribution(rasters_over(session, terrain, bbox=box, driven=driven))
@@ -119,8 +119,8 @@ def export(
             figures |= {"map": str(map_file), "segments_drawn": drawn}
             for note in notes:
                 console.note(f"{map_file}: {note}")
-            said.append(f"{map_file}: map of {drawn} segments.")
-    for sentence in said:
+            sentences.append(f"{map_file}: map of {drawn} segments.")
+    for sentence in sentences:
         typer.echo(sentence)
     write_json(json_file, figures)
 
@@ -145,8 +145,8 @@ def _asked(
             )
         return None
     with naming("--as" if form is not None else "--out"):
-        chosen = format_for(out, form)
+        output_format = format_for(out, form)
     filters: dict[str, Any] = {"bbox": box, "region": region, "driven": driven, "gaps": gaps}
     with naming("--option"):
-        given = parse_assignments(option, "--option")
-        return request_of(chosen.name, given, **filters, local=True)
+        options = parse_assignments(option, "--option")
+        return request_of(output_format.name, options, **filters, local=True)

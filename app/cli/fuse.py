@@ -14,20 +14,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Bars, Console, write_json
-from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import (
     ColumnsOption,
+    Gaps,
     GnssName,
     GnssOption,
     JsonFile,
+    LogFiles,
+    LogNames,
     MapFile,
     MapScale,
-    in_a_folder,
+    MethodOption,
+    Together,
+    drives_of,
     naming,
     parse_assignments,
     parse_columns,
+    positioning_options,
     usable_map,
     usable_picture,
+    written_file,
 )
 from app.core.text import whole_file
 from fusion.errors import FusionError
@@ -61,10 +67,7 @@ def fuse(
         ),
     ] = None,
     method: Annotated[str, typer.Option(help="Estimator; `versant methods` lists them.")] = DEFAULT_METHOD,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Option of the method; may be given several times."),
-    ] = None,
+    option: MethodOption = None,
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
     columns: ColumnsOption = None,
@@ -76,32 +79,27 @@ def fuse(
             help="Surveyed heights: lat_deg, lon_deg, height_m, sigma_m (0.1 where not stated), above the logs' datum.",
         ),
     ] = None,
-    gaps: Annotated[
-        bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
-    ] = False,
+    gaps: Gaps = False,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            help="Segments: .geojson, .parquet, .gpkg or .csv; without it GeoJSON on stdout.",
-            callback=in_a_folder,
+        written_file(
+            "-o", "--out", help="Segments: .geojson, .parquet, .gpkg or .csv; without it GeoJSON on stdout."
         ),
     ] = None,
     profile: Annotated[
         Path | None,
-        typer.Option(
+        written_file(
+            "--profile",
             metavar="OUT.png",
             help="Elevation profile: .png, .pdf or .svg; one per log, with its number and name if several.",
-            callback=in_a_folder,
         ),
     ] = None,
     track: Annotated[
         Path | None,
-        typer.Option(
+        written_file(
+            "--track",
             metavar="OUT.geojson",
             help="Estimated track; one per log, with its number and name if several.",
-            callback=in_a_folder,
         ),
     ] = None,
     map_file: MapFile = None,
@@ -113,9 +111,10 @@ def fuse(
     Gives the service's numbers for the same logs. A log that fails is reported, and the others go on.
     """
     from app.cli.fuse_files import Fusion
+    from app.exports.format import statements
+    from app.exports.formats import write_segments
+    from app.exports.formats.geojson import collection_chunks
     from app.map.attribution import attribution
-    from app.map.outputs import stated, write
-    from app.map.outputs.geojson import collection_chunks
     from fusion.network.control import read_control
     from fusion.roads.osm import read_roads
     from fusion.terrain.dem import Dem
@@ -134,14 +133,14 @@ def fuse(
         fusion = Fusion(method, chosen, table, terrain, points)
         drives = drives_of(logs, together)
         outcomes = [_one(fusion, source, console, bars) for source in drives]
-        said = fusion.solve(gaps=gaps)
-        source = attribution(said.rasters)
-    features, datum = said.features, said.height_datum
-    _tell(fusion, said, outcomes, console)
+        combined = fusion.solve(gaps=gaps)
+        source = attribution(combined.rasters)
+    features, datum = combined.features, combined.height_datum
+    _tell(fusion, combined, outcomes, console)
     if fusion.fused and out is None:
-        sys.stdout.writelines(collection_chunks(features, stated(source, datum)))
+        sys.stdout.writelines(collection_chunks(features, statements(source, datum)))
     elif fusion.fused and out is not None:
-        write(features, out, source=source, height_datum=datum)
+        write_segments(features, out, source=source, height_datum=datum)
         console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(drives)} logs.")
     if fusion.fused and map_file is not None:
         _map(fusion, features, map_file, source, scale)
@@ -152,7 +151,7 @@ def fuse(
         "method": method,
         "segments": len(features),
         "height_datum": datum,
-        "remarks": said.remarks,
+        "remarks": combined.remarks,
     }
     write_json(json_file, {**figures, "logs": outcomes})
     if any(outcome["status"] == "failed" for outcome in outcomes):
@@ -172,20 +171,15 @@ def _usable(
     method: str, named: dict[str, Any], option: list[str], gnss: str, gnss_option: list[str], out: Path | None
 ) -> Options:
     """Check what can be checked before the work starts; a wrong name is wrong usage."""
-    from app.map.outputs import output_for
-    from fusion.catalogue import METHODS, POSITIONINGS
-    from fusion.gnss.positioning import options_of
+    from app.exports.formats import segment_format_for
+    from fusion.catalogue import METHODS
     from fusion.pipeline import parse_options
 
     options = named | parse_assignments(option, "--option")
-    of_positioning = parse_assignments(gnss_option, "--gnss-option")
+    of_positioning = positioning_options(gnss, gnss_option)
     if out is not None:
         with naming("--out"):
-            output_for(out)
-    with naming("--gnss"):
-        positioning = POSITIONINGS[gnss]
-    with naming("--gnss-option"):
-        options_of(positioning, of_positioning)
+            segment_format_for(out)
     with naming("--method"):
         METHODS[method]
     with naming("--option"):
@@ -228,7 +222,7 @@ def _tell(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]], co
 
 
 def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, scale: float | None) -> None:
-    from app.map.map_file import map_of_segments
+    from app.map.picture.files import map_of_segments
 
     count = len(fusion.fused)
     title = f"Slopes from {fusion.fused[0].source.short_name if count == 1 else f'{count} drives'}"
@@ -245,7 +239,7 @@ def _pictures(
     from app.drives.outputs.profile_picture import printable, profile_figure, written
     from app.drives.outputs.track import track_chunks
     from app.map.attribution import attribution
-    from app.map.slope_map import picture_format
+    from app.map.picture.slope_map import picture_format
 
     estimated = one.result.track
     if profile is not None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from app.cli.console import part_of
-from app.cli.logs import LogFiles
+from app.cli.options import LogFiles
 from app.map.segment import Segment
 from fusion.methods.base import DriveResult, Options
 from fusion.network.combine import NETWORK_ONLY
@@ -83,12 +83,12 @@ class Fusion:
         reading, positioning, estimating = (
             part_of(progress, *PARTS[name]) for name in ("reading", "positioning", "estimating")
         )
-        found = positions_of(source.read(reading, self.options.columns), self.options, positioning)
+        located = positions_of(source.read(reading, self.options.columns), self.options, positioning)
         network, result = run_drive(
-            found, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
+            located, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
         )
         rows, seconds = rows_of(self.roads, network.table), time.perf_counter() - started
-        fused = FusedLog(source, network, rows, result, found.log.fix.time_s, seconds)
+        fused = FusedLog(source, network, rows, result, located.log.fix.time_s, seconds)
         self.fused.append(fused)
         return fused
 

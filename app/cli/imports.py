@@ -81,15 +81,15 @@ def list_regions(data_dir: DataDir = None, json_file: JsonFile = None) -> None:
     from app.roads.regions import region_figures
 
     with sessions(data_dir) as (_, factory), factory() as session:
-        found = region_figures(session)
-    for one in found:
+        regions = region_figures(session)
+    for one in regions:
         typer.echo(
             f"{one.name}: {one.segments} segments, {one.measured} of them measured; from {one.source_name}, "
             f"{one.imported_at:%Y-%m-%d %H:%M} UTC."
         )
-    if not found:
+    if not regions:
         typer.echo("There are no regions yet. Import one with `versant import-roads FILE`.")
-    figures = [asdict(one) | {"imported_at": one.imported_at.isoformat()} for one in found]
+    figures = [asdict(one) | {"imported_at": one.imported_at.isoformat()} for one in regions]
     write_json(json_file, {"regions": figures})
 
 

@@ -1,10 +1,9 @@
-"""A worker's lanes, forked from one process that has loaded everything: what none of them changes they share.
+"""A worker's lanes: processes forked from one that has loaded everything, so that they share its memory.
 
-Each for itself would take two hundred megabytes before its first drive. The process that they are forked from imports
-what they run and loads the machine code of the default method, and has no event loop, no thread of Python and no
-connection that a fork would leave behind in pieces. Nor has it run a loop of OpenMP (``compiled_parallel``): GNU's must
-not be gone on with in a fork. It compiles nothing either: that is a program of its own (``compiling``), since what the
-compiler has taken never comes back.
+A lane by itself would take two hundred megabytes before its first drive. The parent imports what lanes run and loads
+the machine code of the default method. It has no event loop, no thread of Python and no connection, which a fork would
+break. It never runs a loop of OpenMP (``compiled_parallel``): GNU's cannot be continued in a fork. It compiles nothing
+either: that is a program of its own (``compiling``), since memory that the compiler has taken never comes back.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from app.cli.children import (
     stop_with_parent,
 )
 from app.cli.console import Console
-from app.core.background import stand_back
+from app.core.background import lower_priority
 from app.core.settings import Settings
 from app.core.telemetry.logs import begin_logging
 from app.core.telemetry.tracing import begin_tracing, end_tracing
@@ -58,7 +57,7 @@ class Forked:
         self.returncode: int | None = None
         self.pid = os.fork()
         if self.pid == 0:
-            _live(run, held)
+            _run_forked(run, held)
         signal.pthread_sigmask(signal.SIG_SETMASK, held)
 
     def poll(self) -> int | None:
@@ -89,8 +88,8 @@ class Forked:
             os.kill(self.pid, signal.SIGKILL)
 
 
-def _live(run: Callable[[], int], held: set[int | signal.Signals]) -> NoReturn:
-    """What the forked process does with its life; nothing that its parent had begun is gone on with."""
+def _run_forked(run: Callable[[], int], held: set[int | signal.Signals]) -> NoReturn:
+    """Run in the forked process until it exits; nothing that its parent had begun is continued."""
     status = 1
     try:
         for number in STOPPING:
@@ -112,10 +111,10 @@ def _live(run: Callable[[], int], held: set[int | signal.Signals]) -> NoReturn:
 class Lane(Child):
     """A lane; ``run`` returns its exit status."""
 
-    run: Callable[[], int] = int
+    run: Callable[[], int] = field(kw_only=True)
 
     def begun(self) -> Process:
-        """Forked."""
+        """Fork it."""
         return Forked(self.run)
 
 
@@ -124,7 +123,7 @@ class Lanes(Children):
     """All lanes of a worker; use as a context manager. Whoever is in here has loaded what lanes share."""
 
     earlier_s: float = _EARLIER_S
-    prepare: Callable[[Settings], object] = Settings.model_dump  # nothing
+    prepare: Callable[[Settings], object] = field(kw_only=True)
     """What a lane does first, in its own process; it raises where there is nothing to work on."""
     ends: tuple[int, int] = field(default_factory=os.pipe)
     """A pipe into which nothing is written: the lanes find its other end closed when this process is gone."""
@@ -145,7 +144,7 @@ class Lanes(Children):
             process = f"worker {number}"
             begin_logging(self.settings, process)
             stop_with_parent()
-            stand_back()
+            lower_priority()
             self.prepare(self.settings)
             begin_tracing(self.settings, process)
             again = run_worker(self.settings, with_chores=number == 1, process=process, renewed=True)
@@ -156,7 +155,7 @@ class Lanes(Children):
 
 
 class ParentWatch:
-    """Ends this process, as Ctrl-C would, once its standard input closes: its parent is gone."""
+    """Ends this process, as Ctrl-C would, once its standard input closes because the parent has ended."""
 
     def look_after(self, console: Console) -> None:
         """Look without waiting, and without a thread."""
@@ -193,17 +192,19 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
 
     ``prepare`` is what a lane does first; it raises where there is nothing to work on.
     """
-    stand_back()
-    watch, kept = ParentWatch(), compiling.can_be_kept()
-    if kept and not compiling.is_compiled(first=True):
+    lower_priority()
+    watch, can_compile = ParentWatch(), compiling.can_be_kept()
+    if can_compile and not compiling.is_compiled(first=True):
         console.note("The numerical code is compiled, once: the first drives wait a minute for it.")
         with Compiler(("--first",)) as compiler:
             compiler.await_end(watch, console)
     compiling.load()
     gc.collect()
-    gc.freeze()  # else the next collection would write into every page that is shared
+    # A collection writes into the header of every object it looks at: without this each lane would soon have its own
+    # copy of all shared pages (`benchmarks/service/lane_memory.py`).
+    gc.freeze()
     with ExitStack() as stack:
         lanes = stack.enter_context(Lanes(settings, console, prepare=prepare))
-        if kept and not compiling.is_compiled():
+        if can_compile and not compiling.is_compiled():
             stack.enter_context(Compiler())
         lanes.look_after_all([watch])

@@ -44,7 +44,7 @@ def methods(
 
 def catalogue() -> dict[str, Any]:
     """Every registry's names; methods with source, needs and options."""
-    from app.map.outputs import OUTPUTS
+    from app.exports.formats import SEGMENT_FORMATS
     from fusion.catalogue import METHODS, POSITIONINGS
     from fusion.filters.resampling import RESAMPLERS
     from fusion.filters.triggers import TRIGGERS
@@ -70,7 +70,7 @@ def catalogue() -> dict[str, Any]:
         "resamplers": {name: _first_line(item) for name, item in RESAMPLERS.items()},
         "triggers": {name: item.description for name, item in TRIGGERS.items()},
         "positionings": {name: item.description for name, item in POSITIONINGS.items()},
-        "outputs": {item.suffix: item.description for _, item in OUTPUTS.items()},
+        "outputs": {item.suffixes[0]: item.description for item in SEGMENT_FORMATS.values()},
         "receivers": {
             name: f"simulated, {item.h_acc_m:g} m stated horizontally" for name, item in RECEIVERS.items()
         },

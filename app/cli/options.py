@@ -1,10 +1,12 @@
-"""Options that several commands share."""
+"""Arguments and options that several commands share, and the logs that they name."""
 
 from __future__ import annotations
 
+import errno
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +17,7 @@ from fusion.registry import check_columns
 
 if TYPE_CHECKING:
     from app.core.db import Bounds
+    from fusion.types import DriveLog, Progress
 
 
 def in_a_folder(path: Path | None) -> Path | None:
@@ -22,6 +25,11 @@ def in_a_folder(path: Path | None) -> Path | None:
     if path is not None and not path.parent.is_dir():
         raise typer.BadParameter(f"{path} cannot be written: there is no folder {path.parent}.")
     return path
+
+
+def written_file(*flags: str, metavar: str | None = None, help: str) -> Any:  # noqa: A002 - typer's name
+    """An option that names a file to write."""
+    return typer.Option(*flags, metavar=metavar, help=help, callback=in_a_folder, show_default=False)
 
 
 DataDir = Annotated[
@@ -36,24 +44,10 @@ DataDir = Annotated[
     ),
 ]
 JsonFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--json",
-        metavar="FILE",
-        help="Write the figures as JSON as well.",
-        callback=in_a_folder,
-        show_default=False,
-    ),
+    Path | None, written_file("--json", metavar="FILE", help="Write the figures as JSON as well.")
 ]
 MapFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--map",
-        metavar="FILE",
-        help="Map of the slopes: .png, .pdf or .svg.",
-        callback=in_a_folder,
-        show_default=False,
-    ),
+    Path | None, written_file("--map", metavar="FILE", help="Map of the slopes: .png, .pdf or .svg.")
 ]
 MapScale = Annotated[
     float | None,
@@ -65,6 +59,24 @@ MapScale = Annotated[
         help="Steepness from which on the map is darkest; so that maps can be compared. Default: as suits the slopes.",
         show_default=False,
     ),
+]
+Gaps = Annotated[
+    bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
+]
+MethodOption = Annotated[
+    list[str] | None,
+    typer.Option("--option", metavar="NAME=VALUE", help="Option of the method; may be given several times."),
+]
+LogNames = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="LOG...",
+        help="Drive logs, gzipped or not; a folder or a zip is one drive of the files in it.",
+    ),
+]
+Together = Annotated[
+    bool,
+    typer.Option("--together", help="All of them are one drive, such as observations and navigation."),
 ]
 GnssOption = Annotated[
     list[str] | None,
@@ -90,6 +102,48 @@ GnssName = Annotated[
         "--gnss", metavar="NAME", help="How positions are computed; `versant methods` lists the ways."
     ),
 ]
+
+
+@dataclass(frozen=True)
+class LogFiles:
+    """The files that belong to one drive, as they were named: files, or folders of files."""
+
+    paths: tuple[Path, ...]
+
+    @property
+    def name(self) -> str:
+        """What it is called: as it was named, several separated by commas."""
+        return ", ".join(map(str, self.paths))
+
+    @property
+    def short_name(self) -> str:
+        """The same without folders."""
+        return ", ".join(path.name for path in self.paths)
+
+    def files(self) -> list[Path]:
+        """The files themselves: in a folder those that are not hidden, by name, none of folders in it.
+
+        Raises ``OSError`` for a folder that holds none.
+        """
+        return [file for path in self.paths for file in (_files_in(path) if path.is_dir() else [path])]
+
+    def read(self, progress: Progress, columns: Mapping[str, str] | None = None) -> DriveLog:
+        """The log of the drive; raises ``LogError`` or ``OSError``. ``columns`` as in ``fusion.formats.read_log``."""
+        from fusion.formats import read_logs  # noqa: PLC0415 - see app.cli
+
+        return read_logs(self.files(), columns=columns, progress=progress)
+
+
+def drives_of(paths: Sequence[Path], together: bool) -> list[LogFiles]:
+    """Each path a drive, or all of them one."""
+    return [LogFiles(tuple(paths))] if together else [LogFiles((path,)) for path in paths]
+
+
+def _files_in(folder: Path) -> list[Path]:
+    files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    if not files:
+        raise FileNotFoundError(errno.ENOENT, "The folder holds no file", str(folder))
+    return files
 
 
 def parse_box(text: str | None) -> Bounds | None:
@@ -119,16 +173,19 @@ def naming(option: str) -> Iterator[None]:
         raise typer.BadParameter(str(error), param_hint=f"'{option}'") from error
 
 
+def _pairs(texts: Sequence[str] | None, option: str, form: str) -> Iterator[tuple[str, str]]:
+    """The two sides of ``name=value`` each; ``typer.BadParameter`` says which ``form`` is wanted."""
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise typer.BadParameter(f"{text!r} is not {form}.", param_hint=f"'{option}'")
+        yield name, value
+
+
 def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
     """``name=header`` each, a column of ours and what it is called; raises ``typer.BadParameter``."""
-    columns: dict[str, str] = {}
-    for text in texts or ():
-        ours, equals, theirs = text.partition("=")
-        if not equals:
-            raise typer.BadParameter(
-                f"{text!r} is not NAME=HEADER, such as alt_msl_m=Altitude.", param_hint="'--columns'"
-            )
-        columns[ours.strip()] = theirs.strip()
+    pairs = _pairs(texts, "--columns", "NAME=HEADER, such as alt_msl_m=Altitude")
+    columns = {name.strip(): header.strip() for name, header in pairs}
     with naming("--columns"):
         check_columns(columns)
     return columns
@@ -137,17 +194,25 @@ def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
 def parse_assignments(texts: Sequence[str] | None, option: str) -> dict[str, Any]:
     """``name=value`` each: numbers, true and false as such, else text; raises ``typer.BadParameter``."""
     options: dict[str, Any] = {}
-    for text in texts or ():
-        name, equals, value = text.partition("=")
-        if not name or not equals:
-            raise typer.BadParameter(
-                f"{text!r} is not NAME=VALUE, such as particles=20000; `versant methods` lists the names.",
-                param_hint=f"'{option}'",
-            )
+    form = "NAME=VALUE, such as particles=20000; `versant methods` lists the names"
+    for name, value in _pairs(texts, option, form):
         try:
             options[name] = json.loads(value)
         except ValueError:
             options[name] = value
+    return options
+
+
+def positioning_options(gnss: str, texts: Sequence[str] | None) -> dict[str, Any]:
+    """The options of the positioning ``gnss``; a name or a value that it does not take is wrong usage."""
+    from fusion.catalogue import POSITIONINGS  # noqa: PLC0415 - see app.cli
+    from fusion.gnss.positioning import options_of  # noqa: PLC0415
+
+    options = parse_assignments(texts, "--gnss-option")
+    with naming("--gnss"):
+        positioning = POSITIONINGS[gnss]
+    with naming("--gnss-option"):
+        options_of(positioning, options)
     return options
 
 
@@ -160,7 +225,7 @@ def usable_map(path: Path | None, scale: float | None) -> None:
 
 def usable_picture(path: Path | None, option: str) -> None:
     """Refuse, before any work, a suffix that no picture has."""
-    from app.map.slope_map import picture_format  # noqa: PLC0415 - see app.cli
+    from app.map.picture.slope_map import picture_format  # noqa: PLC0415 - see app.cli
 
     if path is not None:
         with naming(option):

@@ -89,8 +89,8 @@ def _solved_cells(one: Positions) -> list[list[str]]:
     covariances = [_cells(values, _OTHER_DIGITS) for values in _covariances(one.solved)]
     predicted = ["1" if flag else "0" for flag in one.solved.predicted]
     reflected = [
-        " ".join(f"{name}={share:.2f}" for name, share in known.items() if np.isfinite(share))
-        for known in one.solved.reflected
+        " ".join(f"{name}={share:.2f}" for name, share in by_satellite.items() if np.isfinite(share))
+        for by_satellite in one.solved.reflected
     ]
     return [*covariances, predicted, reflected]
 
@@ -104,8 +104,8 @@ def _path(one: Positions) -> dict[str, Any]:
     time_s = one.fix.time_s
     broken = np.diff(time_s) > GAP_S
     # A gap is named by the time at which the next piece begins.
-    known = np.searchsorted(time_s, one.outages_s)
-    cuts = np.union1d(np.flatnonzero(broken) + 1, known[(known > 0) & (known < len(time_s))])
+    outages = np.searchsorted(time_s, one.outages_s)
+    cuts = np.union1d(np.flatnonzero(broken) + 1, outages[(outages > 0) & (outages < len(time_s))])
     points = np.round(np.column_stack([one.fix.lon_deg, one.fix.lat_deg]), COORDINATE_DIGITS)
     lines = [piece.tolist() for piece in np.split(points, cuts) if len(piece) > 1]
     geometry = {"type": "MultiLineString", "coordinates": lines} if lines else None

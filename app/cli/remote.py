@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.console import Bars, Console, write_json
-from app.cli.logs import LogFiles, LogNames, Together, drives_of
-from app.cli.options import ColumnsOption, GnssOption, JsonFile, parse_assignments, parse_columns
+from app.cli.options import (
+    ColumnsOption,
+    GnssOption,
+    JsonFile,
+    LogFiles,
+    LogNames,
+    MethodOption,
+    Together,
+    drives_of,
+    parse_assignments,
+    parse_columns,
+)
 from fusion.errors import FusionError
 
 if TYPE_CHECKING:
@@ -42,10 +52,7 @@ def upload(
     together: Together = False,
     server: Server = None,
     method: Annotated[str | None, typer.Option(help="Estimator; without it the service's default.")] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Option of the method; may be given several times."),
-    ] = None,
+    option: MethodOption = None,
     gnss: GnssChoice = None,
     gnss_option: GnssOption = None,
     columns: ColumnsOption = None,

@@ -178,9 +178,9 @@ def _require_database(settings: Settings, *, migrated: bool) -> None:
 
     assert settings.database_url is not None  # noqa: S101 - database() sees to it
     require_reachable(settings.database_url)
-    found = standing_of(settings.database_url)
-    if migrated or found.newer:
-        found.demand()
+    standing = standing_of(settings.database_url)
+    if migrated or standing.newer:
+        standing.demand()
 
 
 def _voice(ctx: typer.Context, settings: Settings, process: str) -> Console:

@@ -1,33 +1,37 @@
-"""``versant track``: positions only, no roads needed."""
+"""``versant track`` and ``gnss-study``: the positions of logs, and what the residuals of satellites say of them."""
 
 # ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.console import Console, part_of, write_json
-from app.cli.logs import LogFiles, LogNames, Together, drives_of
 from app.cli.options import (
     ColumnsOption,
     GnssName,
     GnssOption,
     JsonFile,
-    in_a_folder,
-    naming,
-    parse_assignments,
+    LogFiles,
+    LogNames,
+    Together,
+    drives_of,
     parse_columns,
+    positioning_options,
+    written_file,
 )
 from app.core.text import whole_file
-from fusion.errors import FusionError
+from fusion.errors import FusionError, MissingSensorError
 from fusion.registry import DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
     from app.cli.positions import Positions
+    from fusion.published.positioning.study import Study
     from fusion.types import Progress
 
 app = typer.Typer(add_completion=False)
@@ -37,9 +41,7 @@ app = typer.Typer(add_completion=False)
 def track(
     ctx: typer.Context,
     logs: LogNames,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Positions: .csv or .geojson.", callback=in_a_folder)
-    ],
+    out: Annotated[Path, written_file("-o", "--out", help="Positions: .csv or .geojson.")],
     gnss: GnssName = DEFAULT_POSITIONING,
     gnss_option: GnssOption = None,
     columns: ColumnsOption = None,
@@ -51,8 +53,6 @@ def track(
     A log that fails is reported, and the others go on.
     """
     from app.cli.positions import TRACK_WRITERS
-    from fusion.catalogue import POSITIONINGS
-    from fusion.gnss.positioning import options_of
 
     console: Console = ctx.obj
     if out.suffix.lower() not in TRACK_WRITERS:
@@ -61,11 +61,7 @@ def track(
             param_hint="'--out'",
         )
     named = parse_columns(columns)
-    chosen = parse_assignments(gnss_option, "--gnss-option")
-    with naming("--gnss"):
-        positioning = POSITIONINGS[gnss]
-    with naming("--gnss-option"):
-        options_of(positioning, chosen)
+    options = positioning_options(gnss, gnss_option)
     tracks: list[Positions] = []
     outcomes = []
     with console.progress() as bars:
@@ -73,18 +69,18 @@ def track(
         for source in drives:
             reason = None
             try:
-                tracks.append(_read(source, named, gnss, chosen, bars.work(source.short_name)))
+                tracks.append(_read(source, named, gnss, options, bars.work(source.short_name)))
                 console.warn(source.name, tracks[-1].warnings)
             except (FusionError, OSError) as error:
                 reason = console.complain_of(source.name, error)
-            found = None if reason else tracks[-1]
+            track = None if reason else tracks[-1]
             outcomes.append(
                 {
                     "file": source.name,
-                    "positions": len(found.fix) if found else 0,
+                    "positions": len(track.fix) if track else 0,
                     "reason": reason,
-                    "gnss": found.report if found else {},
-                    "warnings": list(found.warnings) if found else [],
+                    "gnss": track.report if track else {},
+                    "warnings": list(track.warnings) if track else [],
                 }
             )
     if tracks:
@@ -105,8 +101,89 @@ def _read(
     from fusion.gnss.positioning import positioned
 
     read = source.read(part_of(progress, 0.0, 0.3), columns)
-    found = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))
-    log, solved = found.log, found.solved_epochs()
+    result = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))
+    log, solved = result.log, result.solved_epochs()
     return Positions(
-        source.short_name, log.fix, log.outages_s, log.geoid, found.report, solved, warnings=log.warnings
+        source.short_name, log.fix, log.outages_s, log.geoid, result.report, solved, warnings=log.warnings
     )
+
+
+@app.command("gnss-study")
+def gnss_study(
+    ctx: typer.Context,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="The files of one drive, such as observations and navigation; or a folder or a zip of them.",
+        ),
+    ],
+    gnss: GnssName = "one-sided",
+    gnss_option: GnssOption = None,
+    out: Annotated[
+        Path | None,
+        written_file("-o", "--out", help="A picture, .png."),
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow."""
+    from fusion.gnss.positioning import positioned
+    from fusion.published.positioning.study import study
+
+    console: Console = ctx.obj
+    if out is not None and out.suffix.lower() != ".png":
+        raise typer.BadParameter(
+            f"No picture is written to files ending in {out.suffix!r}. Choose .png.", param_hint="'--out'"
+        )
+    options = positioning_options(gnss, gnss_option)
+    with console.progress() as bars:
+        (drive,) = drives_of(logs, together=True)
+        progress = bars.work(drive.short_name)
+        log = drive.read(part_of(progress, 0.0, 0.3))
+        computed = positioned(log, gnss, options, part_of(progress, 0.3, 1.0))
+    console.warn(drive.name, computed.log.warnings)
+    if computed.measured is None or computed.solution is None:
+        raise MissingSensorError(
+            f"Positioning {gnss!r} gave positions without residuals: there is nothing to study. Choose a solver of raw "
+            "pseudoranges, such as one-sided, for a log that holds some.",
+            where="gnss",
+        )
+    result = study(computed.measured, computed.solution)
+    _print_study(console, result)
+    if out is not None:
+        from app.drives.outputs.gnss_picture import gnss_png
+
+        out.write_bytes(
+            gnss_png(
+                computed.measured,
+                computed.solution,
+                result.laws,
+                f"{drive.short_name}, {computed.name}",
+            )
+        )
+        typer.echo(f"{out}: sky, residuals by satellite, laws and residuals by time.")
+    write_json(json_file, {"gnss": computed.name, "logs": [str(path) for path in logs], **asdict(result)})
+
+
+def _print_study(console: Console, result: Study) -> None:
+    rows = [
+        (r.name, r.count, r.mean_m, r.median_m, r.spread_m, r.most_m, r.cn0_dbhz, r.nlos)
+        for r in (*result.satellites, *result.states)
+    ]
+    heads = ("", "residuals", "mean m", "median m", "spread m", "largest m", "C/N0 dB-Hz", "reflected")
+    console.table(heads, rows, title="Residuals by satellite and by reception")
+    laws = [
+        (
+            t.law,
+            f"{t.ks:.4f}",
+            "yes" if t.ks_taken else "no",
+            f"{t.chi2:.1f} ({t.dof})" if t.dof else None,
+            t.chi2_taken,
+        )
+        for t in result.laws
+    ]
+    if laws:
+        tests = ("law", "KS", "taken at 5 %", "chi-square (dof)", "taken at 5 %")
+        console.table(tests, laws, title=f"Laws (KS is refused above {result.laws[0].ks_critical:.4f})")
+    wins = [(w.window, f"{w.law} over {w.other}", w.share) for w in result.wins]
+    console.table(("window", "nearer by KS", "share"), wins, title="Sliding windows")

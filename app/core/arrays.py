@@ -26,12 +26,12 @@ class ArrayDumper(Dumper):
 
     def upgrade(self, obj: NDArray[Any], format: PyFormat) -> Dumper:  # noqa: A002 - psycopg's name
         """The dumper of these numbers."""
-        found = _OF_KIND.get(obj.dtype.kind)
-        if found is None or obj.ndim != 1:
+        vector = _OF_KIND.get(obj.dtype.kind)
+        if vector is None or obj.ndim != 1:
             raise psycopg.DataError(
                 f"PostgreSQL gets vectors of numbers, not {obj.ndim} dimensions of {obj.dtype}"
             )
-        return found(self.cls)
+        return vector(self.cls)
 
     def dump(self, obj: NDArray[Any]) -> Buffer | None:
         """Never called: ``upgrade`` has chosen another."""

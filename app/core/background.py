@@ -1,9 +1,8 @@
-"""Letting those go first who wait for an answer: work in the background takes the processor time that they leave.
+"""Background priority: processes that compute leave the processor to processes that answer requests.
 
-On a small machine the API, the workers, an import and PostgreSQL share two cores. By default each gets its part of them
-whenever it wants it, and a request waits behind all that is computed. A process that stands back has a tenth of the
-weight of one that does not, and so have its connections' processes on a database server of this machine. Alone it is as
-fast as ever.
+On a small machine the API, the workers, an import and PostgreSQL share two cores. With equal priorities a request waits
+behind all that is computed. A process with background priority has a tenth of the weight of an ordinary one, and so
+have its connections' processes on a database server of this machine. Alone on the machine it is as fast as ever.
 """
 
 from __future__ import annotations
@@ -21,17 +20,17 @@ NICENESS = 10
 _PEER_CREDENTIALS = "3i"  # process, user, group
 
 
-def stand_back() -> None:
-    """Let the other processes of this machine go before this one and what it starts from here on."""
+def lower_priority() -> None:
+    """Give background priority to this process and to those that it starts from here on."""
     os.nice(max(0, NICENESS - os.nice(0)))
-    # Linux may weigh sessions first, then the processes within each. Only a session of our own is ours to weigh.
+    # Linux may weigh sessions first, then the processes in each. Only our own session is ours to weigh.
     if os.getsid(0) == os.getpid():
         with suppress(OSError):  # another system, or one that does not weigh them
             Path("/proc/self/autogroup").write_text(str(NICENESS))
 
 
-def let_stand_back(connection: Any) -> None:
-    """Let the process that serves a psycopg connection stand back, where it runs here and is ours to weigh."""
+def lower_server_priority(connection: Any) -> None:
+    """Give background priority to the server's process of a psycopg connection, if it runs here and we may."""
     pid = connection.info.backend_pid
     with suppress(OSError, ValueError, IndexError, AttributeError):
         if _parent_of(pid) == _server_of(connection.fileno()):

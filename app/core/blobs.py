@@ -90,8 +90,8 @@ class BlobStore:
 
     def exists(self, key: str) -> bool:
         """Whether the blob is there."""
-        found: bool = self._fs.exists(f"{self._root}/{key}")
-        return found
+        is_there: bool = self._fs.exists(f"{self._root}/{key}")
+        return is_there
 
     def open(self, key: str, block_bytes: int | None = None) -> BinaryIO:
         """The blob's bytes as a file; ``FileNotFoundError`` when there is none.
@@ -149,9 +149,9 @@ class BlobStore:
         """
         if identity in self._noted:
             return
-        known = self.databases()
-        if identity not in known:
-            if not known and self.older(self.keys(), NOTED_WITHIN):
+        registered = self.databases()
+        if identity not in registered:
+            if not registered and self.older(self.keys(), NOTED_WITHIN):
                 self._note(UNKNOWN_DATABASE)
             self._note(identity)
         self._noted.add(identity)

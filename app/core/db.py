@@ -16,7 +16,7 @@ from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.orm import Session, sessionmaker
 
 from app.core import arrays
-from app.core.background import let_stand_back
+from app.core.background import lower_server_priority
 from app.core.settings.places import sqlalchemy_url
 
 arrays.register()
@@ -57,12 +57,12 @@ def make_engine(
     pool_size: int = 5,
     max_overflow: int = 10,
     patience: Patience | None = None,
-    behind: bool = False,
+    background: bool = False,
 ) -> Engine:
     """An engine whose connections are checked before use, so that a restarted database costs no request.
 
     Without ``patience`` statements and locks take as long as they take: workers and imports have nobody who waits.
-    ``behind``: a server on this machine serves those first who have (``standing_back``).
+    ``background``: connections have background priority at a server on this machine (``app.core.background``).
     """
     limits = {}
     if patience is not None:
@@ -77,8 +77,8 @@ def make_engine(
         pool_timeout=30.0 if patience is None else patience.connection_s,
         connect_args={"options": server_options(patience), "application_name": "versant", **limits},
     )
-    if behind:
-        event.listen(engine, "connect", lambda connection, _record: let_stand_back(connection))
+    if background:
+        event.listen(engine, "connect", lambda connection, _record: lower_server_priority(connection))
     return engine
 
 

@@ -254,7 +254,7 @@ def all_kinds() -> dict[str, Kind]:
 
 def kind_of(error: Exception) -> Kind:
     """The row of the nearest class of ``error`` that the table holds; the driver's error says more than its wrap."""
-    told = error.orig if isinstance(error, DBAPIError) and isinstance(error.orig, psycopg.Error) else error
-    if isinstance(told, DiskFull):
+    cause = error.orig if isinstance(error, DBAPIError) and isinstance(error.orig, psycopg.Error) else error
+    if isinstance(cause, DiskFull):
         return KINDS[StorageFullError]
-    return next(KINDS[cls] for cls in type(told).__mro__ if cls in KINDS)
+    return next(KINDS[cls] for cls in type(cause).__mro__ if cls in KINDS)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
@@ -16,11 +17,11 @@ from pydantic import BaseModel, Field
 from sqlalchemy import Engine
 from sqlalchemy.orm import Session
 
+from app.core.admission import RequestClass
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
 from app.core.disconnects import ending_with_client
 from app.core.errors import NotFoundError
-from app.core.lanes import Lane
 from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
 from app.core.text import GEO_JSON, geojson_text
@@ -40,7 +41,7 @@ class Service:
     engine: Engine
     sessions: Sessions
     blobs: BlobStore
-    lanes: Mapping[str, Lane]
+    request_classes: Mapping[str, RequestClass]
     probes: Sessions
     """On a connection of their own: a service that has much to do is ready."""
     probe_threads: CapacityLimiter
@@ -93,8 +94,8 @@ def link_documents(links: list[Link]) -> list[dict[str, str]]:
 
 def with_query(address: str, **parameters: Any) -> str:
     """``address`` with those parameters that are not None; truth values in lower case."""
-    known = {k: str(v).lower() if isinstance(v, bool) else v for k, v in parameters.items() if v is not None}
-    return f"{address}?{urlencode(known, safe=',')}" if known else address
+    given = {k: str(v).lower() if isinstance(v, bool) else v for k, v in parameters.items() if v is not None}
+    return f"{address}?{urlencode(given, safe=',')}" if given else address
 
 
 def geojson_response(document: Mapping[str, Any], headers: dict[str, str] | None = None) -> Response:
@@ -109,11 +110,29 @@ def found(row: Any, what: str, key: object) -> Any:
     return row
 
 
-def etag_matches(request: Request, etag: str) -> bool:
+def is_named(etag: str, if_none_match: str) -> bool:
     """Whether If-None-Match names ``etag`` (weak comparison, RFC 9110 section 13.1.2)."""
-    asked = request.headers.get("if-none-match", "")
-    names = {name.strip().removeprefix("W/") for name in asked.split(",")}
+    names = {name.strip().removeprefix("W/") for name in if_none_match.split(",")}
     return "*" in names or etag.removeprefix("W/") in names
+
+
+def etag_matches(request: Request, etag: str) -> bool:
+    """Whether the client has what ``etag`` stands for."""
+    return is_named(etag, request.headers.get("if-none-match", ""))
+
+
+def unless_known(
+    request: Request,
+    content: bytes,
+    media_type: str,
+    headers: Mapping[str, str],
+    *,
+    more: Mapping[str, str] = MappingProxyType({}),
+) -> Response:
+    """The content with these headers, an ETag among them, or 304 where the client has it; ``more``: of the content."""
+    if etag_matches(request, headers["ETag"]):
+        return Response(status_code=304, headers=dict(headers))
+    return Response(content, media_type=media_type, headers={**headers, **more})
 
 
 def preferred(accept: str | None, offered: Sequence[str]) -> str | None:

@@ -220,10 +220,10 @@ class KnownHosts:
         await self.app(scope, receive, send)
 
     def _known(self, host: str, scope: Scope) -> bool:
-        found = _HOST.fullmatch(host)
-        if found is None:
+        parts = _HOST.fullmatch(host)
+        if parts is None:
             return ANY_HOST in self.names
-        name = (found["literal"] or found["name"]).lower().rstrip(".")
+        name = (parts["literal"] or parts["name"]).lower().rstrip(".")
         if name in self.names or ANY_HOST in self.names or name == "localhost":
             return True
         try:

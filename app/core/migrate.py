@@ -74,9 +74,9 @@ def upgrade(url: str, revision: str = HEAD, *, finish: bool = False) -> None:
     left as it is, with a word in the log; ``SchemaError`` where it does not serve this program.
     """
     with databases.one_migration_at_a_time(url):
-        found = standing_of(url)
-        if revision == HEAD and found.newer:
-            found.demand()
+        database = standing_of(url)
+        if revision == HEAD and database.newer:
+            database.demand()
             return
         command.upgrade(alembic_config(url), revision)
         for name in bring_queue_up(url, finish=finish):
@@ -111,17 +111,17 @@ def standing_of(url: str) -> Standing:
 
 def standing(session: Session | Connection) -> Standing:
     """How the session's database and this program stand to each other."""
-    state, wanted = schema_state(session), latest_revision()
+    state, latest = schema_state(session), latest_revision()
     at = f"The database is at migration {state.revision}"
-    if state.revision is None or (state.revision != wanted and is_known(state.revision)):
+    if state.revision is None or (state.revision != latest and is_known(state.revision)):
         return Standing(
-            state.revision, False, sentence=f"{at}, this program needs {wanted}: run `versant migrate`."
+            state.revision, False, sentence=f"{at}, this program needs {latest}: run `versant migrate`."
         )
-    if state.revision != wanted:
+    if state.revision != latest:
         if state.oldest_program is not None and is_known(state.oldest_program):
-            serves = f"{at}, newer than this program's {wanted}, which it still serves."
+            serves = f"{at}, newer than this program's {latest}, which it still serves."
             return Standing(state.revision, True, newer=True, sentence=serves)
-        late = f"{at} and serves no program as old as this one, of {wanted}: update the program."
+        late = f"{at} and serves no program as old as this one, of {latest}: update the program."
         return Standing(state.revision, False, newer=True, sentence=late)
     if state.queue_waits:
         return Standing(

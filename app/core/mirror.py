@@ -78,13 +78,13 @@ def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
     """Remove a file with those beside it, if they are there and came longer ago than that; whether they are gone."""
     fs, root = file_system(str(place) if isinstance(place, Path) else place.url)
     try:
-        found = [str(path) for path in fs.ls(f"{root}/{group}", detail=False, refresh=True)]
+        paths = [str(path) for path in fs.ls(f"{root}/{group}", detail=False, refresh=True)]
     except FileNotFoundError:
         return False
     limit = datetime.now(UTC) - than
-    if any(_utc(fs.modified(path)) >= limit for path in found):
+    if any(_utc(fs.modified(path)) >= limit for path in paths):
         return False
-    for path in found:
+    for path in paths:
         fs.rm_file(path)
     if is_folder(fs):
         Path(root, group).rmdir()
@@ -103,24 +103,24 @@ def forget(place: FilePlace, name: str) -> None:
             fs.rm(f"{root}/{group}", recursive=True)
 
 
-def _fetch(place: RemoteFolder, group: str, wanted: str, sha256: str) -> None:
+def _fetch(place: RemoteFolder, group: str, filename: str, sha256: str) -> None:
     fs, root = file_system(place.url)
     incoming = place.copies / _INCOMING / uuid.uuid4().hex
     incoming.mkdir(parents=True)
     try:
-        found = [str(path) for path in fs.ls(f"{root}/{group}", detail=False)]
+        paths = [str(path) for path in fs.ls(f"{root}/{group}", detail=False)]
         # The wanted file comes last: where it is, what belongs to it is as well.
-        found.sort(key=lambda path: PurePosixPath(path).name == wanted)
-        for path in found:
+        paths.sort(key=lambda path: PurePosixPath(path).name == filename)
+        for path in paths:
             fs.get_file(path, str(incoming / PurePosixPath(path).name))
-        if _sha256(incoming / wanted) != sha256:
+        if _sha256(incoming / filename) != sha256:
             raise MirrorError("its content is another one")
-        for path in found:
+        for path in paths:
             part = incoming / PurePosixPath(path).name
             rename_durably(part, place.copies / group / part.name)
     except Exception as error:  # as in send
         raise MirrorError(
-            f"{group}/{wanted} cannot be fetched from {place.url}: {_reason(error)}."
+            f"{group}/{filename} cannot be fetched from {place.url}: {_reason(error)}."
         ) from error
     finally:
         shutil.rmtree(incoming, ignore_errors=True)
@@ -139,8 +139,8 @@ def _alone(place: RemoteFolder, group: str) -> Iterator[None]:
 def _reason(error: Exception) -> str:
     if isinstance(error, FileNotFoundError):
         return "it is not there"
-    said = str(error) if isinstance(error, MirrorError) else f"{type(error).__name__}: {error}"
-    return said.rstrip(". ")
+    reason = str(error) if isinstance(error, MirrorError) else f"{type(error).__name__}: {error}"
+    return reason.rstrip(". ")
 
 
 def _sha256(path: Path) -> str:

@@ -147,12 +147,12 @@ async def _http_error(request: Request, error: Exception) -> JSONResponse:
 
 def _methods_at(app: FastAPI, path: str) -> list[str]:
     """The methods that ``path`` takes, for the Allow header; HEAD comes with GET."""
-    found: set[str] = set()
+    methods: set[str] = set()
     for template, operations in app.openapi()["paths"].items():
         pattern = "[^/]+".join(re.escape(part) for part in re.split(r"{\w+}", template))
         if re.fullmatch(pattern, path):
-            found |= {method.upper() for method in operations}
-    return sorted(found | ({"HEAD"} if "GET" in found else set()))
+            methods |= {method.upper() for method in operations}
+    return sorted(methods | ({"HEAD"} if "GET" in methods else set()))
 
 
 async def _invalid_request(request: Request, error: Exception) -> JSONResponse:

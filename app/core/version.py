@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import metadata
+from fusion import __version__
 
 
 def code_version() -> str:
-    """The version as installed; ``unknown`` where the code runs from a tree that was never installed."""
-    try:
-        return metadata.version("versant")
-    except metadata.PackageNotFoundError:
-        return "unknown"
+    """The version of the code that runs, as ``fusion/__init__.py`` states it."""
+    return __version__

@@ -14,7 +14,7 @@ import numpy as np
 from app.demo.baselines import feature_key
 from app.demo.run import DemoResult
 from app.demo.score import Score
-from app.map.slope_map import MapSegments
+from app.map.picture.slope_map import MapSegments
 
 CREDIT = "Simulated town; no real place. Made by `versant demo`."
 
@@ -52,7 +52,7 @@ def write_files(result: DemoResult, folder: Path) -> dict[str, Path]:
 
 def draw_map(features: Sequence[Mapping[str, Any]], path: Path, *, title: str, credit: str) -> None:
     """Draw a service's features as a slope map."""
-    from app.map.slope_picture import write_map  # noqa: PLC0415 - it draws with matplotlib
+    from app.map.picture.slope_picture import write_map  # noqa: PLC0415 - it draws with matplotlib
 
     ends = np.array([[f["geometry"]["coordinates"][0], f["geometry"]["coordinates"][-1]] for f in features])
     columns = [f["properties"] for f in features]

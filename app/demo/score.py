@@ -87,7 +87,7 @@ def by_structure(
         "bridges": lambda road: road.bridge,
         "tunnels": lambda road: road.tunnel,
     }
-    parts = {name: {k: t for k, t in truth.items() if chosen(t)} for name, chosen in kinds.items()}
+    parts = {name: {k: t for k, t in truth.items() if is_of_kind(t)} for name, is_of_kind in kinds.items()}
     return {name: score(part, estimates) for name, part in parts.items() if part}
 
 
@@ -98,8 +98,8 @@ def examples(truth: Mapping[SegmentKey, Truth], count: int) -> list[SegmentKey]:
     """
     structures = [key for key, road in truth.items() if road.bridge or road.tunnel][: count // 2]
     others = sorted((k for k in truth if k not in set(structures)), key=lambda k: truth[k].slope_percent)
-    wanted = min(count - len(structures), len(others))
-    picks = np.unique(np.linspace(0, max(len(others) - 1, 0), max(wanted, 0)).round().astype(int))
+    most = min(count - len(structures), len(others))
+    picks = np.unique(np.linspace(0, max(len(others) - 1, 0), max(most, 0)).round().astype(int))
     return structures + [others[k] for k in picks.tolist()]
 
 

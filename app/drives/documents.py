@@ -18,8 +18,8 @@ from app.core.db import Bounds
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
-from app.network.cells import square_name
-from app.network.rejections import Hearing
+from app.network.cells import cell_name
+from app.network.rejections import Rejections
 from fusion.report import with_contradiction, with_duplicate
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
@@ -40,6 +40,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "started_at": "2026-11-20T09:12:44.661Z",
     "finished_at": "2026-11-20T09:13:02.004Z",
     "drive_time": "2026-11-20T07:55:10.000Z",
+    "duplicate_of": None,
     "same_as": None,
     "unsolved": [],
     "epochs": 549,
@@ -54,7 +55,7 @@ DriveStatus = StrEnum("DriveStatus", {name.upper(): name for name in DRIVE_STATU
 ENDED = frozenset({"done", "failed"})
 """Statuses that stay until somebody asks for more; a cancelled drive will soon be gone."""
 MOST_NAMED = 5
-"""Squares that one warning names."""
+"""Cells that one warning names."""
 
 
 class Failure(BaseModel):
@@ -95,14 +96,17 @@ class Drive(BaseModel):
     started_at: Moment | None
     finished_at: Moment | None
     drive_time: Moment | None = Field(description="When the recording begins.")
+    duplicate_of: uuid.UUID | None = Field(
+        description="The drive that this one duplicates: it was at the same places at the same times and holds more "
+        "measurements, so it alone counts. Usually null."
+    )
     same_as: uuid.UUID | None = Field(
-        description="The drive that is heard in this one's place, for it was at the same places at the same times and "
-        "holds more measurements; null as a rule."
+        description="Former name of `duplicate_of`.", json_schema_extra={"deprecated": True}
     )
     unsolved: list[str] = Field(
         default_factory=list,
-        description="Squares of the map, z/x/y, that solvers have begun with again and again in vain: the drive's "
-        "slopes there are not published yet. A drive waits for them for some minutes, and is done without them.",
+        description="Cells of the map, z/x/y, that solvers repeatedly failed to solve: the drive's slopes there are "
+        "not published yet. A drive waits some minutes for them, and is done without them.",
     )
     epochs: int | None
     distance_m: float | None
@@ -131,27 +135,28 @@ class Drive(BaseModel):
                 stage=columns["stage"],
                 where=columns["failure_where"],
             )
-        unsolved = [square_name(cell) for cell in columns["unsolved_cells"]]
-        report = _as_it_is_now(columns["report"], columns["hearing"], columns["same_as"], unsolved)
-        return cls.model_validate({**columns, "failure": failure, "unsolved": unsolved, "report": report})
+        unsolved = [cell_name(cell) for cell in columns["unsolved_cells"]]
+        report = _as_it_is_now(columns["report"], columns["rejections"], columns["duplicate_of"], unsolved)
+        derived = {"failure": failure, "unsolved": unsolved, "report": report}
+        return cls.model_validate({**columns, "same_as": columns["duplicate_of"], **derived})
 
 
 def _as_it_is_now(
     report: dict[str, Any] | None,
-    hearing: Hearing | None,
-    same_as: uuid.UUID | None,
+    rejections: Rejections | None,
+    duplicate_of: uuid.UUID | None,
     unsolved: Sequence[str],
 ) -> dict[str, Any] | None:
     """The report with what changes as other drives come and go, and is therefore said when it is read.
 
-    ``hearing``: on how many segments the drive has passes, and on how many of them none is heard; None: on none.
+    ``rejections``: on how many segments the drive has passes, and on how many of them none is accepted; None: on none.
     """
     if report is None:
         return None
-    segments, rejected = hearing or Hearing(0, 0)
+    segments, rejected = rejections or Rejections(0, 0)
     warnings = with_contradiction(report.get("warnings", ()), rejected, segments)
-    if same_as is not None:
-        warnings = with_duplicate(warnings, str(same_as))
+    if duplicate_of is not None:
+        warnings = with_duplicate(warnings, str(duplicate_of))
     if unsolved:
         warnings.append(_unsolved_warning(unsolved))
     return {**report, "rejected_segments": rejected, "warnings": warnings}
@@ -161,9 +166,9 @@ def _unsolved_warning(unsolved: Sequence[str]) -> str:
     """That something of the drive is not on the map."""
     more = f" and {len(unsolved) - MOST_NAMED} more" if len(unsolved) > MOST_NAMED else ""
     return (
-        f"Its slopes in some squares of the map ({', '.join(unsolved[:MOST_NAMED])}{more}) are not published yet: "
-        "solvers have begun there in vain. They try again by themselves, at least once an hour; the log of the workers "
-        "says why they fail. Deleting a drive that lies there, or processing it again, lets them try at once."
+        f"Its slopes in some cells of the map ({', '.join(unsolved[:MOST_NAMED])}{more}) are not published yet: "
+        "solving these cells has failed. Workers retry automatically, at least once an hour; their log says why it "
+        "fails. To retry at once, delete a drive that lies there or process it again."
     )
 
 
@@ -173,7 +178,7 @@ class DrivePlace(NamedTuple):
     created_at: datetime
     id: uuid.UUID
     key: Any = None
-    """What the list is ordered by before these; None: not known, or nothing (``app.drives.listing.orders``)."""
+    """What the list is ordered by before these; None: not known, or nothing (``app.drives.listing``)."""
 
 
 class DriveList(BaseModel):

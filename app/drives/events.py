@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import time
 import uuid
-from collections.abc import AsyncIterator
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import StreamingResponse
-from starlette.types import Receive, Scope, Send
 
 from app.core.http import EXAMPLE_ID, BaseUrl, found, problems
+from app.core.sse import EventStream, event, events_of, stream_answer
 from app.core.text import dumps
 from app.drives.documents import ENDED
-from app.drives.feed import Feed, Follower, News
-
-HEARTBEAT_S = 15.0
-"""Pauses are filled with comments, because proxies end connections on which nothing moves."""
-RECONNECT_MS = 2000
-LONGEST_S = 600.0
-"""Then the stream ends, and the browser comes again by itself: no connection is held for ever."""
+from app.drives.feed import Feed, News
 
 
 async def get_feed(request: Request) -> Feed:
@@ -41,10 +34,7 @@ _EXAMPLE = f'id: 3\nevent: drive\ndata: {{"id": "{EXAMPLE_ID}", "status": "runni
     summary="Follow a drive",
     response_class=StreamingResponse,
     responses={
-        200: {
-            "description": "`drive` events; the data are those of `GET /v1/drives/{drive_id}`.",
-            "content": {"text/event-stream": {"schema": {"type": "string"}, "example": _EXAMPLE}},
-        },
+        **stream_answer("`drive` events; the data are those of `GET /v1/drives/{drive_id}`.", _EXAMPLE),
         **problems(404, 503),
     },
 )
@@ -56,42 +46,30 @@ async def drive_events(drive_id: uuid.UUID, feed: FeedDep, base: BaseUrl) -> Str
     """
     follower = feed.follow(drive_id)
     try:
-        first = found(await follower.first(), "drive", drive_id)
+        first = await follower.next()
+        assert first is not None  # noqa: S101 - it waits until it is told
+        found(first.drive, "drive", drive_id)
     except BaseException:
         feed.leave(follower)
         raise
-    return _EventStream(feed, follower, base, first)
+    events = events_of(follower, first, _event_maker(drive_id, base), _is_last)
+    return EventStream(events, lambda: feed.leave(follower))
 
 
-class _EventStream(StreamingResponse):
-    """The events of one follower, who leaves with the client."""
-
-    def __init__(self, feed: Feed, follower: Follower, base: str, first: News) -> None:
-        headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-        super().__init__(_events(follower, base, first), media_type="text/event-stream", headers=headers)
-        self._feed, self._follower = feed, follower
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        try:
-            await super().__call__(scope, receive, send)
-        finally:
-            self._feed.leave(self._follower)
+def _is_last(news: News) -> bool:
+    return news.drive is None or news.drive.status in ENDED
 
 
-async def _events(follower: Follower, base: str, first: News) -> AsyncIterator[str]:
-    # When the client leaves, the server cancels this generator at its next await.
-    yield f"retry: {RECONNECT_MS}\n\n"
-    state: News | None = first
-    number, sent, until = 0, "", time.monotonic() + LONGEST_S
-    while state is not None:
-        text = state.text(base)
-        if text != sent:
-            number, sent = number + 1, text
-            yield f"id: {number}\nevent: drive\ndata: {text}\n\n"
-        if state.drive.status in ENDED or time.monotonic() > until:
-            return
-        if not await follower.changed(within_s=HEARTBEAT_S):
-            yield ": still here\n\n"
-        state = follower.state
-    data = dumps({"id": str(follower.drive_id), "status": "cancelled"})
-    yield f"id: {number + 1}\nevent: deleted\ndata: {data}\n\n"
+def _event_maker(drive_id: uuid.UUID, base: str) -> Callable[[News], str]:
+    sent: list[str] = []
+
+    def event_of(news: News) -> str:
+        if news.drive is None:
+            return event("deleted", dumps({"id": str(drive_id), "status": "cancelled"}), len(sent) + 1)
+        text = news.text(base)
+        if sent[-1:] == [text]:
+            return ""
+        sent.append(text)
+        return event("drive", text, len(sent))
+
+    return event_of

@@ -18,9 +18,9 @@ import psycopg
 from anyio import CapacityLimiter, to_thread
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.core.errors import BusyError
-from app.core.receiving.clients import Shares, present_client
+from app.core.receiving.clients import Shares
 from app.core.settings.places import libpq_url
+from app.core.sse import Follower, Followers
 from app.drives.documents import Drive, linked
 
 CHANNEL = "versant_drives"
@@ -43,63 +43,18 @@ log = logging.getLogger(__name__)
 
 
 class News:
-    """The state of a drive that a look found, and what is said of it: the same to all who follow it."""
+    """What a look found of a drive: the same to all who follow it."""
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: Drive | None) -> None:
+        """None: there is no such drive, or it is gone."""
         self.drive = drive
         self._texts: dict[str, str] = {}
 
     def text(self, base: str) -> str:
         """The drive's document, JSON, with links that begin with ``base``."""
-        if base not in self._texts:
+        if base not in self._texts and self.drive is not None:
             self._texts[base] = linked(base, self.drive).model_dump_json()
         return self._texts[base]
-
-
-class Follower:
-    """One who follows a drive: the latest news of it, None when there is no such drive (any more)."""
-
-    def __init__(self, drive_id: uuid.UUID, client: str) -> None:
-        self.drive_id, self.client = drive_id, client
-        self.state: News | None = None
-        self.looked = False
-        self._error: Exception | None = None
-        self._news = asyncio.Event()
-
-    async def first(self) -> News | None:
-        """The state now; raises SQLAlchemy's error where the database cannot be asked."""
-        await self._news.wait()
-        self._news.clear()
-        if not self.looked and self._error is not None:
-            raise self._error
-        return self.state
-
-    async def changed(self, within_s: float) -> bool:
-        """Wait for a change of the state; False when there was none in time."""
-        try:
-            async with asyncio.timeout(within_s):
-                await self._news.wait()
-        except TimeoutError:
-            return False
-        self._news.clear()
-        return True
-
-    def hear(self, state: News | None) -> None:
-        """A look found this."""
-        if self.looked and _drive(state) == _drive(self.state):
-            return
-        self.looked, self.state = True, state
-        self._news.set()
-
-    def fail(self, error: Exception) -> None:
-        """A look failed: of concern only to who has seen nothing yet."""
-        if not self.looked:
-            self._error = error
-            self._news.set()
-
-
-def _drive(state: News | None) -> Drive | None:
-    return None if state is None else state.drive
 
 
 class Feed:
@@ -110,37 +65,17 @@ class Feed:
         self._url = libpq_url(url)
         self._read = read
         self._look_every_s = look_every_s
-        self._streams = streams
-        self._followers: dict[uuid.UUID, set[Follower]] = {}
+        self._followers = Followers[uuid.UUID, News](streams, "Ask for the drive itself every few seconds")
+        self.leave = self._followers.leave
         self._due: set[uuid.UUID] = set()
         self._wake = asyncio.Event()
         self._thread = CapacityLimiter(1)
 
-    def __len__(self) -> int:
-        """How many follow."""
-        return sum(map(len, self._followers.values()))
-
-    def follow(self, drive_id: uuid.UUID) -> Follower:
+    def follow(self, drive_id: uuid.UUID) -> Follower[uuid.UUID, News]:
         """A new follower, to whom the state is told at once; ``BusyError`` where there are too many."""
-        client = present_client()
-        if not self._streams.allows(client):
-            raise BusyError(
-                f"{self._streams.total} event streams are open already, {self._streams.held[client]} of them yours. "
-                "Ask for the drive itself every few seconds, or try again in a moment."
-            )
-        self._streams.take(client)
-        follower = Follower(drive_id, client)
-        self._followers.setdefault(drive_id, set()).add(follower)
+        follower = self._followers.add(drive_id)
         self._look_at({drive_id})
         return follower
-
-    def leave(self, follower: Follower) -> None:
-        """Follow no longer."""
-        self._streams.give_back(follower.client)
-        others = self._followers[follower.drive_id]
-        others.remove(follower)
-        if not others:
-            del self._followers[follower.drive_id]
 
     async def run(self) -> None:
         """Listen and look until cancelled."""
@@ -164,7 +99,7 @@ class Feed:
                 ) as connection:
                     await connection.execute(f"LISTEN {CHANNEL}")
                     heard = True
-                    self._look_at(self._followers)  # what was announced meanwhile is lost
+                    self._look_at(self._followers.topics)  # what was announced meanwhile is lost
                     async for note in connection.notifies():
                         self._announced(note.payload)
             except psycopg.Error as error:
@@ -175,10 +110,10 @@ class Feed:
 
     def _announced(self, payload: str) -> None:
         if payload == MANY:
-            self._look_at(self._followers)
+            self._look_at(self._followers.topics)
             return
         with suppress(ValueError):  # whoever has the database's password may announce anything
-            self._look_at({uuid.UUID(payload)} & self._followers.keys())
+            self._look_at({uuid.UUID(payload)}.intersection(self._followers.topics))
 
     async def _look(self) -> None:
         while True:
@@ -186,20 +121,20 @@ class Feed:
                 async with asyncio.timeout(self._look_every_s):
                     await self._wake.wait()
             except TimeoutError:
-                self._due.update(self._followers)
+                self._due.update(self._followers.topics)
             self._wake.clear()
             while self._due:
-                failed = not await self._looked(set(islice(self._due, AT_ONCE)))
+                failed = not await self._look_once(set(islice(self._due, AT_ONCE)))
                 await asyncio.sleep(AGAIN_S if failed else PAUSE_S)
 
-    async def _looked(self, drives: set[uuid.UUID]) -> bool:
+    async def _look_once(self, drives: set[uuid.UUID]) -> bool:
         """Look at these drives and tell their followers; False when the database cannot be asked."""
         self._due -= drives
-        followed = drives & self._followers.keys()
+        followed = drives.intersection(self._followers.topics)
         if not followed:
             return True
         # Who comes from here on waits for a look that begins later: a drive may be removed meanwhile.
-        waiting = list(self._of(followed))
+        waiting = self._followers.of(followed)
         try:
             states = await to_thread.run_sync(self._read, followed, limiter=self._thread)
         except Exception as error:  # whatever it is: without this loop nobody is told anything any more
@@ -209,12 +144,11 @@ class Feed:
             for follower in waiting:
                 follower.fail(error)
             return False
-        news = {drive_id: News(state) for drive_id, state in states.items()}
+        news = {drive_id: News(states.get(drive_id)) for drive_id in followed}
         for number, follower in enumerate(waiting, start=1):
-            follower.hear(news.get(follower.drive_id))
+            found = news[follower.topic]
+            if follower.last is None or follower.last.drive != found.drive:
+                follower.tell(found)
             if number % TOLD_AT_ONCE == 0:
                 await asyncio.sleep(TELL_PAUSE_S)
         return True
-
-    def _of(self, drives: Collection[uuid.UUID]) -> list[Follower]:
-        return [follower for drive_id in drives for follower in self._followers.get(drive_id, ())]

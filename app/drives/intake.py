@@ -49,13 +49,13 @@ def register_upload(
     becomes the drive's, or is deleted; it stays where nobody can tell whether it became a drive's, as when this
     process dies: ``sweep_blobs`` later removes what nobody refers to.
     """
-    wanted = {"filename": filename, "method": method, "options": options or {}}
+    request = {"filename": filename, "method": method, "options": options or {}}
     try:
         check_options(method, options or {})
         try:
-            drive, created = _add(sessions, blobs, blob, wanted)
+            drive, created = _add(sessions, blobs, blob, request)
         except _CommitLostError as lost:
-            drive, created = _add_again(sessions, blobs, blob, wanted, lost)
+            drive, created = _add_again(sessions, blobs, blob, request, lost)
     except _CommitLostError as lost:
         raise (lost.__cause__ or lost) from None
     except Exception:
@@ -83,7 +83,7 @@ def _add(
     sessions: Sessions,
     blobs: BlobStore,
     blob: StoredBlob,
-    wanted: Mapping[str, Any],
+    request: Mapping[str, Any],
     wait_s: float | None = None,
 ) -> tuple[Drive, bool]:
     """Add the drive or find that of the same content; ``_CommitLostError`` when the commit was not answered."""
@@ -92,7 +92,7 @@ def _add(
             drives.wait_at_most(session, wait_s)
         # Before the drive refers to the blob: another database's sweep must not take it for an orphan.
         blobs.register_database(database_identity(session))
-        drive, created = _create_or_heal(session, blobs, blob, wanted)
+        drive, created = _create_or_heal(session, blobs, blob, request)
         try:
             session.commit()
         except Exception as error:
@@ -106,20 +106,20 @@ def _add_again(
     sessions: Sessions,
     blobs: BlobStore,
     blob: StoredBlob,
-    wanted: Mapping[str, Any],
+    request: Mapping[str, Any],
     lost: _CommitLostError,
 ) -> tuple[Drive, bool]:
     """The same once more, over another connection: it waits for a commit that is under way and finds what that left."""
     logger.warning("an upload's commit was not answered, and is asked for again: %s", lost.__cause__)
     try:
-        drive, created = _add(sessions, blobs, blob, wanted, LOST_COMMIT_WAIT_S)
+        drive, created = _add(sessions, blobs, blob, request, LOST_COMMIT_WAIT_S)
     except Exception:
         raise lost from lost.__cause__
     return drive, created or (lost.created and drive.blob_key == blob.key)
 
 
 def _create_or_heal(
-    session: Session, blobs: BlobStore, blob: StoredBlob, wanted: Mapping[str, Any]
+    session: Session, blobs: BlobStore, blob: StoredBlob, request: Mapping[str, Any]
 ) -> tuple[Drive, bool]:
     """A new drive and its job, or the drive of the same content; one whose blob is lost gets this one.
 
@@ -127,7 +127,7 @@ def _create_or_heal(
     """
     stored: dict[str, Any] = {"sha256": blob.sha256, "size_bytes": blob.size_bytes, "blob_key": blob.key}
     while True:
-        drive, created = drives.create_drive(session, **stored, content_sha256=blob.content_sha256, **wanted)
+        drive, created = drives.create_drive(session, **stored, content_sha256=blob.content_sha256, **request)
         if created:
             queue.enqueue(session, drive.id, drive.generation)
             return drive, True
@@ -156,14 +156,14 @@ def reprocess(
     ``positioning`` is put into the options (``with_positioning``).
     """
     with sessions.begin() as session:
-        known = drives.get_drive(session, drive_id)
-        if known is None:
+        former = drives.get_drive(session, drive_id)
+        if former is None:
             return None
-        chosen = known.method if method is None else method
-        wanted = known.options if method is None and options is None else options or {}
-        wanted = with_positioning(with_columns_kept(wanted, known.options), positioning or {})
-        check_options(chosen, wanted)
-        drive = drives.request_reprocess(session, drive_id, chosen, wanted)
+        estimator = former.method if method is None else method
+        its_options = former.options if method is None and options is None else options or {}
+        its_options = with_positioning(with_columns_kept(its_options, former.options), positioning or {})
+        check_options(estimator, its_options)
+        drive = drives.request_reprocess(session, drive_id, estimator, its_options)
         if drive is not None:
             queue.enqueue(session, drive.id, drive.generation)
     if drive is not None:

@@ -68,20 +68,20 @@ def asked_options(options: str | None, option: Sequence[str]) -> dict[str, Any] 
     """
     if options is None and not option:
         return None
-    asked = _json_object(options) if options is not None else {}
-    return asked | _pairs(option, "option")
+    from_json = _json_object(options) if options is not None else {}
+    return from_json | _pairs(option, "option")
 
 
 def asked_positioning(gnss: str | None, gnss_option: Sequence[str]) -> dict[str, Any]:
     """The shorthands for how positions are computed, as options of a method; ``UnknownNameError`` lists the names."""
-    asked: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     if gnss is not None:
         from fusion.catalogue import POSITIONINGS  # noqa: PLC0415 - see check_options
 
-        asked["gnss"] = POSITIONINGS[gnss].name
+        options["gnss"] = POSITIONINGS[gnss].name
     if gnss_option:
-        asked["gnss_options"] = _pairs(gnss_option, "gnss_option")
-    return asked
+        options["gnss_options"] = _pairs(gnss_option, "gnss_option")
+    return options
 
 
 def asked_columns(columns: Sequence[str]) -> dict[str, Any]:
@@ -101,16 +101,16 @@ def asked_columns(columns: Sequence[str]) -> dict[str, Any]:
 
 def with_columns_kept(options: Mapping[str, Any], had: Mapping[str, Any]) -> dict[str, Any]:
     """``options`` with the columns of the options before: they belong to the file, and not to the method."""
-    kept = {"columns": had["columns"]} if "columns" in had else {}
-    return kept | dict(options)
+    columns = {"columns": had["columns"]} if "columns" in had else {}
+    return columns | dict(options)
 
 
 def with_positioning(options: Mapping[str, Any], positioning: Mapping[str, Any]) -> dict[str, Any]:
     """``options`` with another positioning; the options that belong to the one before go with it."""
-    kept = dict(options)
-    if "gnss" in kept and positioning.get("gnss", kept["gnss"]) != kept["gnss"]:
-        kept.pop("gnss_options", None)
-    return kept | dict(positioning)
+    combined = dict(options)
+    if "gnss" in combined and positioning.get("gnss", combined["gnss"]) != combined["gnss"]:
+        combined.pop("gnss_options", None)
+    return combined | dict(positioning)
 
 
 def checked_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:

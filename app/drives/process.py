@@ -11,19 +11,16 @@ import logging
 import uuid
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from enum import Enum
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
-from app.core.blobs import BlobStore
-from app.core.db import Sessions
-from app.core.settings import Settings
-from app.core.settings.places import FilePlace
 from app.core.telemetry import tracing
+from app.core.telemetry.events import Stages
 from app.core.telemetry.logs import about, tell
 from app.core.version import code_version
 from app.drives import claims, publishing, queue, tracks
@@ -31,14 +28,16 @@ from app.drives.documents import Drive
 from app.drives.faults import NoRoadsError, ProcessingError, fault_of
 from app.drives.lags import with_settled_lag
 from app.drives.progress import (
-    Discarded,
     RunProgress,
-    never,
+    shown_on,
     tell_discarded,
     tell_failed,
     tell_put_back,
     tell_started,
 )
+from app.jobs.context import JobContext
+from app.jobs.requests.pieces import never
+from app.jobs.requests.run import Discarded
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
 from app.network.cell_roads import Roads, roads_in
@@ -75,23 +74,6 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True)
-class Workbench:
-    """What a run works with."""
-
-    sessions: Sessions
-    blobs: BlobStore
-    dem_dir: FilePlace
-    max_log_bytes: int = 512 * 2**20
-    publish_every_s: float = 30.0
-
-    @classmethod
-    def of(cls, settings: Settings, sessions: Sessions) -> Workbench:
-        """The workbench that the settings describe."""
-        blobs = BlobStore(settings.blob_store_url)
-        return cls(sessions, blobs, settings.dem_dir, settings.max_log_bytes, settings.publish_every_s)
-
-
-@dataclass(frozen=True)
 class Surroundings:
     """Roads and elevation around a log, as they were at one moment."""
 
@@ -99,9 +81,46 @@ class Surroundings:
     version_id: int
     dem: DemSet | None
 
+    @property
+    def dem_version_id(self) -> int | None:
+        """Of the elevation; None where there is none."""
+        return None if self.dem is None else self.dem.version_id
+
+
+class Asked(Protocol):
+    """A log and how it is to be computed: of a drive, or of a trial of one."""
+
+    @property
+    def blob_key(self) -> str:
+        """Of the log."""
+
+    @property
+    def method(self) -> str:
+        """The estimator."""
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Those of its options that are not the defaults."""
+
+
+@dataclass(frozen=True)
+class Computed:
+    """What came of a log: the result, the roads that it refers to, and the database's id of each of them."""
+
+    log: DriveLog
+    around: Surroundings
+    ids: Ints
+    roads: RoadTable
+    result: DriveResult
+
+    def report(self) -> dict[str, Any]:
+        """What the result reports, and by which code, roads and elevation it was made."""
+        versions = {"road_version": self.around.version_id, "dem_version": self.around.dem_version_id}
+        return {**self.result.report, "code_version": code_version(), **versions}
+
 
 def process_drive(
-    bench: Workbench,
+    context: JobContext,
     drive_id: uuid.UUID,
     generation: int,
     *,
@@ -119,48 +138,49 @@ def process_drive(
     another run.
     """
     with about(drive=drive_id):
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             tell(logger, "drive skipped", reason="deleted, ended or asked for anew since")
             return Outcome.DISCARDED
         tell_started(drive)
-        run = RunProgress(bench.sessions, drive, should_stop)
+        stages = Stages(drive.method)
+        run = RunProgress(shown_on(context.sessions, drive, should_stop), stages)
         with tracing.span("drive", parent=drive.traceparent, method=drive.method) as span:
             try:
-                outcome = _tried(bench, drive, run, computing, behind=behind)
+                outcome = _attempt(context, drive, run, stages, computing, behind=behind)
             finally:
-                run.stages.end()
+                stages.end()
             span.note(outcome=outcome.value)
             span.failed(outcome is Outcome.FAILED)
             return outcome
 
 
-def _tried(
-    bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool
+def _attempt(
+    context: JobContext, drive: Drive, run: RunProgress, stages: Stages, computing: Computing, *, behind: bool
 ) -> Outcome:
     """Run a drive that is claimed, and see to whatever ends the run."""
     try:
-        _run(bench, drive, run, computing, behind=behind)
+        _run(context, drive, run, stages, computing, behind=behind)
     except Discarded:
         tell_discarded(drive)
         return Outcome.DISCARDED
     except Interrupted:
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             claims.mark_queued(session, drive.id, drive.generation)
         tell_put_back(drive, run.stage)
         raise
     except Exception as error:
-        run.stages.end(error)
+        stages.end(error)
         if is_connection_loss(error):
             raise
-        return _fail(bench, drive, run.stage, error)
+        return _fail(context, drive, run.stage, error)
     return Outcome.DONE
 
 
-def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
+def give_up(context: JobContext, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
     """Fail a drive that is not run again: it must not take worker after worker along, or keep one for ever."""
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             return
@@ -170,26 +190,57 @@ def give_up(bench: Workbench, drive_id: uuid.UUID, generation: int, kind: str, r
         tell_failed(drive, kind, reason, None)
 
 
-def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing, *, behind: bool) -> None:
+def _run(
+    context: JobContext, drive: Drive, run: RunProgress, stages: Stages, computing: Computing, *, behind: bool
+) -> None:
+    def note_bounds(log: DriveLog) -> None:
+        with context.sessions.begin() as session:
+            claims.note_bounds(session, drive.id, drive.generation, log.bounds_deg())
+
+    def publish(computed: Computed) -> bool:
+        result, ids = computed.result, computed.ids
+        if result.factors:
+            driven = computed.roads.subset(np.unique([f.segment for f in result.factors]))
+            fill_heights_along(context.sessions, context.dem_dir, driven)
+        settled = replace(computed, result=with_settled_lag(context.sessions, drive.id, ids, result))
+        run.begin("saving")
+        return _append(context, drive, settled, behind=behind)
+
+    computed = compute(context, drive, run, computing, note_bounds, publish)
+    stages.end()
+    sizes: dict[str, Any] = {"epochs": len(computed.result.track), "segments": len(computed.result.slopes)}
+    tell(logger, "drive computed", method=drive.method, **sizes | stages.seconds)
+
+
+def compute(
+    context: JobContext,
+    asked: Asked,
+    run: RunProgress,
+    computing: Computing,
+    located: Callable[[DriveLog], None],
+    save: Callable[[Computed], bool],
+) -> Computed:
+    """The library's way through a log, for a drive or a trial of one: what differs is what becomes of the result.
+
+    ``located`` is told the log with its positions. ``save`` returns False where the roads changed since they were read:
+    then all after the positions is done again.
+    """
     run.begin("reading")
     with computing():
-        options = parse_options(drive.method, drive.options)
-        log = read_drive(bench, drive.blob_key, options.columns, run.part("reading"))
+        options = parse_options(asked.method, asked.options)
+        log = read_drive(context, asked.blob_key, options.columns, run.part("reading"))
         run.begin("positioning")
-        found = positions_of(log, options, run.part("positioning"))
-    with bench.sessions.begin() as session:
-        claims.note_bounds(session, drive.id, drive.generation, found.log.bounds_deg())
+        positioned = positions_of(log, options, run.part("positioning"))
+    located(positioned.log)
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
-            around = surroundings_of(bench, found.log)
-        ids, result = _estimate(bench, found, around, drive, run, computing)
-        run.begin("saving")
-        if _append(bench, drive, found.log, around, ids, result, behind=behind):
-            run.stages.end()
-            told: dict[str, Any] = {"epochs": len(result.track), "segments": len(result.slopes)}
-            tell(logger, "drive computed", method=drive.method, **told | run.stages.seconds)
-            return
+            around = surroundings_of(context, positioned.log)
+        run.begin("estimating")
+        with computing():
+            computed = estimate(positioned, around, asked, run.part("estimating"))
+        if save(computed):
+            return computed
         tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
     raise ProcessingError(
         f"The roads around this drive changed {MAX_ROAD_CHANGES} times while it was processed. "
@@ -197,21 +248,23 @@ def _run(bench: Workbench, drive: Drive, run: RunProgress, computing: Computing,
     )
 
 
-def read_drive(bench: Workbench, blob_key: str, columns: Mapping[str, str], progress: Progress) -> DriveLog:
+def read_drive(
+    context: JobContext, blob_key: str, columns: Mapping[str, str], progress: Progress
+) -> DriveLog:
     """The log of a drive; ``ProcessingError`` where its file is lost."""
     try:
-        file = bench.blobs.open(blob_key)
+        file = context.blobs.open(blob_key)
     except FileNotFoundError as error:
         raise ProcessingError(
             "The uploaded file is no longer in the service's storage. Delete the drive and upload it again."
         ) from error
     with file:
-        return read_log(file, columns=columns, max_bytes=bench.max_log_bytes, progress=progress)
+        return read_log(file, columns=columns, max_bytes=context.settings.max_log_bytes, progress=progress)
 
 
-def surroundings_of(bench: Workbench, log: DriveLog) -> Surroundings:
+def surroundings_of(context: JobContext, log: DriveLog) -> Surroundings:
     """What lies around a log; ``NoRoadsError`` where there are no roads at all."""
-    with bench.sessions() as session:
+    with context.sessions() as session:
         # One snapshot, so that the roads are those of the version that is noted beside them.
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
         version = road_store.current_road_version(session)
@@ -221,59 +274,37 @@ def surroundings_of(bench: Workbench, log: DriveLog) -> Surroundings:
                 "computed by itself."
             )
         roads = roads_in(session, road_boxes(log))
-        return Surroundings(roads, version.id, dem.current_dem(session, bench.dem_dir))
+        return Surroundings(roads, version.id, dem.current_dem(session, context.dem_dir))
 
 
-def estimate(
-    found: Positioned, around: Surroundings, method: str, options: Mapping[str, Any], progress: Progress
-) -> tuple[Ints, RoadTable, DriveResult]:
-    """The result, the roads that it refers to, and the database's id of each of them. Writes nothing."""
+def estimate(positioned: Positioned, around: Surroundings, asked: Asked, progress: Progress) -> Computed:
+    """The result on these roads. Writes nothing."""
     with ExitStack() as stack:
         terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
         network, result = run_drive(
-            found, around.roads.table, terrain, method=method, options=options, progress=progress
+            positioned,
+            around.roads.table,
+            terrain,
+            method=asked.method,
+            options=asked.options,
+            progress=progress,
         )
-    return around.roads.ids[rows_of(around.roads.table, network.table)], network.table, result
+    ids = around.roads.ids[rows_of(around.roads.table, network.table)]
+    return Computed(positioned.log, around, ids, network.table, result)
 
 
-def _estimate(
-    bench: Workbench,
-    found: Positioned,
-    around: Surroundings,
-    drive: Drive,
-    run: RunProgress,
-    computing: Computing,
-) -> tuple[Ints, DriveResult]:
-    """What the drive says, after all that the database knows of its roads and of others' lags."""
-    run.begin("estimating")
-    with computing():
-        ids, roads, result = estimate(found, around, drive.method, drive.options, run.part("estimating"))
-    if result.factors:
-        driven = roads.subset(np.unique([f.segment for f in result.factors]))
-        fill_heights_along(bench.sessions, bench.dem_dir, driven)
-    return ids, with_settled_lag(bench.sessions, drive.id, ids, result)
-
-
-def _append(
-    bench: Workbench,
-    drive: Drive,
-    log: DriveLog,
-    around: Surroundings,
-    ids: Ints,
-    result: DriveResult,
-    *,
-    behind: bool,
-) -> bool:
+def _append(context: JobContext, drive: Drive, computed: Computed, *, behind: bool) -> bool:
     """Write all that the drive says in one transaction; False when the roads around it changed since they were read."""
+    around, ids, result = computed.around, computed.ids, computed.result
     provenance = slopes.RunProvenance(
         method=drive.method,
         options=parse_options(drive.method, drive.options).model_dump(mode="json"),
         code_version=code_version(),
         road_version_id=around.version_id,
         road_state=max(around.roads.states.values(), default=0),
-        dem_version_id=None if around.dem is None else around.dem.version_id,
+        dem_version_id=around.dem_version_id,
     )
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
         if not claims.lock_running(session, drive.id, drive.generation):
             raise Discarded
@@ -287,17 +318,17 @@ def _append(
             result.slopes,
             provenance,
             result.factors,
-            log.fix.time_s,
-            delay_s=publishing.patience_s(session, bench.publish_every_s, behind=behind),
+            computed.log.fix.time_s,
+            delay_s=publishing.patience_s(session, context.settings.publish_every_s, behind=behind),
         )
         claims.mark_publishing(
             session,
             drive.id,
-            report=full_report(result, provenance.road_version_id, provenance.dem_version_id),
-            bounds=log.bounds_deg(),
+            report=computed.report(),
+            bounds=computed.log.bounds_deg(),
             epochs=len(result.track),
             distance_m=result.report["distance_m"],
-            drive_time=drive_time(log),
+            drive_time=drive_time(computed.log),
         )
         queue.enqueue_solve(session)
     return True
@@ -308,15 +339,9 @@ def drive_time(log: DriveLog) -> datetime | None:
     return None if NO_DATE in log.repaired else datetime.fromtimestamp(float(log.fix.time_s[0]), UTC)
 
 
-def full_report(result: DriveResult, road_version: int, dem_version: int | None) -> dict[str, Any]:
-    """What a result reports, and by which code, roads and elevation it was made."""
-    versions = {"code_version": code_version(), "road_version": road_version, "dem_version": dem_version}
-    return {**result.report, **versions}
-
-
-def _fail(bench: Workbench, drive: Drive, stage: str, error: Exception) -> Outcome:
+def _fail(context: JobContext, drive: Drive, stage: str, error: Exception) -> Outcome:
     kind, reason, where = fault_of(error, "drive", drive.id, stage)
-    with bench.sessions.begin() as session:
+    with context.sessions.begin() as session:
         mine = claims.mark_failed(
             session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
         )

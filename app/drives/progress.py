@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import logging
 import re
-import time
 from collections.abc import Callable
 
-import numpy as np
+from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.telemetry.events import Stages
@@ -18,11 +17,10 @@ from app.core.telemetry.logs import tell
 from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.drives import claims
 from app.drives.documents import Drive
-from app.jobs.task import Interrupted
+from app.jobs.requests.run import Progress
 
 logger = logging.getLogger(__name__)
 
-PROGRESS_EVERY_S = 0.5
 FAULTS = frozenset({"internal", "out-of-memory", "interrupted"})
 """Kinds of failures that are not the log's: to be seen to."""
 SHORTEST_NAME = 4
@@ -38,26 +36,14 @@ PARTS = {
 """The parts of a run and the shares of the whole at which they begin and end."""
 
 
-class Discarded(Exception):  # noqa: N818  (no error: the drive is somebody else's by now)
-    """The drive was deleted or asked for anew."""
-
-
-def never() -> bool:
-    """Nobody asks the run to stop."""
-    return False
-
-
 class RunProgress:
-    """Shows a run's progress on its drive, at most every ``PROGRESS_EVERY_S``, in transactions of its own."""
+    """How far a run of a drive, or of a trial of it, is; ``show`` shows a stage and the share of the whole, 0..1."""
 
-    def __init__(self, sessions: Sessions, drive: Drive, should_stop: Callable[[], bool] = never) -> None:
-        self._sessions = sessions
-        self._drive = drive
-        self._should_stop = should_stop
-        self._written_at = -np.inf
+    def __init__(self, show: Callable[[str, float], object], stages: Stages | None = None) -> None:
+        """``stages`` measures how long each part takes."""
+        self._show, self._stages = show, stages
         self._share = 0.0
         self.stage = "reading"
-        self.stages = Stages(drive.method)
 
     def part(self, part: str) -> Callable[[str, float], None]:
         """A ``Progress`` for one part of the run; it names its own stages and counts from 0 to 1."""
@@ -70,24 +56,25 @@ class RunProgress:
 
     def begin(self, part: str) -> None:
         """A part of the run begins."""
-        self.stages.begin(part)
+        if self._stages is not None:
+            self._stages.begin(part)
         self.show(part, PARTS[part][0])
 
     def show(self, stage: str, share: float) -> None:
-        """Note stage and share (it never falls); raises when the run is to end."""
-        self.stage = stage
-        self._share = max(self._share, min(share, 1.0))
-        if self._should_stop():
-            raise Interrupted
-        now = time.monotonic()
-        if now - self._written_at < PROGRESS_EVERY_S:
-            return
-        self._written_at = now
-        with self._sessions.begin() as session:
-            drive = self._drive
-            mine = claims.set_progress(session, drive.id, drive.generation, stage, self._share)
-        if not mine:
-            raise Discarded
+        """Show stage and share (it never falls); raises when the run is to end."""
+        self.stage, self._share = stage, max(self._share, min(share, 1.0))
+        self._show(stage, self._share)
+
+
+def shown_on(
+    sessions: Sessions, drive: Drive, should_stop: Callable[[], bool]
+) -> Callable[[str, float], bool]:
+    """Shows a run on its drive."""
+
+    def write(session: Session, stage: str | None, share: float) -> bool:
+        return claims.set_progress(session, drive.id, drive.generation, str(stage), share)
+
+    return Progress(sessions, should_stop, write).show
 
 
 def tell_started(drive: Drive) -> None:

@@ -26,7 +26,7 @@ from app.map.derived import following
 from app.map.tiles.store import drop_tiles
 from app.network import results as slopes
 from app.network.marks import MarkedBy, any_due, any_hope, count_cells, make_due
-from app.network.rejections import Hearing, hearings
+from app.network.rejections import Rejections, rejections_of
 from app.network.settle import settle_due
 from app.network.swap import BusyError, solve_marked
 from app.roads import retired
@@ -133,7 +133,7 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
             endings.mark_done(session, drive.id)
             said = {"method": drive.method, "segments": drive.report.get("segments_estimated")}
             announce_drive(session, DRIVE_DONE, drive.id, said)
-        heard = hearings(session, [drive.id for drive in published])
+        heard = rejections_of(session, [drive.id for drive in published])
     for drive in published:
         _tell_done(drive, heard.get(drive.id))
     with sessions.begin() as session:
@@ -159,7 +159,7 @@ def _clear_up(session: Session, boxes: Sequence[Bounds]) -> list[str]:
     return exports.end_over(session, wide)
 
 
-def _tell_done(drive: endings.Published, heard: Hearing | None) -> None:
+def _tell_done(drive: endings.Published, heard: Rejections | None) -> None:
     DRIVES_DONE.count(drive.method)
     if drive.waited_s is not None:
         STAGE_S.observe(drive.waited_s, "publishing", drive.method)

@@ -38,15 +38,19 @@ _WAIT = text(
     """
 )
 
-# Of rows that each have a drive's id, generation and created_at: their jobs, oldest upload first; null of no rows. They
-# have no lock: what a lock spares is a run of an older generation, and that ends at its next sign of progress.
-JOBS_BEHIND = f"""
-    procrastinate_defer_jobs_v1(array_agg(
-        CAST(ROW('{QUEUE}', '{TASK}', {BEHIND}, NULL, NULL,
+
+def jobs_behind(task: str) -> str:
+    """SQL that adds jobs of many drives, behind those of uploads, oldest upload first; how many.
+
+    It stands in a query on rows that each have a drive's id, generation and created_at. The jobs have no lock: what a
+    lock spares is a run of an older generation, and that ends at its next sign of progress.
+    """
+    return f"""
+    coalesce(cardinality(procrastinate_defer_jobs_v1(array_agg(
+        CAST(ROW('{QUEUE}', '{task}', {BEHIND}, NULL, NULL,
                  jsonb_build_object('drive_id', id, 'generation', generation), NULL) AS procrastinate_job_to_defer_v1)
-        ORDER BY created_at, id))
+        ORDER BY created_at, id))), 0)
 """
-"""SQL that adds the jobs of many drives, behind those of uploads; the ids of the jobs. They never leave the server."""
 
 
 def enqueue(session: Session, drive_id: uuid.UUID, generation: int) -> None:

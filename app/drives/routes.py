@@ -25,7 +25,7 @@ from app.drives.documents import (
     drive_address,
     linked,
 )
-from app.drives.listing.orders import Direction, Order, Sort, cursor, default_direction, place_of
+from app.drives.listing import Direction, Order, Sort, cursor, default_direction, place_of
 from app.drives.method_choice import (
     GnssOptionQuery,
     GnssQuery,
@@ -101,7 +101,7 @@ def list_drives(
     if after is not None and before is not None:
         raise BadRequestError("before: say either after or before.", field="before")
     by = Order(sort, (order or default_direction(sort)) is Direction.DESC)
-    asked: dict[str, Any] = {
+    filters: dict[str, Any] = {
         "status": status,
         "failure": failure,
         "created_after": created_after,
@@ -114,10 +114,10 @@ def list_drives(
         "before": None if before is None else place_of(by, before, "before"),
     }
     with service.reading() as session:
-        listed = drives.list_drives(session, **asked, order=by, limit=limit + 1, **places)
+        listed = drives.list_drives(session, **filters, order=by, limit=limit + 1, **places)
     more = len(listed) > limit
     shown = listed[-limit:] if before is not None else listed[:limit]
-    query = asked | {
+    query = filters | {
         "created_after": created_after and created_after.isoformat(),
         "created_before": created_before and created_before.isoformat(),
         "sort": None if sort is Sort.CREATED_AT else sort,
@@ -177,13 +177,13 @@ def reprocess_drive(
     `gnss_option` change how positions are computed, and nothing else.
     What it published stays until the new run replaces it.
     """
-    chosen = asked_options(options, option)
+    wanted_options = asked_options(options, option)
     if body is not None:
         method, gnss = method or body.method, gnss or body.gnss
-        chosen = body.options if chosen is None else chosen
+        wanted_options = body.options if wanted_options is None else wanted_options
     positioning = asked_positioning(gnss, gnss_option)
     drive = found(
-        intake.reprocess(service.sessions, drive_id, method, chosen, positioning), "drive", drive_id
+        intake.reprocess(service.sessions, drive_id, method, wanted_options, positioning), "drive", drive_id
     )
     response.headers["Location"] = drive_address(base, drive)
     return accepted(base, drive)

@@ -20,17 +20,16 @@ from app.core.db import plain_json, plain_text
 from app.core.tables import IS_SHOWN
 from app.core.telemetry.tracing import traceparent
 from app.drives.documents import Drive, DrivePlace
-from app.drives.listing.orders import Order, key_of, stretches
-from app.drives.listing.search import matching
+from app.drives.listing import Order, key_of, matching, stretches
 from app.network.marks import PATIENCE
-from app.network.rejections import hearings
+from app.network.rejections import rejections_of
 
 # What a Drive is made of; the table is called d. Few drives have marks, and these an index.
 _SHOWN = f"""
     d.*, ARRAY(SELECT DISTINCT m.cell FROM network_marks AS m
                WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries > {PATIENCE}
                ORDER BY m.cell) AS unsolved_cells,
-    (SELECT w.id FROM drives AS w WHERE w.id = d.same_as AND {IS_SHOWN.format("w")}) AS heard_instead,
+    (SELECT w.id FROM drives AS w WHERE w.id = d.duplicate_of AND {IS_SHOWN.format("w")}) AS duplicate_of_shown,
     CASE WHEN d.bounds IS NOT NULL
          THEN ARRAY[ST_XMin(d.bounds), ST_YMin(d.bounds), ST_XMax(d.bounds), ST_YMax(d.bounds)] END AS bbox
 """  # noqa: S608 - constants
@@ -186,31 +185,31 @@ def list_drives(
     Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, before
     that, of a batch, with words of ``q`` in the file's name.
     """
-    asked: dict[str, dict[str, Any]] = {
+    candidates: dict[str, dict[str, Any]] = {
         _OF_STATUS: {"status": status},
         _OF_FAILURE: {"failure": failure},
         _SINCE: {"created_after": created_after},
         _UNTIL: {"created_before": created_before},
         _OF_BATCH: {"batch": batch},
     }
-    chosen = {condition: named for condition, named in asked.items() if None not in named.values()}
+    filters = {condition: named for condition, named in candidates.items() if None not in named.values()}
     conditions, values = (
-        "".join(chosen),
-        {name: value for named in chosen.values() for name, value in named.items()},
+        "".join(filters),
+        {name: value for named in filters.values() for name, value in named.items()},
     )
     if q is not None:
         named_so, words = matching(session, q)
         conditions, values = conditions + named_so, values | words
-    found: list[Row[Any]] = []
+    rows: list[Row[Any]] = []
     for part in stretches(order, after or before, backwards=before is not None):
         query = (
             f"SELECT {key_of(order)} AS list_key,{_SHOWN}{_FROM}{conditions}{part.condition} "
             f"ORDER BY {part.order_by} LIMIT :limit"
         )
-        found += session.execute(text(query), {**values, **part.values, "limit": limit - len(found)})
-        if len(found) == limit:
+        rows += session.execute(text(query), {**values, **part.values, "limit": limit - len(rows)})
+        if len(rows) == limit:
             break
-    return _shown(session, found if before is None else found[::-1])
+    return _shown(session, rows if before is None else rows[::-1])
 
 
 def request_reprocess(
@@ -256,9 +255,11 @@ def _one(session: Session, statement: TextClause, values: Mapping[str, Any]) -> 
 
 def _shown(session: Session, rows: Iterable[Row[Any]]) -> list[Drive]:
     """The drives of these rows, each with how it agrees with the others by now."""
-    found = [{**row._mapping, "same_as": row.heard_instead} for row in rows]
-    heard = hearings(session, [columns["id"] for columns in found if columns["report"] is not None])
-    return [Drive.of({**columns, "hearing": heard.get(columns["id"])}) for columns in found]
+    columns_of_each = [{**row._mapping, "duplicate_of": row.duplicate_of_shown} for row in rows]
+    rejections = rejections_of(
+        session, [columns["id"] for columns in columns_of_each if columns["report"] is not None]
+    )
+    return [Drive.of({**columns, "rejections": rejections.get(columns["id"])}) for columns in columns_of_each]
 
 
 def changed(session: Session, statement: TextClause, values: Mapping[str, Any]) -> bool:

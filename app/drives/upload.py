@@ -33,9 +33,9 @@ from app.drives.method_choice import (
     default_method,
     with_positioning,
 )
-from app.drives.receiving.bundles import MAX_FILES
 from app.drives.receiving.first_look import FirstLook
-from app.drives.receiving.parcel import Parcel
+from app.drives.receiving.upload_bundle import UploadBundle
+from app.drives.receiving.zips import MAX_FILES
 
 CHUNK_BYTES = 1024 * 1024
 """How much is handed to the blob store at a time: few hops between threads, little memory."""
@@ -113,11 +113,13 @@ async def upload_drive(
     first bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have.
     """
     settings = service.settings
-    wanted = method or default_method(settings)
-    asked = with_positioning(asked_options(options, option) or {}, asked_positioning(gnss, gnss_option))
-    asked |= asked_columns(columns)
-    chosen = checked_options(wanted, asked)
-    look = FirstLook(chosen.get("columns"))
+    estimator = method or default_method(settings)
+    wanted_options = with_positioning(
+        asked_options(options, option) or {}, asked_positioning(gnss, gnss_option)
+    )
+    wanted_options |= asked_columns(columns)
+    checked = checked_options(estimator, wanted_options)
+    look = FirstLook(checked.get("columns"))
     blob, name = await receive_upload(request, service.blobs, settings, look)
     drive, created = await run_in_threadpool(
         intake.register_upload,
@@ -125,8 +127,8 @@ async def upload_drive(
         service.blobs,
         blob,
         filename=name,
-        method=wanted,
-        options=chosen,
+        method=estimator,
+        options=checked,
     )
     response.status_code = 202 if created else 200
     response.headers["Location"] = drive_address(base, drive)
@@ -138,18 +140,18 @@ async def receive_upload(
 ) -> tuple[StoredBlob, str]:
     """Store the files of the request's body as one blob; returns the blob and its name.
 
-    Raises ``BodyTooLargeError`` as soon as the body is announced or found to be too large, ``StorageFullError`` as
-    soon as there is no room for it, ``BadRequestError`` for an empty file or a malformed body, what ``Parcel`` says of
-    its files (``LogError`` where no log is among them), ``ClientDisconnect`` when the client goes away. Nothing stays
-    in the store then. The store's blocking calls run in threads.
+    Raises ``BodyTooLargeError`` as soon as the body is announced or found to be too large, ``StorageFullError`` as soon
+    as there is no room for it, ``BadRequestError`` for an empty file or a malformed body, ``LogError`` where no file is
+    a log, what ``UploadBundle`` raises else, and ``ClientDisconnect`` when the client goes away. Nothing stays in the
+    store then. The store's blocking calls run in threads.
     """
     max_bytes = settings.max_upload_bytes
     source = upload_source(request.headers, request.query_params)
     announced = _announced_bytes(request)
     if announced > max_bytes + source.envelope_bytes:
         raise _too_large(max_bytes)
-    parcel = await run_in_threadpool(
-        Parcel,
+    bundle = await run_in_threadpool(
+        UploadBundle,
         blobs,
         keep_free_bytes=settings.min_free_bytes,
         expected_bytes=announced,
@@ -157,29 +159,29 @@ async def receive_upload(
         look=look,
     )
     try:
-        await _copy(request, source, parcel, max_bytes)
-        return await run_in_threadpool(parcel.finish)
+        await _copy(request, source, bundle, max_bytes)
+        return await run_in_threadpool(bundle.finish)
     except BaseException:
         with anyio.CancelScope(shield=True):  # also when this request is cancelled
-            await run_in_threadpool(parcel.discard)
+            await run_in_threadpool(bundle.discard)
         raise
 
 
-async def _copy(request: Request, source: UploadSource, parcel: Parcel, max_bytes: int) -> None:
+async def _copy(request: Request, source: UploadSource, bundle: UploadBundle, max_bytes: int) -> None:
     waiting: list[Piece] = []
-    taken = held = 0
+    received = held = 0
     async for chunk in request.stream():
         pieces = source.feed(chunk)
         size = sum(len(piece.data) for piece in pieces)
-        taken, held = taken + size, held + size
-        if taken > max_bytes:
+        received, held = received + size, held + size
+        if received > max_bytes:
             raise _too_large(max_bytes)
         waiting += pieces
         if held >= CHUNK_BYTES or len(waiting) >= CHUNK_PIECES:
-            await run_in_threadpool(parcel.take, waiting)
+            await run_in_threadpool(bundle.take, waiting)
             waiting, held = [], 0
     source.finish()
-    await run_in_threadpool(parcel.take, waiting)
+    await run_in_threadpool(bundle.take, waiting)
 
 
 def _announced_bytes(request: Request) -> int:

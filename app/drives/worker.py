@@ -11,6 +11,7 @@ import threading
 import uuid
 from contextlib import closing
 from datetime import timedelta
+from typing import Any
 
 from app.changes import pages as changes
 from app.changes.store import begin_epoch
@@ -24,20 +25,20 @@ from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
 from app.drives.batches.removing import removing_task
 from app.drives.batches.touched import queue_touched
-from app.drives.process import Workbench, give_up, process_drive
+from app.drives.process import give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.renewal import HeightFiller, renew
-from app.drives.trials.run import tend as tend_trials
-from app.drives.trials.run import trial_task
-from app.exports.run import export_task, sweep_files
-from app.exports.run import tend as tend_exports
+from app.drives.trials.run import TRIAL
+from app.exports.run import EXPORT
+from app.jobs.context import JobContext
 from app.jobs.memory import limit_growth
+from app.jobs.requests import upkeep
+from app.jobs.requests.run import RequestKind
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
-from app.map import figures, growth
 from app.map.derived import following
-from app.operations.run import operation_task
-from app.operations.run import tend as tend_operations
+from app.map.statistics import figures, growth
+from app.operations.run import OPERATION
 from app.roads import retired
 from app.terrain.files import sweep_rasters
 
@@ -62,6 +63,10 @@ RENEW_EVERY_S = 600.0
 """How often a worker looks for what an update of the service left to be done, seconds."""
 
 
+REQUESTS: tuple[RequestKind[Any], ...] = (EXPORT, OPERATION, TRIAL)
+"""Everything that is asked of a worker and followed by a row of its own."""
+
+
 def run_worker(
     settings: Settings,
     *,
@@ -84,39 +89,40 @@ def run_worker(
         raise ValueError("the worker needs settings.database_url")
     if renewed:
         limit_growth(settings.lane_memory_bytes)
-    engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, behind=True)
+    engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, background=True)
     try:
-        bench = Workbench.of(settings, session_factory(engine))
-        worker = Worker(settings, engine, bench.sessions, tasks_of(bench, settings))
-        with counting(bench.sessions, process) as ledger, closing(Teller(bench.sessions, settings)) as teller:
+        context = JobContext(settings, session_factory(engine), queue_touched)
+        worker = Worker(settings, engine, context.sessions, tasks_of(context, settings))
+        with (
+            counting(context.sessions, process) as ledger,
+            closing(Teller(context.sessions, settings)) as teller,
+        ):
             written = in_thread(ledger.write, "what was counted could not be written")
-            chores = _chores(bench, settings, ledger, teller) if with_chores else ()
+            chores = _chores(context, settings, ledger, teller) if with_chores else ()
             every = ((written, WRITE_EVERY_S), *chores)
             again = worker.run(every, wait=wait, stop_event=stop_event, renewed=renewed)
             if not wait:
-                following.follow_all(bench.sessions, stop_event)
+                following.follow_all(context.sessions, stop_event)
             return again
     finally:
         engine.dispose()
 
 
-def tasks_of(bench: Workbench, settings: Settings) -> tuple[Task, ...]:
+def tasks_of(context: JobContext, settings: Settings) -> tuple[Task, ...]:
     """Everything that a worker can be asked for: one line a task."""
     return (
-        _drive_task(bench),
-        _removal_task(bench),
-        _solver_task(bench),
-        export_task(settings, bench.sessions),
-        removing_task(bench.sessions),
-        operation_task(settings, bench.sessions, queue_touched),
-        trial_task(bench),
+        _drive_task(context),
+        _removal_task(context),
+        _solver_task(context),
+        removing_task(context.sessions),
+        *(kind.task(context) for kind in REQUESTS),
     )
 
 
-def _drive_task(bench: Workbench) -> Task:
+def _drive_task(context: JobContext) -> Task:
     def run(work: Work, *, drive_id: str, generation: int) -> str:
         return process_drive(
-            bench,
+            context,
             uuid.UUID(drive_id),
             generation,
             should_stop=work.should_stop,
@@ -125,19 +131,19 @@ def _drive_task(bench: Workbench) -> Task:
         ).value
 
     def fail(kind: str, reason: str, *, drive_id: str, generation: int) -> None:
-        give_up(bench, uuid.UUID(drive_id), generation, kind, reason)
+        give_up(context, uuid.UUID(drive_id), generation, kind, reason)
 
     def put_back(*, drive_id: str, generation: int) -> None:
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             claims.mark_queued(session, uuid.UUID(drive_id), generation)
 
     advice = "Split the log into shorter drives."
     return Task(PROCESS_DRIVE, run, fail, put_back, subject="drive", advice=advice)
 
 
-def _removal_task(bench: Workbench) -> Task:
+def _removal_task(context: JobContext) -> Task:
     def run(work: Work, *, drive_id: str, generation: int) -> str:
-        publishing.remove(bench.sessions, bench.blobs, uuid.UUID(drive_id), generation)
+        publishing.remove(context.sessions, context.blobs, uuid.UUID(drive_id), generation)
         return "taken back"
 
     def put_back(*, drive_id: str, generation: int) -> None:
@@ -149,13 +155,13 @@ def _removal_task(bench: Workbench) -> Task:
     return Task(REMOVE_DRIVE, run, fail, put_back, subject="removal")
 
 
-def _solver_task(bench: Workbench) -> Task:
+def _solver_task(context: JobContext) -> Task:
     def run(work: Work) -> str:
         with work.computing():
-            return f"{publishing.solve_some(bench.sessions, bench.blobs)} squares"
+            return f"{publishing.solve_some(context.sessions, context.blobs)} squares"
 
     def put_back() -> None:
-        with bench.sessions.begin() as session:
+        with context.sessions.begin() as session:
             enqueue_solve(session)
 
     def fail(kind: str, reason: str) -> None:
@@ -165,25 +171,22 @@ def _solver_task(bench: Workbench) -> Task:
 
 
 def _chores(
-    bench: Workbench, settings: Settings, ledger: Ledger, teller: Teller
+    context: JobContext, settings: Settings, ledger: Ledger, teller: Teller
 ) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
     orphan_age = timedelta(days=settings.orphan_days)
-    heights = HeightFiller(bench.sessions, bench.dem_dir)
+    heights = HeightFiller(context.sessions, context.dem_dir)
     renewed, swept = (
-        functools.partial(renew, bench.sessions),
-        functools.partial(_sweep, bench, settings, orphan_age),
+        functools.partial(renew, context.sessions),
+        functools.partial(_sweep, context, settings, orphan_age),
     )
-    tended = functools.partial(enqueuing.tend, bench.sessions)
-    expired = functools.partial(tend_exports, settings, bench.sessions)
-    unplanned = functools.partial(tend_operations, settings, bench.sessions)
-    forgotten = functools.partial(tend_trials, bench.sessions)
-    published = functools.partial(publishing.look_after, bench.sessions, bench.blobs)
-    settled = functools.partial(publishing.settle_quietly, bench.sessions)
-    figured = functools.partial(figures.renew_one, bench.sessions)
-    grown = functools.partial(growth.note_today, bench.sessions)
-    numbered = functools.partial(begin_epoch, bench.sessions)
-    derived = publishing.Deriver(bench.sessions).piece
+    tended = functools.partial(enqueuing.tend, context.sessions)
+    published = functools.partial(publishing.look_after, context.sessions, context.blobs)
+    settled = functools.partial(publishing.settle_quietly, context.sessions)
+    figured = functools.partial(figures.renew_one, context.sessions)
+    grown = functools.partial(growth.note_today, context.sessions)
+    numbered = functools.partial(begin_epoch, context.sessions)
+    derived = publishing.Deriver(context.sessions).piece
     return (
         (in_thread(numbered, "changes could not be numbered anew"), EPOCH_LOOK_EVERY_S),
         (in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
@@ -192,9 +195,7 @@ def _chores(
         (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
         (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
         (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
-        (in_thread(expired, "old exports could not be removed"), RENEW_EVERY_S),
-        (in_thread(unplanned, "plans that nobody wanted could not be forgotten"), RENEW_EVERY_S),
-        (in_thread(forgotten, "old trials could not be forgotten"), RENEW_EVERY_S),
+        *(_look_after(kind, context) for kind in REQUESTS),
         (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
         (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
         (in_thread(grown, "what is driven by now could not be noted"), growth.LOOK_EVERY_S),
@@ -203,23 +204,29 @@ def _chores(
     )
 
 
-def _sweep(bench: Workbench, settings: Settings, older_than: timedelta) -> None:
+def _look_after(kind: RequestKind[Any], context: JobContext) -> tuple[Chore, float]:
+    chore = functools.partial(upkeep.look_after, kind, context)
+    return in_thread(chore, f"{kind.store.lock} could not be looked after"), RENEW_EVERY_S
+
+
+def _sweep(context: JobContext, settings: Settings, older_than: timedelta) -> None:
     """Clear the blob store, the attic of roads that are gone and, where no other database uses them, rasters."""
-    if gone := retired.prune(bench.sessions, settings.keep_dropped_days):
+    if gone := retired.prune(context.sessions, settings.keep_dropped_days):
         logger.info("let go what was measured on %d roads that are gone", gone)
-    if gone := changes.prune(bench.sessions, settings.changes_kept_days):
+    if gone := changes.prune(context.sessions, settings.changes_kept_days):
         logger.info("%d segments that went or moved long ago are not told as changes any more", gone)
-    telling.prune(bench.sessions)
-    with bench.sessions.begin() as session:
+    telling.prune(context.sessions)
+    with context.sessions.begin() as session:
         audit.prune(session)
-    if files := sweep_files(settings, bench.sessions):
-        logger.info("removed %d files that no export refers to", len(files))
-    found = intake.sweep_blobs(bench.sessions, bench.blobs, older_than)
+    for kind in REQUESTS:
+        if files := upkeep.sweep_files(kind, context):
+            logger.info("removed %d files that no %s refers to", len(files), kind.store.name)
+    found = intake.sweep_blobs(context.sessions, context.blobs, older_than)
     if found.removed:
         logger.info("removed %d blobs that no drive refers to", found.removed)
     if (
         settings.keeps_files_together
         and not found.strangers
-        and (rasters := sweep_rasters(bench.sessions, bench.dem_dir, older_than))
+        and (rasters := sweep_rasters(context.sessions, context.dem_dir, older_than))
     ):
         logger.info("removed %d elevation rasters that are in no use any more", len(rasters))

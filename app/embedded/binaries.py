@@ -51,11 +51,11 @@ def find_binaries(major: int | None = None, *, places: Iterable[Path] | None = N
     ``places`` are the folders to look in, by default ``PATH`` and where the usual packages put them. Raises
     ``PostgresMissingError`` that says what was found and what to install.
     """
-    found = [b for folder in _distinct(places or _usual_places()) if (b := _inspect(folder)) is not None]
-    fit = [b for b in found if b.postgis and b.major >= OLDEST_MAJOR and major in (None, b.major)]
+    candidates = [b for folder in _distinct(places or _usual_places()) if (b := _inspect(folder)) is not None]
+    fit = [b for b in candidates if b.postgis and b.major >= OLDEST_MAJOR and major in (None, b.major)]
     if fit:
         return max(fit, key=lambda b: b.major)
-    raise PostgresMissingError(_explain(found, major))
+    raise PostgresMissingError(_explain(candidates, major))
 
 
 def find_client(program: str, least_major: int, *, places: Iterable[Path] | None = None) -> tuple[str, int]:
@@ -63,25 +63,25 @@ def find_client(program: str, least_major: int, *, places: Iterable[Path] | None
 
     ``places`` as for ``find_binaries``. Raises ``PostgresMissingError`` that says what to install.
     """
-    found: dict[int, str] = {}
+    clients: dict[int, str] = {}
     which = shutil.which(program)
     for folder in _distinct(places or [*_usual_places(), *([Path(which).parent] if which else [])]):
         version = re.search(r"\(PostgreSQL\) (\d+)", _output(str(folder / program), "--version"))
         if version is not None:
-            found.setdefault(int(version[1]), str(folder / program))
-    fit = [major for major in found if major >= least_major]
+            clients.setdefault(int(version[1]), str(folder / program))
+    fit = [major for major in clients if major >= least_major]
     if fit:
-        return found[min(fit)], min(fit)
-    there = ", ".join(f"that of PostgreSQL {major}" for major in sorted(found)) or "none"
+        return clients[min(fit)], min(fit)
+    there = ", ".join(f"that of PostgreSQL {major}" for major in sorted(clients)) or "none"
     raise PostgresMissingError(
         f"{program} of PostgreSQL {least_major} or newer is needed and is not on this machine ({there} is). Install "
         f"it (Debian and Ubuntu: `apt-get install postgresql-client-{least_major}`)."
     )
 
 
-def _explain(found: list[Binaries], major: int | None) -> str:
+def _explain(candidates: list[Binaries], major: int | None) -> str:
     there = "; ".join(
-        f"PostgreSQL {b.major} in {b.folder}{'' if b.postgis else ', without PostGIS'}" for b in found
+        f"PostgreSQL {b.major} in {b.folder}{'' if b.postgis else ', without PostGIS'}" for b in candidates
     )
     if major is not None:
         return (
@@ -89,7 +89,7 @@ def _explain(found: list[Binaries], major: int | None) -> str:
             f"(found: {there or 'nothing'}). Install that version (Debian and Ubuntu: `apt-get install "
             f"postgresql-{major}-postgis-3`), or move the cluster's folder away to begin with an empty one."
         )
-    if not found:
+    if not candidates:
         return f"No PostgreSQL server was found on this machine. {ADVICE}"
     return f"No PostgreSQL {OLDEST_MAJOR} or newer with PostGIS was found ({there}). {ADVICE}"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any
@@ -12,6 +11,7 @@ from pydantic.config import JsonDict
 
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.text import Moment
+from app.jobs.requests.store import Request
 
 EXAMPLE_EXPORT = f"http://127.0.0.1:8000/v1/exports/{EXAMPLE_ID}"
 EXAMPLE_REQUEST: dict[str, Any] = {"format": "flatgeobuf", "bbox": [8.46, 48.95, 8.5, 48.99], "driven": True}
@@ -92,7 +92,7 @@ EXAMPLE: dict[str, Any] = {
 }
 
 
-class Export(BaseModel):
+class Export(Request):
     """An export: a file that was asked for and what became of it."""
 
     model_config = ConfigDict(
@@ -101,7 +101,6 @@ class Export(BaseModel):
         json_schema_extra={"examples": [EXAMPLE]},
     )
 
-    id: uuid.UUID
     status: ExportStatus = Field(
         description="`cancelled`: deleted; it is told for as long as an export is kept."
     )
@@ -130,7 +129,6 @@ class Export(BaseModel):
     links: list[Link] = Field(default_factory=list)
 
     # The service's own, in no document.
-    run: int = Field(exclude=True)
     blob_key: str | None = Field(exclude=True)
     companions: dict[str, str] = Field(exclude=True)
 

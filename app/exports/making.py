@@ -15,11 +15,10 @@ from app.core.errors import BadRequestError
 from app.core.settings import Settings
 from app.core.text import dumps
 from app.core.version import code_version
-from app.exports.formats import FORMATS, Format, check_filters, checked_options
+from app.exports.format import Format, NoOptions, Stated
+from app.exports.formats import FORMATS
 from app.exports.provenance import State, data_state, provenance, stated_of
-from app.exports.source import Query, Source, Told
-from app.map.handover.base import NoOptions
-from app.map.outputs import Stated
+from app.exports.source import OnProgress, Query, Source
 from app.roads.regions import known_region
 from fusion.errors import BadOptionsError, FusionError
 
@@ -86,11 +85,11 @@ def request_of(
     ``local``: of a person at this machine, whose files may be named.
     """
     chosen = FORMATS[format_name]
-    check_filters(chosen, driven=driven, gaps=gaps, region=region is not None)
+    chosen.check_filters(driven=driven, gaps=gaps, region=region is not None)
     if suffix is not None and suffix not in chosen.suffixes:
         known = ", ".join(chosen.suffixes)
         raise BadOptionsError(f"suffix: {chosen.name} writes files that end in {known}.", where="suffix")
-    checked = checked_options(chosen, options, local=local)
+    checked = chosen.parse_options(options, local=local)
     return Request(chosen, checked, bbox, region, driven, gaps, suffix or chosen.suffixes[0])
 
 
@@ -119,14 +118,17 @@ class Made:
     """What a person is to be told of it."""
 
 
-def make_file(session: Session, settings: Settings, request: Request, path: Path, told: Told) -> Made:
+def make_file(
+    session: Session, settings: Settings, request: Request, path: Path, on_progress: OnProgress
+) -> Made:
     """Write ``path`` anew from what the session sees, which should be a snapshot (``app.exports.source``).
 
-    The same state of the data, the same request and the same program make the same bytes. ``told`` hears how far it is
-    and may end it by raising. Raises ``FusionError`` for what is asked for in vain, ``OSError`` and GDAL's errors.
+    The same state of the data, the same request and the same program make the same bytes. ``on_progress`` takes the
+    share of the work done, and may end it by raising. Raises ``FusionError`` for what cannot be made, ``OSError`` and
+    GDAL's errors.
     """
     query = request.query(session)
-    source = Source(session, settings.dem_dir, query, told, full_zoom=settings.tile_full_zoom)
+    source = Source(session, settings.dem_dir, query, on_progress, full_zoom=settings.tile_full_zoom)
     state = data_state(session)
     origin = provenance(
         session, settings.dem_dir, state, request.document(), request.bbox, driven=request.driven

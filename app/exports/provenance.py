@@ -17,8 +17,8 @@ from app.core.db import Bounds
 from app.core.settings.places import FilePlace
 from app.core.text import dumps, utc_text
 from app.core.version import code_version
+from app.exports.format import Stated, statements
 from app.map.attribution import OSM_ATTRIBUTION, OSM_COPYRIGHT_URL, OSM_LICENSE, OSM_LICENSE_URL, attribution
-from app.map.outputs import Stated, stated
 from app.map.segment import HEIGHT_DATUM
 from app.roads.regions import find_region, region_names
 from app.terrain.coverage import rasters_over
@@ -112,8 +112,8 @@ def provenance(
 
 def stated_of(document: Mapping[str, Any]) -> Stated:
     """What files state, of such a document."""
-    said = stated(document["attribution"], document["height_datum"])
-    return said | {"changed_at": document["changed_at"], "provenance": dumps(document)}
+    known = statements(document["attribution"], document["height_datum"])
+    return known | {"changed_at": document["changed_at"], "provenance": dumps(document)}
 
 
 def _boxes(bbox: Bounds | None) -> list[Bounds | None]:

@@ -20,12 +20,10 @@ from app.core.http import (
     ServiceDep,
     etag_matches,
     found,
-    link,
     problems,
-    with_query,
 )
 from app.core.problems import problem_response
-from app.core.query import cursor_of, parse_bbox, parse_cursor, refuse_unknown
+from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
@@ -42,6 +40,8 @@ from app.exports.documents import (
 )
 from app.exports.provenance import data_state
 from app.exports.ranges import NoSuchRangeError, headers_of, part_of, pieces
+from app.exports.store import exports
+from app.jobs.requests.listing import AfterQuery, page_of
 from fusion.errors import BadOptionsError, RoadsError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def ask_for_export(
         export.blob_key
     ):  # somebody emptied the storage
         with service.sessions.begin() as session:
-            store.cancel(session, export.id, service.settings.export_keep_days)
+            store.cancel(session, export.id, service.settings)
         export, created = _found_or_new(service, asked)
     if created:
         tell(logger, "export asked for", export=export.id, format=asked.format.name)
@@ -109,24 +109,11 @@ def list_exports(
     base: BaseUrl,
     status: Annotated[ExportStatus | None, Query(description="Only exports of this status.")] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="Exports per page.")] = 100,
-    after: Annotated[
-        str | None, Query(description="Where the page begins; only `next` links know what to write here.")
-    ] = None,
+    after: AfterQuery = None,
 ) -> ExportList:
     """The newest first. Follow the `next` link until there is none; each export comes once."""
     refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
-    place = None
-    if after is not None:
-        moment, number = parse_cursor(after)
-        place = (moment, uuid.UUID(int=number))
-    with service.reading() as session:
-        listed = store.list_exports(session, status=status, limit=limit + 1, after=place)
-    shown, here = listed[:limit], f"{base}/v1/exports"
-    asked: dict[str, Any] = {"status": status, "limit": limit}
-    links = [link(with_query(here, **asked, after=after), "self")]
-    if len(listed) > limit:
-        following = cursor_of(shown[-1].created_at, shown[-1].id.int)
-        links.append(link(with_query(here, **asked, after=following), "next"))
+    shown, links = page_of(service, exports, f"{base}/v1/exports", limit=limit, after=after, status=status)
     return ExportList(exports=[linked(base, export) for export in shown], links=links)
 
 
@@ -164,8 +151,8 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
     The export is `cancelled`, and is told as such until it would have expired. Once more changes nothing.
     """
     with service.sessions.begin() as session:
-        export: Export = found(store.get_export(session, export_id), "export", export_id)
-        blob_key = store.cancel(session, export_id, service.settings.export_keep_days)
+        export: Export = found(exports.get(session, export_id), "export", export_id)
+        blob_key = store.cancel(session, export_id, service.settings)
         if export.status is not ExportStatus.CANCELLED:
             audit.note(session, origin, "export removed", export_id, file_name=export.file_name)
     if blob_key is not None:
@@ -270,7 +257,7 @@ def _naming(field: str) -> Iterator[None]:
 
 def _found(service: Service, export_id: uuid.UUID) -> Export:
     with service.reading() as session:
-        export: Export = found(store.get_export(session, export_id), "export", export_id)
+        export: Export = found(exports.get(session, export_id), "export", export_id)
     return export
 
 

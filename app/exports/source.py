@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
 from app.core.settings.places import FilePlace
-from app.map.handover.source import StoredSource
-from app.map.outputs.layer import WAY_COLUMNS, Way
-from app.map.outputs.pmtiles import Tile, tile_number
+from app.exports.writing.pmtiles_archive import Tile, tile_number
 from app.map.pages import PAGE, all_segments
-from app.map.segment import Segment
-from app.map.store import count_segments
+from app.map.segment import Segment, Way
+from app.map.store import FULL_ZOOM, corners, count_segments
 from app.map.tiles.store import mvt
-from app.network.cells import ZOOM, square_bounds
-from app.roads.regions import Region
+from app.network.cells import ZOOM, cell_bounds
+from app.roads.region_files import kept_file
+from app.roads.regions import Region, all_regions
+from app.terrain.store import current_dem
+from fusion.errors import RoadsError
+from fusion.types import Floats
 
 PARTS_APART = 1000
 """Records after which it is looked how far an export is, and whether it is to go on."""
 
-Told = Callable[[float], None]
+OnProgress = Callable[[float], None]
 """Takes the share of the work done, 0..1, and raises to end it."""
 
 _WAYS = """
@@ -38,8 +43,8 @@ _IN_REGION = """
     EXISTS (SELECT FROM segments AS s WHERE s.id = w.id AND s.regions @> ARRAY[CAST(:region AS smallint)])
 """
 
-# Squares in which anything was ever shown. A tile that turns out to be empty is left out.
-_SQUARES = text("SELECT id FROM cells WHERE version > 0 ORDER BY id")
+# Cells in which anything was ever shown. A tile that turns out to be empty is left out.
+_CELLS = text("SELECT id FROM cells WHERE version > 0 ORDER BY id")
 _EXTENT = text(
     "SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e) FROM (SELECT ST_Extent(geom) AS e FROM segments) AS x"
 )
@@ -56,11 +61,7 @@ class Query:
     gaps: bool = False
 
 
-def _nothing(share: float) -> None:
-    """Nobody wants to know."""
-
-
-class Source(StoredSource):
+class Source:
     """The data of a snapshot, for as long as it lasts. Every iterator is consumed once and holds a page at a time."""
 
     def __init__(
@@ -68,45 +69,56 @@ class Source(StoredSource):
         session: Session,
         place: FilePlace,
         query: Query,
-        told: Told = _nothing,
+        on_progress: OnProgress = lambda share: None,
         *,
-        full_zoom: int = 13,
+        full_zoom: int = FULL_ZOOM,
     ) -> None:
-        """``place``: of rasters; ``full_zoom``: from which zoom on tiles hold every road (``Settings``)."""
-        super().__init__(session, place, query.bbox)
-        self.query, self._told, self._full_zoom = query, told, full_zoom
+        """``session``: its transaction is the snapshot (``snapshot``); ``place``: where rasters and files of roads are
+        kept (``Settings.dem_dir``); ``full_zoom``: from which zoom on tiles hold every road (``Settings``)."""
+        self.session, self.query, self.bbox, self._place = session, query, query.bbox, place
+        self._on_progress, self._full_zoom = on_progress, full_zoom
+        self.notes: list[str] = []
+        """What a person is told about the file, in order."""
+
+    def note(self, text: str) -> None:
+        """Tell a person something about what is written, as one sentence."""
+        self.notes.append(text)
 
     def asked_segments(self) -> Iterator[Segment]:
         """The segments that are asked for, by ascending id."""
-        return self._counted(gaps=self.query.gaps, driven=self.query.driven)
+        return self.segments(gaps=self.query.gaps, driven=self.query.driven)
 
     def segments(self, *, gaps: bool = False, driven: bool = False) -> Iterator[Segment]:
-        """Those of the box and the region, for a form that knows itself which others it wants."""
-        return self._counted(gaps=gaps, driven=driven)
+        """Those of the box and the region, by ascending id, for a format that knows itself which others it wants."""
+        box, region = self.query.bbox, self.query.region
+        count = count_segments(self.session, bbox=box, driven=True if driven else None)
+        count = max(1, count if region is None else min(count, region.segments))  # at most so many
+        region_id = None if region is None else region.id
+        rows = all_segments(self.session, box, driven=driven, gaps=gaps, region=region_id)
+        for number, row in enumerate(rows):
+            if not number % PARTS_APART:
+                self._on_progress(min(number / count, 1.0))
+            yield row
 
-    def ways(self) -> Iterator[Way]:
+    def asked_ways(self) -> Iterator[Way]:
         """The ways that are asked for, by ascending id; driven: any of them is measured."""
         asked, after = self.query, 0
         query = text(
             _WAYS.format(
-                columns=", ".join(f"{column.sql} AS {name}" for name, column in WAY_COLUMNS.items()),
+                columns=", ".join(f"{column.sql} AS {name}" for name, column in Way.columns.items()),
                 driven="w.drives > 0" if asked.driven else "true",
                 in_box=_in_box(asked.bbox),
                 in_region="true" if asked.region is None else _IN_REGION,
             )
         )
-        box = (
-            {}
-            if asked.bbox is None
-            else dict(zip(("west", "south", "east", "north"), asked.bbox, strict=True))
-        )
+        box = corners(asked.bbox)
         region = None if asked.region is None else asked.region.id
         while rows := self.session.execute(
             query, {"after_id": after, "limit": PAGE, "region": region, **box}
         ).all():
             yield from map(_way, rows)
             after = rows[-1].id
-            self._told(0.0)
+            self._on_progress(0.0)
 
     def tiles(self, zooms: tuple[int, int]) -> Iterator[tuple[Tile, bytes]]:
         """The vector tiles of these zooms that hold anything, in the order of an archive, as the service shows them."""
@@ -116,7 +128,7 @@ class Source(StoredSource):
             for place in sorted(self._places(z), key=lambda place, z=z: tile_number(z, *place))  # type: ignore[misc]
         ]
         for done, (z, x, y) in enumerate(wanted):
-            self._told(done / len(wanted))
+            self._on_progress(done / len(wanted))
             if data := mvt(self.session, z, x, y, full_zoom=self._full_zoom):
                 yield (z, x, y), data
 
@@ -127,32 +139,42 @@ class Source(StoredSource):
         west, south, east, north = self.session.execute(_EXTENT).one()
         return (0.0, 0.0, 0.0, 0.0) if west is None else (west, south, east, north)
 
+    @cached_property
+    def road_files(self) -> Sequence[Path]:
+        """The ways with a ``highway`` and their nodes, with all tags, as each region's last import kept them (PBF).
+
+        That of the newest import in front, for a way may be in several. ``RoadsError`` where a file is missing.
+        """
+        regions = all_regions(self.session)
+        if not regions:
+            raise RoadsError("There are no roads yet. Import a file of roads first.")
+        newest_first = sorted(regions, key=lambda region: (region.imported_at, region.id), reverse=True)
+        return tuple(kept_file(self._place, region) for region in newest_first)
+
+    def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
+        """Of the ground by the active elevation rasters, m, above their own datum; NaN unknown; shapes (n,)."""
+        from app.terrain.heights import open_dem  # noqa: PLC0415 - with it compilers and rasterio are loaded
+
+        active = current_dem(self.session, self._place)
+        if active is None or not len(lon_deg):
+            return np.full(len(lon_deg), np.nan)
+        with open_dem(active) as dem:
+            return dem.heights(lon_deg, lat_deg)
+
+    def ground_datum(self) -> str | None:
+        """What these refer to, as it was stated when the rasters were imported; None without any."""
+        active = current_dem(self.session, self._place)
+        return None if active is None else active.datum
+
     def _places(self, z: int) -> set[tuple[int, int]]:
-        """Columns and rows of the tiles of a zoom, at most that of squares, in which there may be something."""
-        squares = self.session.execute(_SQUARES).scalars()
+        """Columns and rows of the tiles of a zoom, at most that of cells, in which there may be something."""
+        cells = self.session.execute(_CELLS).scalars()
         shift = ZOOM - z
         return {
-            (square >> ZOOM >> shift, (square & (1 << ZOOM) - 1) >> shift)
-            for square in squares
-            if self.bbox is None or _meet(square_bounds(square), self.bbox)
+            (cell >> ZOOM >> shift, (cell & (1 << ZOOM) - 1) >> shift)
+            for cell in cells
+            if self.bbox is None or _meet(cell_bounds(cell), self.bbox)
         }
-
-    def _counted(self, *, gaps: bool, driven: bool) -> Iterator[Segment]:
-        box, region = self.query.bbox, self.query.region
-        count = count_segments(self.session, bbox=box, driven=True if driven else None)
-        count = count if region is None else min(count, region.segments)  # at most so many
-        only = None if region is None else region.id
-        rows = all_segments(self.session, box, driven=driven, gaps=gaps, region=only)
-        yield from self._looked_after(rows, max(count, 1))
-
-    def _by_way(self, gaps: bool, driven: bool) -> Iterator[Segment]:
-        yield from self._looked_after(super()._by_way(gaps, driven), None)
-
-    def _looked_after(self, rows: Iterator[Segment], count: int | None) -> Iterator[Segment]:
-        for done, row in enumerate(rows):
-            if not done % PARTS_APART:
-                self._told(0.0 if count is None else min(done / count, 1.0))
-            yield row
 
 
 @contextmanager
@@ -182,5 +204,5 @@ def _meet(one: Bounds, other: Bounds) -> bool:
 
 def _way(row: Any) -> Way:
     line = shapely.get_coordinates(shapely.from_wkb(bytes(row.line)))
-    properties = dict(zip(WAY_COLUMNS, row, strict=False))
+    properties = dict(zip(Way.columns, row, strict=False))
     return Way(**properties, coordinates=tuple((float(lon), float(lat)) for lon, lat in line))

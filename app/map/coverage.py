@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds
 from app.core.http import Service
 from app.map.segment import Segment
-from app.network.cells import ZOOM, square_bounds
+from app.network.cells import ZOOM, cell_bounds
 from app.roads.store import road_crowds, road_extent, road_tag
 from app.terrain.coverage import names_over, rasters_over
 from app.terrain.store import current_dem
@@ -55,8 +55,8 @@ def crowded_box(crowds: Mapping[int, int], whole: Bounds, widest: float = math.i
     if (high - low).max() >= widest:
         near = _together(places, weights, widest)
         low, high = _most_of(places[:, near], weights[near])
-    west, south, _, _ = square_bounds(int(low[0]) << ZOOM | int(high[1]))
-    _, _, east, north = square_bounds(int(high[0]) << ZOOM | int(low[1]))
+    west, south, _, _ = cell_bounds(int(low[0]) << ZOOM | int(high[1]))
+    _, _, east, north = cell_bounds(int(high[0]) << ZOOM | int(low[1]))
     return max(west, whole[0]), max(south, whole[1]), min(east, whole[2]), min(north, whole[3])
 
 

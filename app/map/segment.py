@@ -1,15 +1,16 @@
-"""One road segment with its slope: the record that is read from the database and written to every output.
+"""Road segments and ways with their slopes: the records that are read from the database and written to every file.
 
-Each field says by which expression it is read, of which type its column is in a file and with how many digits it is
-written; the columns of queries, the properties and the schemas of files follow from that. Nothing here knows the
-statements (``app.map.store``) or the files (``app.map.outputs``).
+Each field states the expression that reads it, the type of its column in a file and its number of digits; the columns
+of queries, the properties and the schemas of files follow from that. Nothing here knows the statements
+(``app.map.store``) or the files (``app.exports``).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, get_origin, get_type_hints
 
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS, rounded, utc_text
 
@@ -33,8 +34,51 @@ class Column:
     """Decimal places in every output, for fractions."""
 
 
+class Record:
+    """A row with properties and a line: a frozen dataclass whose fields but the line are annotated by a ``Column``."""
+
+    columns: ClassVar[Mapping[str, Column]]
+    """By the property's name, in the order of the fields."""
+    _digits: ClassVar[Mapping[str, int]]
+    id: int | None
+    updated_at: datetime | None
+    """When what is published of it last changed; aware."""
+    coordinates: tuple[Position, ...]
+
+    def __init_subclass__(cls) -> None:
+        hints = get_type_hints(cls, include_extras=True)
+        own = {name: hints[name] for name in cls.__annotations__}  # in the order of the fields
+        cls.columns = {name: h.__metadata__[0] for name, h in own.items() if get_origin(h) is Annotated}
+        cls._digits = {name: c.digits for name, c in cls.columns.items() if c.digits is not None}
+
+    def properties(self) -> dict[str, Any]:
+        """The properties in their order, rounded, JSON-serialisable; unknown and NaN are None."""
+        values = {name: getattr(self, name) for name in self.columns}
+        for name, digits in self._digits.items():
+            values[name] = rounded(values[name], digits)
+        values["updated_at"] = utc_text(self.updated_at)
+        return values
+
+    def geometry(self) -> dict[str, Any]:
+        """The GeoJSON LineString, from_node first."""
+        return {"type": "LineString", "coordinates": [list(p) for p in self.rounded_coordinates()]}
+
+    def rounded_coordinates(self) -> list[Position]:
+        """The coordinates at the resolution that files carry."""
+        return [
+            (round(lon, COORDINATE_DIGITS), round(lat, COORDINATE_DIGITS)) for lon, lat in self.coordinates
+        ]
+
+    def geojson(self) -> dict[str, Any]:
+        """The GeoJSON Feature (RFC 7946); without an ``id`` member where there is no number."""
+        feature: dict[str, Any] = {"type": "Feature"}
+        if self.id is not None:
+            feature["id"] = self.id
+        return feature | {"geometry": self.geometry(), "properties": self.properties()}
+
+
 @dataclass(frozen=True)
-class Segment:
+class Segment(Record):
     """A segment and its slope. Unknown is None or NaN here and null in every output, never 0.
 
     An undriven segment has neither slope nor heights nor ``updated_at``, and counts 0; a gap between driven ones, where
@@ -85,38 +129,38 @@ class Segment:
             raise ValueError("a segment that comes from no database has no number")
         return self.id
 
-    def properties(self) -> dict[str, Any]:
-        """The properties of the contract in its order, rounded, JSON-serialisable; NaN is None."""
-        values = {name: getattr(self, name) for name in PROPERTIES}
-        for name, digits in _DIGITS.items():
-            values[name] = rounded(values[name], digits)
-        values["updated_at"] = utc_text(self.updated_at)
-        return values
 
-    def geometry(self) -> dict[str, Any]:
-        """The GeoJSON LineString, from_node first."""
-        return {"type": "LineString", "coordinates": [list(p) for p in self.rounded_coordinates()]}
+@dataclass(frozen=True)
+class Way(Record):
+    """Consecutive segments of one OpenStreetMap way, as one. Unknown is None."""
 
-    def rounded_coordinates(self) -> list[Position]:
-        """The coordinates at the resolution that outputs carry."""
-        return [
-            (round(lon, COORDINATE_DIGITS), round(lat, COORDINATE_DIGITS)) for lon, lat in self.coordinates
-        ]
+    id: Annotated[int, Column("w.id", "int64")]
+    """Of its first segment."""
+    osm_way_id: Annotated[int, Column("w.osm_way_id", "int64")]
+    from_node: Annotated[int, Column("w.from_node", "int64")]
+    to_node: Annotated[int, Column("w.to_node", "int64")]
+    segments: Annotated[int, Column("w.segments", "int32")]
+    length_m: Annotated[float, Column("w.length_m", "double", LENGTH_DIGITS)]
+    highway: Annotated[str, Column("w.highway", "string")]
+    name: Annotated[str | None, Column("w.name", "string")]
+    oneway: Annotated[int, Column("w.oneway", "int16")]
+    bridge: Annotated[bool, Column("w.bridge", "bool")]
+    tunnel: Annotated[bool, Column("w.tunnel", "bool")]
+    slope_percent: Annotated[float | None, Column("w.slope_percent", "double", SLOPE_DIGITS)]
+    """Mean over what was measured of it, by length; positive uphill from from_node to to_node."""
+    slope_sigma_percent: Annotated[float | None, Column("w.slope_sigma_percent", "double", SLOPE_DIGITS)]
+    drives: Annotated[int, Column("w.drives", "int32")]
+    observations: Annotated[int, Column("w.observations", "int32")]
+    dem_slope_percent: Annotated[float | None, Column("w.dem_slope_percent", "double", SLOPE_DIGITS)]
+    updated_at: Annotated[datetime | None, Column("w.updated_at", "timestamp[ms, tz=UTC]")]
+    measured_share: Annotated[float, Column("w.measured_share", "double", SHARE_DIGITS)]
+    """Of its length, in segments with a slope."""
+    steepest_percent: Annotated[float | None, Column("w.steepest_percent", "double", SLOPE_DIGITS)]
+    steepest_from_m: Annotated[float | None, Column("w.steepest_from_m", "double", LENGTH_DIGITS)]
+    steepest_to_m: Annotated[float | None, Column("w.steepest_to_m", "double", LENGTH_DIGITS)]
+    coordinates: tuple[Position, ...]
 
-    def geojson(self) -> dict[str, Any]:
-        """The GeoJSON Feature (RFC 7946); without an ``id`` member where there is no number."""
-        feature: dict[str, Any] = {"type": "Feature"}
-        if self.id is not None:
-            feature["id"] = self.id
-        return feature | {"geometry": self.geometry(), "properties": self.properties()}
 
-
-def _columns() -> dict[str, Column]:
-    hints = get_type_hints(Segment, include_extras=True)
-    return {name: hint.__metadata__[0] for name, hint in hints.items() if get_origin(hint) is Annotated}
-
-
-COLUMNS = _columns()
+COLUMNS = Segment.columns
 """The segment properties of the contract, in its order: all fields but the line."""
 PROPERTIES = tuple(COLUMNS)
-_DIGITS = {name: column.digits for name, column in COLUMNS.items() if column.digits is not None}

@@ -65,11 +65,6 @@ _PAGE = """
     WHERE s.id > :after_id AND {driven} AND {in_box}
     ORDER BY s.id LIMIT :limit
 """
-_BY_WAY = """
-    SELECT {columns} FROM {segments}
-    WHERE (s.osm_way_id, s.from_node, s.to_node) > (:way, :from_node, :to_node) AND {driven} AND {in_box}
-    ORDER BY s.osm_way_id, s.from_node, s.to_node LIMIT :limit
-"""
 _COUNT = "SELECT count(*) FROM {segments} WHERE {driven} AND {in_box}"
 _ONE = "SELECT {columns} FROM {segments} WHERE s.id = :id"
 _EACH = "SELECT {columns} FROM {segments} WHERE s.id = ANY(:ids)"
@@ -93,29 +88,14 @@ def segment_items(
     id reaches every segment once. ``region`` keeps those of one region, by its number.
     """
     page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region or 0)
-    values = {"after_id": after_id, "limit": limit, "region": region, **_corners(bbox)}
+    values = {"after_id": after_id, "limit": limit, "region": region, **corners(bbox)}
     return [_segment(row) for row in session.execute(page, values)]
-
-
-def segments_by_way(
-    session: Session,
-    *,
-    after: tuple[int, int, int],
-    limit: int,
-    bbox: Bounds | None = None,
-    driven: bool | None = None,
-    gaps: bool = False,
-) -> list[Segment]:
-    """At most ``limit`` segments after a (way, from_node, to_node), in that order; else as ``segment_items``."""
-    page = _statement(_BY_WAY, gaps=gaps, driven=driven, bbox=bbox)
-    values = {"way": after[0], "from_node": after[1], "to_node": after[2], "limit": limit}
-    return [_segment(row) for row in session.execute(page, values | _corners(bbox))]
 
 
 def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:
     """How many segments ``segment_items`` reaches with these filters. Reads all of them."""
     count = _statement(_COUNT, driven=driven, bbox=bbox)
-    return int(session.execute(count, _corners(bbox)).scalar_one())
+    return int(session.execute(count, corners(bbox)).scalar_one())
 
 
 def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> Segment | None:
@@ -129,7 +109,8 @@ def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
     return [_segment(row) for row in session.execute(_statement(_EACH), {"ids": list(ids)})]
 
 
-def _corners(bbox: Bounds | None) -> dict[str, float]:
+def corners(bbox: Bounds | None) -> dict[str, float]:
+    """The parameters of a statement for a box."""
     return {} if bbox is None else dict(zip(("west", "south", "east", "north"), bbox, strict=True))
 
 
@@ -173,10 +154,10 @@ _OBSERVATIONS = text(
         SELECT e.drive_id, e.first_at, h.accepted,
                CASE WHEN h.accepted OR NOT e.in_network THEN e.slope_sigma_percent ^ -2 ELSE 0 END AS information
         FROM shown AS e
-        LEFT JOIN (SELECT p.drive_id, d.same_as IS NULL AND p.passes > coalesce(r.passes, 0) AS accepted
+        LEFT JOIN (SELECT p.drive_id, d.duplicate_of IS NULL AND p.passes > coalesce(r.passes, 0) AS accepted
                    FROM (SELECT drive_id, count(*) AS passes FROM drive_passes
                          WHERE segment_id = :id
-                             AND region = (SELECT versant_region(cell) FROM segments WHERE id = :id)
+                             AND partition = (SELECT versant_partition(cell) FROM segments WHERE id = :id)
                          GROUP BY drive_id) AS p
                    JOIN drives AS d ON d.id = p.drive_id
                    LEFT JOIN (SELECT drive_id, count(*) AS passes FROM rejected_passes WHERE segment_id = :id
@@ -239,9 +220,9 @@ _OF_DRIVE = _statement(
     FROM drive_segments AS e
     JOIN segments AS s ON s.id = e.segment_id
     LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
-    LEFT JOIN (SELECT p.segment_id, bool_and(d.same_as IS NULL) AND count(*) > count(r.pass_id) AS accepted
+    LEFT JOIN (SELECT p.segment_id, bool_and(d.duplicate_of IS NULL) AND count(*) > count(r.pass_id) AS accepted
                FROM drives AS d JOIN drive_constants AS c ON c.drive_id = d.id
-               JOIN drive_passes AS p ON p.drive_id = d.id AND p.region = ANY(c.regions)
+               JOIN drive_passes AS p ON p.drive_id = d.id AND p.partition = ANY(c.partitions)
                LEFT JOIN rejected_passes AS r ON r.segment_id = p.segment_id AND r.pass_id = p.id
                WHERE d.id = :drive_id GROUP BY p.segment_id) AS h ON h.segment_id = s.id
     WHERE e.drive_id = :drive_id AND (CAST(:after_first_at AS timestamptz) IS NULL

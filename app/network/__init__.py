@@ -2,5 +2,5 @@
 
 The one room with locks (``locks``). ``results`` is the way in and leaves ``marks``; ``swap`` takes them through
 ``surroundings`` and ``passes`` -> ``solve`` -> ``slopes`` -> ``publish``. ``extracts`` and ``road_squares`` read roads,
-``sums`` keeps old passes, ``cells`` the squares and their versions. Knows no log, job or request.
+``sums`` keeps old passes, ``cells`` the cells and their versions. Knows no log, job or request.
 """

@@ -1,8 +1,8 @@
-"""The stored roads, square by square, kept in memory from one solution to the next: until an import changes those of a
-square they are the same (``road_states``), and reading them takes longer than solving.
+"""Stored roads, read cell by cell and kept in memory from one solution to the next.
 
-A square's roads are all that meet it, so one that reaches into another is in both. What stands beside roads, drives
-and slopes, is not kept.
+The roads of a cell are all that meet it; a road that reaches into two cells is in both. They stay the same until an
+import changes them (``road_states``), and reading them takes longer than solving. Only roads are kept, not drives or
+slopes.
 """
 
 from __future__ import annotations
@@ -24,72 +24,72 @@ from app.network.road_states import road_states
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
 
-MOST_KEPT = 200_000
+MOST_CACHED = 200_000
 """Segments that a process keeps, about 100 bytes each: those of a large town."""
 
-READ_TOGETHER = 64
-"""Squares; of what is read for a long drive only what lies along it stays."""
+CELLS_AT_ONCE = 64
+"""Cells that one query reads. A long drive needs only the roads along it; the rest is dropped after each query."""
 
 _SIDE = 1 << ZOOM
 
-_OF_SQUARES = text(
+_OF_CELLS = text(
     f"""
-    SELECT square.id AS square, s.cell, {ROAD_COLUMNS}
-    FROM unnest(:squares, :west, :south, :east, :north) AS square (id, west, south, east, north)
-    JOIN segments AS s ON s.geom && ST_MakeEnvelope(square.west, square.south, square.east, square.north, 4326)
-    ORDER BY square.id, {ROAD_ORDER}
+    SELECT box.id AS read_for, s.cell, {ROAD_COLUMNS}
+    FROM unnest(:cells, :west, :south, :east, :north) AS box (id, west, south, east, north)
+    JOIN segments AS s ON s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
+    ORDER BY box.id, {ROAD_ORDER}
     """  # noqa: S608 - constants
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Roads:
-    """Segments in the order of ``RoadTable``, with their ids and squares, shape (n,) each."""
+    """Segments in the order of ``RoadTable``, with their ids and cells, shape (n,) each."""
 
     table: RoadTable
     ids: Ints
     cell: Ints
     states: Mapping[int, int] = field(default_factory=dict)
-    """What stood in the squares that they were taken from (``app.network.road_states``)"""
+    """The state of the roads of each cell that was read (``app.network.road_states``)"""
 
     def along(self, boxes_deg: Floats) -> Roads:
         """Those whose bounding box meets one of the boxes (m, 4: west, south, east, north)."""
-        kept = np.flatnonzero(self.table.meets(boxes_deg))
-        return Roads(self.table.subset(kept), self.ids[kept], self.cell[kept], self.states)
+        rows = np.flatnonzero(self.table.meets(boxes_deg))
+        return Roads(self.table.subset(rows), self.ids[rows], self.cell[rows], self.states)
 
 
 @dataclass(eq=False)
-class _Kept:
-    """What a process has read of one database: squares, each in one state, the last used at the end."""
+class _Cache:
+    """The cells that a process has read of one database, each in one state; the most recently used is the last."""
 
-    squares: OrderedDict[int, tuple[int, Roads]] = field(default_factory=OrderedDict)
+    cells: OrderedDict[int, tuple[int, Roads]] = field(default_factory=OrderedDict)
     lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def of(self, states: Mapping[int, int]) -> dict[int, Roads]:
-        """Those of these squares that are there as they are now."""
+    def get(self, states: Mapping[int, int]) -> dict[int, Roads]:
+        """The roads of those of these cells that are cached in their present state."""
         with self.lock:
-            found = {
-                square: self.squares[square][1]
-                for square, state in states.items()
-                if self.squares.get(square, (-1, None))[0] == state
+            cached = {
+                cell: self.cells[cell][1]
+                for cell, state in states.items()
+                if self.cells.get(cell, (-1, None))[0] == state
             }
-            for square in found:
-                self.squares.move_to_end(square)
-            return found
+            for cell in cached:
+                self.cells.move_to_end(cell)
+            return cached
 
-    def keep(self, states: Mapping[int, int], read: Mapping[int, Roads]) -> None:
-        """Add what was read, and let go what was not used for the longest."""
+    def add(self, states: Mapping[int, int], read: Mapping[int, Roads]) -> None:
+        """Add cells that were read, and drop the least recently used ones."""
         with self.lock:
-            for square, roads in read.items():
-                if states[square] >= self.squares.get(square, (-1, None))[0]:
-                    self.squares[square] = (states[square], roads)
-            count = sum(len(roads.ids) for _, roads in self.squares.values())
-            while count > MOST_KEPT:
-                count -= len(self.squares.popitem(last=False)[1][1].ids)
+            for cell, roads in read.items():
+                if states[cell] >= self.cells.get(cell, (-1, None))[0]:
+                    self.cells[cell] = (states[cell], roads)
+            count = sum(len(roads.ids) for _, roads in self.cells.values())
+            while count > MOST_CACHED:
+                count -= len(self.cells.popitem(last=False)[1][1].ids)
 
 
-_KEPT: WeakKeyDictionary[Engine, _Kept] = WeakKeyDictionary()
-_KEPT_LOCK = threading.Lock()
+_CACHES: WeakKeyDictionary[Engine, _Cache] = WeakKeyDictionary()
+_CACHES_LOCK = threading.Lock()
 
 
 def roads_in(session: Session, boxes_deg: Floats) -> Roads:
@@ -98,44 +98,38 @@ def roads_in(session: Session, boxes_deg: Floats) -> Roads:
     ``boxes_deg`` (m, 4): west, south, east, north. Coordinates are bit for bit those that were imported, rows sorted as
     in every ``RoadTable``, so that the same log on the same roads gives the same numbers with and without a database.
     """
-    boxes = _boxes_by_square(boxes_deg)
-    kept = _kept(session.get_bind().engine)
-    every, parts = sorted(boxes), list[Roads]()
-    states = road_states(session, every)
-    for squares in (every[k : k + READ_TOGETHER] for k in range(0, len(every), READ_TOGETHER)):
-        found = kept.of({square: states[square] for square in squares})
-        found |= (read := _read(session, [square for square in squares if square not in found]))
-        parts += [found[square].along(boxes[square]) for square in squares]
+    boxes = _boxes_by_cell(boxes_deg)
+    with _CACHES_LOCK:
+        cache = _CACHES.setdefault(session.get_bind().engine, _Cache())
+    ids, parts = sorted(boxes), list[Roads]()
+    states = road_states(session, ids)
+    for cells in (ids[k : k + CELLS_AT_ONCE] for k in range(0, len(ids), CELLS_AT_ONCE)):
+        roads = cache.get({cell: states[cell] for cell in cells})
+        roads |= (read := _read(session, [cell for cell in cells if cell not in roads]))
+        parts += [roads[cell].along(boxes[cell]) for cell in cells]
         if read:
-            # Outside of a snapshot an import may have come between.
+            # Outside of a snapshot an import may have changed the roads meanwhile.
             now = road_states(session, list(read))
-            kept.keep(
-                states, {square: roads for square, roads in read.items() if now[square] == states[square]}
-            )
+            cache.add(states, {cell: read[cell] for cell in read if now[cell] == states[cell]})
     return replace(_joined(parts), states=states)
 
 
-def _kept(engine: Engine) -> _Kept:
-    with _KEPT_LOCK:
-        return _KEPT.setdefault(engine, _Kept())
-
-
-def _read(session: Session, squares: Sequence[int]) -> dict[int, Roads]:
-    if not squares:
+def _read(session: Session, cells: Sequence[int]) -> dict[int, Roads]:
+    if not cells:
         return {}
-    number = np.array(squares, np.int64)
+    number = np.array(cells, np.int64)
     west, south, east, north = _bounds(number)
-    values = {"squares": number, "west": west, "south": south, "east": east, "north": north}
-    rows = session.execute(_OF_SQUARES, values).all()
-    first = np.searchsorted([row.square for row in rows], np.append(number, number[-1] + 1)).tolist()
+    values = {"cells": number, "west": west, "south": south, "east": east, "north": north}
+    rows = session.execute(_OF_CELLS, values).all()
+    first = np.searchsorted([row.read_for for row in rows], np.append(number, number[-1] + 1)).tolist()
     return {
-        square: Roads(*road_table(rows[a:b]), np.array([row.cell for row in rows[a:b]], np.int64))
-        for square, a, b in zip(squares, first[:-1], first[1:], strict=True)
+        cell: Roads(*road_table(rows[a:b]), np.array([row.cell for row in rows[a:b]], np.int64))
+        for cell, a, b in zip(cells, first[:-1], first[1:], strict=True)
     }
 
 
 def _joined(parts: Sequence[Roads]) -> Roads:
-    """The roads of all, each once."""
+    """The roads of all parts, each road once."""
     if not parts:
         return Roads(RoadTable.empty(), np.empty(0, np.int64), np.empty(0, np.int64))
     ids, first = np.unique(np.concatenate([part.ids for part in parts]), return_index=True)
@@ -148,8 +142,8 @@ def _joined(parts: Sequence[Roads]) -> Roads:
     return Roads(RoadTable(**{name: v[order] for name, v in columns.items()}), ids[order], cell[order])
 
 
-def _boxes_by_square(boxes_deg: Floats) -> dict[int, Floats]:
-    """The squares that the boxes meet, each with those boxes."""
+def _boxes_by_cell(boxes_deg: Floats) -> dict[int, Floats]:
+    """The cells that the boxes meet, each with those boxes."""
     west, south, east, north = boxes_deg.T
     x0, y1 = _column(west), _row(south)
     x1, y0 = _column(east), _row(north)
@@ -158,7 +152,7 @@ def _boxes_by_square(boxes_deg: Floats) -> dict[int, Floats]:
         for x in range(left, right + 1):
             for y in range(top, bottom + 1):
                 met.setdefault(x << ZOOM | y, []).append(k)
-    return {square: boxes_deg[rows] for square, rows in met.items()}
+    return {cell: boxes_deg[rows] for cell, rows in met.items()}
 
 
 def _column(lon_deg: Floats) -> Ints:
@@ -171,12 +165,12 @@ def _row(lat_deg: Floats) -> Ints:
 
 
 _LAST_DEG = float(np.degrees(np.arctan(np.sinh(np.pi))))
-"""The latitude at which the last rows of squares end; what lies beyond is theirs."""
+"""The latitude at which the first and last rows of cells end; places beyond belong to them."""
 
 
-def _bounds(squares: Ints) -> tuple[Floats, Floats, Floats, Floats]:
-    """West, south, east, north of squares, degrees; those at the edge of the map reach to the edge of the world."""
-    x, y = squares >> ZOOM, squares & (_SIDE - 1)
+def _bounds(cells: Ints) -> tuple[Floats, Floats, Floats, Floats]:
+    """West, south, east, north of cells, degrees; those at the edge of the map reach to the poles."""
+    x, y = cells >> ZOOM, cells & (_SIDE - 1)
     north, south = (
         np.degrees(np.arctan(np.sinh(np.pi * (1 - 2 * row / _SIDE)))) for row in (y.astype(float), y + 1.0)
     )

@@ -1,8 +1,8 @@
-"""The squares of the map in which it is solved, and by which its tiles know whether they are new: tiles of zoom 14.
+"""The cells of the map in which it is solved, and by which its tiles know whether they are new: tiles of zoom 14.
 
-A square is a number, ``x << 14 | y``. A segment is solved with the square of its middle and shown in all that it
-meets. Each square has a version, raised when and only when something that is shown of it changes: a tile is as new as
-the squares under it. ``cells`` is written in short transactions at the end of which everything stands.
+A cell is a number, ``x << 14 | y``. A segment is solved with the cell of its middle and shown in all that it
+meets. Each cell has a version, raised when and only when something that is shown of it changes: a tile is as new as
+the cells under it. ``cells`` is written in short transactions at the end of which everything stands.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SIDE = 1 << ZOOM
 TILE_MARGIN = 1 / 32
 """A tile draws lines a little beyond its edge; of a tile's side, twice what it draws."""
 
-# The squares in which segments (s) are shown. Few reach from one into another: what that costs is only theirs.
+# The cells in which segments (s) are shown. Few reach from one into another: what that costs is only theirs.
 OVER = """
     SELECT DISTINCT id FROM (
         SELECT s.cell AS id FROM segments AS s WHERE {where}
@@ -71,7 +71,7 @@ _SUM_DRIVEN = text(
     """
 )
 
-# Squares beside each other are so near that a wide window over one reaches into the other.
+# Cells beside each other are so near that a wide window over one reaches into the other.
 _UNSETTLE = text(
     """
     UPDATE cells SET unsettled_since = clock_timestamp()
@@ -103,48 +103,48 @@ _LAST_CHANGE = text("SELECT max(changed_at) FROM cells WHERE version > 0")
 
 
 def cells_over(session: Session, segment_ids: Collection[int]) -> list[int]:
-    """The squares in which these segments are shown, sorted."""
+    """The cells in which these segments are shown, sorted."""
     return list(session.execute(_CELLS_OVER, {"ids": list(segment_ids)}).scalars())
 
 
 def versions_of(session: Session, cells: Collection[int]) -> dict[int, int]:
-    """The versions of squares; one that has no row yet has 0."""
+    """The versions of cells; one that has no row yet has 0."""
     found = {row.id: row.version for row in session.execute(_VERSIONS, {"ids": list(cells)})}
     return {cell: found.get(cell, 0) for cell in cells}
 
 
 def lock_cells(session: Session, cells: Collection[int]) -> dict[int, int]:
-    """Keep other writers of these squares out until the transaction ends; the versions of those that nobody holds."""
+    """Keep other writers of these cells out until the transaction ends; the versions of those that nobody holds."""
     ids = sorted(cells)
     session.execute(_MAKE, {"ids": ids})
     return {row.id: row.version for row in session.execute(_TAKE, {"ids": ids})}
 
 
 def raise_versions(session: Session, cells: Collection[int]) -> None:
-    """Say that what is shown of these squares has changed, and count anew what is driven there."""
+    """Say that what is shown of these cells has changed, and count anew what is driven there."""
     if cells:
         session.execute(_RAISE, {"ids": sorted(cells)})
         count_driven(session, cells)
 
 
 def count_driven(session: Session, cells: Collection[int]) -> None:
-    """Count anew what is driven in these squares."""
+    """Count anew what is driven in these cells."""
     session.execute(_SUM_DRIVEN, {"ids": sorted(cells)})
 
 
 def unsettle(session: Session, cells: Collection[int]) -> None:
-    """Note that these squares and those beside them are to be settled some time."""
+    """Note that these cells and those beside them are to be settled some time."""
     if cells:
         session.execute(_UNSETTLE, {"ids": sorted(cells)})
 
 
 def unsettled(session: Session, age_s: float, limit: int) -> list[int]:
-    """Squares that have waited to be settled for so long, the longest first."""
+    """Cells that have waited to be settled for so long, the longest first."""
     return list(session.execute(_UNSETTLED, {"age_s": age_s, "limit": limit}).scalars())
 
 
 def take_unsettled(session: Session, cells: Collection[int]) -> None:
-    """These squares are about to be settled: from here on only what comes lets them wait anew."""
+    """These cells are about to be settled: from here on only what comes lets them wait anew."""
     session.execute(_TAKE_UNSETTLED, {"ids": sorted(cells)})
 
 
@@ -162,34 +162,34 @@ def data_version_tag(session: Session) -> str:
 
 
 def data_version(session: Session) -> int:
-    """How often anything that is shown of any square has changed."""
+    """How often anything that is shown of any cell has changed."""
     values = {"x0": 0, "x1": _SIDE - 1, "y0": 0, "y1": _SIDE - 1}
     return int(session.execute(_TAG, values).one().version)
 
 
 def last_change(session: Session) -> datetime | None:
-    """When anything that is shown of any square changed last; None: nothing ever has."""
+    """When anything that is shown of any cell changed last; None: nothing ever has."""
     moment: datetime | None = session.execute(_LAST_CHANGE).scalar_one()
     return moment
 
 
-def regions_around(cells: Ints) -> list[int]:
-    """The tiles of zoom 6 in which squares lie, as ``versant_region`` numbers them: passes are parted by them."""
-    return [int(region) for region in np.unique(cells >> 22 << 6 | (cells & (_SIDE - 1)) >> 8)]
+def partitions_around(cells: Ints) -> list[int]:
+    """The tiles of zoom 6 in which cells lie, as ``versant_partition`` numbers them: passes are parted by them."""
+    return [int(partition) for partition in np.unique(cells >> 22 << 6 | (cells & (_SIDE - 1)) >> 8)]
 
 
 def beside(cell: int) -> Iterable[int]:
-    """The squares around one."""
+    """The cells around one."""
     x, y = cell >> ZOOM, cell & (_SIDE - 1)
     return ((x + dx) << ZOOM | (y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy)
 
 
-def square_name(cell: int) -> str:
-    """The square as a path of tiles has it: z/x/y."""
+def cell_name(cell: int) -> str:
+    """The cell as a path of tiles has it: z/x/y."""
     return f"{ZOOM}/{cell >> ZOOM}/{cell & (_SIDE - 1)}"
 
 
-def square_bounds(cell: int) -> Bounds:
+def cell_bounds(cell: int) -> Bounds:
     """West, south, east, north, degrees."""
     x, y = cell >> ZOOM, cell & (_SIDE - 1)
     west, east = (360 * column / _SIDE - 180 for column in (x, x + 1))
@@ -198,7 +198,7 @@ def square_bounds(cell: int) -> Bounds:
 
 
 def span(z: int, column: int) -> tuple[int, int]:
-    """The columns, or rows, of squares that a tile's column and what it draws beyond it meet."""
+    """The columns, or rows, of cells that a tile's column and what it draws beyond it meet."""
     scale = 2.0 ** (ZOOM - z)
     low, high = (column - TILE_MARGIN) * scale, (column + 1 + TILE_MARGIN) * scale
     return max(0, int(low // 1)), min(_SIDE - 1, int(high // 1))

@@ -6,8 +6,8 @@ pass and its part in a sum change in one transaction. So nobody waits for anybod
 it was, and nothing is in both or in neither.
 
 What is taken off is computed as it was when it was added. Whoever changes how (``fusion.network.condensed``, and what
-``fusion.network.outside_passes`` says of a pass) lets a migration empty ``pass_sums`` and
-``drive_passes.summed_weight``: nothing is lost, and solvers sum anew.
+``fusion.network.outside_passes`` says of a pass) lets a migration empty ``condensed_passes`` and
+``drive_passes.condensed_weight``: nothing is lost, and solvers sum anew.
 """
 
 from __future__ import annotations
@@ -26,65 +26,70 @@ from fusion.network.curve import knot_length
 from fusion.network.outside_passes import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 
-JURY = 48
+RECENT_PASSES = 48
 """Passes over a segment that are read as they are: up to twice as many, then the older ones are summed until at most so
 many are left. Slopes with 24 and with 96 are as near to those of all passes, and solutions take half and twice as long
 (``benchmarks/evidence``); so many are a fair verdict over roads that change."""
 AT_ONCE = 200
 """Passes that are summed in one transaction, some tens of milliseconds: whoever changes their drives waits for it."""
-MOST_SUMMED = 5000
+MOST_CONDENSED = 5000
 """Passes that are summed after one solution, a millisecond each: nobody waits for long, and the rest comes later."""
 
-# Wherever drives are named their regions are, too, as a value that is known when it is planned: only those parts of the
-# table are looked at.
-OF_DRIVE = "drive_id = {0}drive_id{1} AND region = ANY(CAST({0}regions{1} AS smallint[]))"
+# A statement that names drives names their partitions as well, as a value known at planning time: PostgreSQL then reads
+# only those parts of the table.
+OF_DRIVE = "drive_id = {0}drive_id{1} AND partition = ANY(CAST({0}partitions{1} AS smallint[]))"
 _MINE = OF_DRIVE.format("%(", ")s")
 _DRIVE_REGIONS = text(
     """
-    SELECT DISTINCT unnest(regions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[])) ORDER BY 1
+    SELECT DISTINCT unnest(partitions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[])) ORDER BY 1
     """
 )
 
-_OVER = "SELECT segment_id, said FROM pass_sums WHERE segment_id = ANY(%(ids)s::bigint[]) ORDER BY id"
-_TAKE = "DELETE FROM pass_sums WHERE segment_id = ANY(%(ids)s::bigint[]) RETURNING segment_id, said"
+_OVER = (
+    "SELECT segment_id, evidence FROM condensed_passes WHERE segment_id = ANY(%(ids)s::bigint[]) ORDER BY id"
+)
+_TAKE = (
+    "DELETE FROM condensed_passes WHERE segment_id = ANY(%(ids)s::bigint[]) RETURNING segment_id, evidence"
+)
 # What others are at is left to them: nobody waits.
 _TAKE_FREE = """
-    DELETE FROM pass_sums WHERE id IN (
-        SELECT id FROM pass_sums WHERE segment_id = ANY(%(ids)s::bigint[]) FOR UPDATE SKIP LOCKED)
-    RETURNING segment_id, said
+    DELETE FROM condensed_passes WHERE id IN (
+        SELECT id FROM condensed_passes WHERE segment_id = ANY(%(ids)s::bigint[]) FOR UPDATE SKIP LOCKED)
+    RETURNING segment_id, evidence
 """
 _APPEND = """
-    INSERT INTO pass_sums (segment_id, said)
-    SELECT * FROM unnest(%(ids)s::bigint[], %(said)b::bytea[])
+    INSERT INTO condensed_passes (segment_id, evidence)
+    SELECT * FROM unnest(%(ids)s::bigint[], %(evidence)b::bytea[])
 """
 _LENGTHS = text("SELECT id, length_m FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
-_SAID = "SELECT drive_id, said, passes FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
+_SAID = "SELECT drive_id, evidence, passes FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
 # Drives that are being replaced, removed or found to be there twice just now are left alone; the others wait.
 _KEEP_DRIVES = text(
     """
-    SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND same_as IS NULL
+    SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND duplicate_of IS NULL
     ORDER BY id FOR SHARE SKIP LOCKED
     """
 )
 _SUM = text(
     """
-    UPDATE drive_passes AS p SET summed_weight = t.weight
+    UPDATE drive_passes AS p SET condensed_weight = t.weight
     FROM unnest(CAST(:ids AS bigint[]), CAST(:weights AS float8[])) AS t (id, weight)
-    WHERE p.id = t.id AND p.region = ANY(CAST(:regions AS smallint[])) AND p.summed_weight IS NULL
+    WHERE p.id = t.id AND p.partition = ANY(CAST(:partitions AS smallint[])) AND p.condensed_weight IS NULL
     RETURNING p.id
     """
 )
 _UNSUM = f"""
     WITH summed AS MATERIALIZED (
-        SELECT id, region, summed_weight FROM drive_passes WHERE {_MINE} AND summed_weight IS NOT NULL
+        SELECT id, partition, condensed_weight FROM drive_passes WHERE {_MINE} AND condensed_weight IS NOT NULL
     )
-    UPDATE drive_passes AS p SET summed_weight = NULL FROM summed AS s WHERE p.id = s.id AND p.region = s.region
-    RETURNING p.segment_id, p.sequence, s.summed_weight, p.factor
+    UPDATE drive_passes AS p SET condensed_weight = NULL
+    FROM summed AS s WHERE p.id = s.id AND p.partition = s.partition
+    RETURNING p.segment_id, p.sequence, s.condensed_weight, p.factor
 """  # noqa: S608 - constants
 _SUMMED = f"""
-    SELECT segment_id, sequence, summed_weight, factor FROM drive_passes
-    WHERE {_MINE} AND summed_weight > 0 AND segment_id = ANY(%(ids)s::bigint[])
+    SELECT segment_id, sequence, condensed_weight, factor FROM drive_passes
+    WHERE {_MINE} AND condensed_weight > 0 AND segment_id = ANY(%(ids)s::bigint[])
 """  # noqa: S608 - constants
 
 SummedRow = tuple[Any, ...]
@@ -100,19 +105,19 @@ class OldPass(NamedTuple):
     weight: float
 
 
-def sums_over(
+def condensed_over(
     session: Session, segment_ids: Collection[int], without: uuid.UUID | None = None
 ) -> dict[int, CondensedPasses]:
     """The sums over these segments, but for what one drive has in them."""
     found = _added(fetch_binary(session, _OVER, {"ids": list(segment_ids)}))
     if found and without is not None:
         rows = fetch_binary(session, _SUMMED, {**of_drive(session, without), "ids": list(found)})
-        for segment, own in sums_of_drive(session, without, rows).items():
+        for segment, own in condensed_of_drive(session, without, rows).items():
             found[segment] = found[segment] + -own
     return {segment: one for segment, one in found.items() if one.passes > 0}
 
 
-def sums_of_drive(
+def condensed_of_drive(
     session: Session, drive_id: uuid.UUID, rows: Iterable[SummedRow]
 ) -> dict[int, CondensedPasses]:
     """What these passes of a drive are in the sums of their segments, by what is stored alone."""
@@ -130,28 +135,31 @@ def sums_of_drive(
 
 def of_drive(session: Session, drive_id: uuid.UUID) -> dict[str, Any]:
     """The values of a statement on the passes of one drive (``OF_DRIVE``)."""
-    return {"drive_id": drive_id, "regions": drive_regions(session, [drive_id])}
+    return {"drive_id": drive_id, "partitions": drive_partitions(session, [drive_id])}
 
 
-def drive_regions(session: Session, drive_ids: Collection[uuid.UUID]) -> list[int]:
-    """The regions in which drives have passes."""
+def drive_partitions(session: Session, drive_ids: Collection[uuid.UUID]) -> list[int]:
+    """The partitions in which drives have passes."""
     return list(session.execute(_DRIVE_REGIONS, {"ids": list(drive_ids)}).scalars())
 
 
-def append_sums(session: Session, sums: Mapping[int, CondensedPasses]) -> None:
+def append_condensed(session: Session, sums: Mapping[int, CondensedPasses]) -> None:
     """Add to the sums of segments."""
     if sums:
-        send_binary(session, _APPEND, {"ids": list(sums), "said": [one.encode() for one in sums.values()]})
+        send_binary(
+            session, _APPEND, {"ids": list(sums), "evidence": [one.encode() for one in sums.values()]}
+        )
 
 
-def take_out(session: Session, drive_id: uuid.UUID) -> None:
+def uncondense_drive(session: Session, drive_id: uuid.UUID) -> None:
     """Take a drive that is heard no longer off all sums: its passes are as if they had never been in one."""
-    take_off(
-        session, sums_of_drive(session, drive_id, fetch_binary(session, _UNSUM, of_drive(session, drive_id)))
+    subtract_condensed(
+        session,
+        condensed_of_drive(session, drive_id, fetch_binary(session, _UNSUM, of_drive(session, drive_id))),
     )
 
 
-def take_off(session: Session, said: Mapping[int, CondensedPasses]) -> None:
+def subtract_condensed(session: Session, said: Mapping[int, CondensedPasses]) -> None:
     """Take what a drive had said off the sums of segments. Nobody waits, and no row tells what the drive had said."""
     if not said:
         return
@@ -160,15 +168,15 @@ def take_off(session: Session, said: Mapping[int, CondensedPasses]) -> None:
     left = {segment for segment, _ in fetch_binary(session, _OVER, ids)}
     for segment, one in said.items():
         found[segment] = found[segment] + -one if segment in found else -one
-    append_sums(session, {k: one for k, one in found.items() if one.passes != 0 or k in left})
+    append_condensed(session, {k: one for k, one in found.items() if one.passes != 0 or k in left})
 
 
-def beyond_jury(passes: Sequence[OldPass]) -> list[OldPass]:
+def passes_to_condense(passes: Sequence[OldPass]) -> list[OldPass]:
     """Of the passes over one segment those that are to be summed, the oldest first; none before they are twice a jury.
 
     Drives go as a whole, so that one is never in the jury and in the sum. The newest stays, however often it passed.
     """
-    if len(passes) <= 2 * JURY:
+    if len(passes) <= 2 * RECENT_PASSES:
         return []
     drives: dict[uuid.UUID, list[OldPass]] = {}
     for one in passes:
@@ -177,7 +185,7 @@ def beyond_jury(passes: Sequence[OldPass]) -> list[OldPass]:
         drives.values(), key=lambda said: (max(p.factor.first_time_s for p in said), said[0].drive_id)
     )[::-1]
     stay, count = 1, len(newest_first[0])
-    while stay < len(newest_first) and count + len(newest_first[stay]) <= JURY:
+    while stay < len(newest_first) and count + len(newest_first[stay]) <= RECENT_PASSES:
         count += len(newest_first[stay])
         stay += 1
     return [p for said in newest_first[stay:][::-1] for p in said]
@@ -195,7 +203,9 @@ def portions(old: Iterable[OldPass], size: int) -> Iterator[list[OldPass]]:
         yield portion
 
 
-def made_sums(session: Session, old: Sequence[OldPass]) -> dict[tuple[int, uuid.UUID], CondensedPasses]:
+def condensed_by_drive(
+    session: Session, old: Sequence[OldPass]
+) -> dict[tuple[int, uuid.UUID], CondensedPasses]:
     """What is to be added for each drive on each segment. Takes its time; nothing is written."""
     over: dict[tuple[int, uuid.UUID], list[tuple[PassFactor, float]]] = {}
     for one in old:
@@ -209,17 +219,21 @@ def made_sums(session: Session, old: Sequence[OldPass]) -> dict[tuple[int, uuid.
     }
 
 
-def sum_up(
+def condense(
     session: Session,
     old: Sequence[OldPass],
     made: Mapping[tuple[int, uuid.UUID], CondensedPasses],
-    regions: Sequence[int],
+    partitions: Sequence[int],
 ) -> None:
     """Put those of the old passes that are still there and in no sum into the sums of their segments (``made``)."""
     drives = sorted({p.drive_id for p in old})
     free = set(session.execute(_KEEP_DRIVES, {"ids": drives}).scalars())
     mine = [p for p in old if p.drive_id in free and (p.factor.segment, p.drive_id) in made]
-    values = {"ids": [p.id for p in mine], "weights": [p.weight for p in mine], "regions": list(regions)}
+    values = {
+        "ids": [p.id for p in mine],
+        "weights": [p.weight for p in mine],
+        "partitions": list(partitions),
+    }
     came = set(session.execute(_SUM, values).scalars())
     # A drive's passes over a segment are summed together or not at all, for its row is kept.
     done = {(p.factor.segment, p.drive_id) for p in mine if p.id in came}
@@ -229,7 +243,7 @@ def sum_up(
     for segment, drive in sorted(done):
         one = made[segment, drive]
         found[segment] = found[segment] + one if segment in found else one
-    append_sums(session, {segment: one for segment, one in found.items() if one.passes != 0})
+    append_condensed(session, {segment: one for segment, one in found.items() if one.passes != 0})
 
 
 def _added(rows: Iterable[tuple[int, bytes]]) -> dict[int, CondensedPasses]:

@@ -16,7 +16,7 @@ from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
-from app.network.condensed import OF_DRIVE, drive_regions, of_drive, take_out
+from app.network.condensed import OF_DRIVE, drive_partitions, of_drive, uncondense_drive
 from fusion.network.duplicates import LONGEST_ENTRY_S, SAME_SHARE, DriveTrace, find_duplicates, is_duplicate
 
 _ITS = OF_DRIVE.format(":", "")
@@ -26,9 +26,9 @@ _ITS = OF_DRIVE.format(":", "")
 _BESIDE = text(
     f"""
     SELECT other.drive_id
-    FROM (SELECT segment_id, region, entered_s FROM drive_passes WHERE {_ITS}) AS mine
+    FROM (SELECT segment_id, partition, entered_s FROM drive_passes WHERE {_ITS}) AS mine
     JOIN drive_passes AS other
-        ON other.segment_id = mine.segment_id AND other.region = mine.region AND other.drive_id <> :drive_id
+        ON other.segment_id = mine.segment_id AND other.partition = mine.partition AND other.drive_id <> :drive_id
         AND other.entered_s BETWEEN mine.entered_s - :apart_s AND mine.entered_s + :apart_s
     GROUP BY other.drive_id
     HAVING count(DISTINCT mine.segment_id) > :share * least(
@@ -39,29 +39,31 @@ _BESIDE = text(
 
 _ENTRIES = """
     SELECT drive_id, segment_id, entered_s FROM drive_passes
-    WHERE drive_id = ANY(%(ids)s::uuid[]) AND region = ANY(%(regions)s::smallint[])
+    WHERE drive_id = ANY(%(ids)s::uuid[]) AND partition = ANY(%(partitions)s::smallint[])
     ORDER BY drive_id, sequence
 """
 _EPOCHS = "SELECT drive_id, measurements, epoch_s FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
-_NAMED_BY = text("SELECT id FROM drives WHERE same_as = :drive_id")
-_SAME_AS = text("SELECT id, same_as FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256")
-_HEARD = text("SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND same_as IS NULL")
-_SET_SAME_AS = text("UPDATE drives SET same_as = :same_as WHERE id = :drive_id")
+_NAMED_BY = text("SELECT id FROM drives WHERE duplicate_of = :drive_id")
+_DUPLICATE_OF = text(
+    "SELECT id, duplicate_of FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256"
+)
+_HEARD = text("SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND duplicate_of IS NULL")
+_SET_DUPLICATE_OF = text("UPDATE drives SET duplicate_of = :duplicate_of WHERE id = :drive_id")
 _SEGMENTS = text(
     """
     SELECT DISTINCT segment_id FROM drive_passes
-    WHERE drive_id = ANY(CAST(:ids AS uuid[])) AND region = ANY(CAST(:regions AS smallint[]))
+    WHERE drive_id = ANY(CAST(:ids AS uuid[])) AND partition = ANY(CAST(:partitions AS smallint[]))
     """
 )
 
 
-def drives_that_name(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
+def duplicates_of(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
     """Drives that are not heard so far because this one is."""
     return set(session.execute(_NAMED_BY, {"drive_id": drive_id}).scalars())
 
 
-def choose_witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> set[int]:
+def decide_duplicates(session: Session, drive_ids: Collection[uuid.UUID]) -> set[int]:
     """Decide anew who is heard among these drives and those that are the same; the segments of those that now are or no
     longer are."""
     drives, again = _decided(session, _among_heard(session, drive_ids))
@@ -69,17 +71,17 @@ def choose_witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> set[
         drives, again = _decided(session, _together(session, drive_ids))
     changed = []
     for k, drive in enumerate(drives):
-        drive_id, former = drive.id, drive.same_as
+        drive_id, former = drive.id, drive.duplicate_of
         witness = drives[again[k]].id if k in again else None
         if witness != former:
-            session.execute(_SET_SAME_AS, {"drive_id": drive_id, "same_as": witness})
+            session.execute(_SET_DUPLICATE_OF, {"drive_id": drive_id, "duplicate_of": witness})
         if witness is not None and former is None:
-            take_out(session, drive_id)
+            uncondense_drive(session, drive_id)
         if (witness is None) != (former is None):
             changed.append(drive_id)
     if not changed:
         return set()
-    values = {"ids": changed, "regions": drive_regions(session, changed)}
+    values = {"ids": changed, "partitions": drive_partitions(session, changed)}
     return set(session.execute(_SEGMENTS, values).scalars())
 
 
@@ -88,7 +90,7 @@ def _decided(
 ) -> tuple[Sequence[Row[Any]], dict[int, int]]:
     """The drives with what they named so far, and which of them says which again, both by their place in the list."""
     # Of two that are alike to the last digit, their bytes decide.
-    drives = session.execute(_SAME_AS, {"ids": list(witnesses)}).all()
+    drives = session.execute(_DUPLICATE_OF, {"ids": list(witnesses)}).all()
     return drives, find_duplicates({k: witnesses[row.id] for k, row in enumerate(drives)})
 
 
@@ -131,7 +133,7 @@ def _witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.
         return {}
     entries: dict[uuid.UUID, list[tuple[int, float]]] = {drive_id: [] for drive_id in ids}
     for drive_id, segment, entered_s in fetch_binary(
-        session, _ENTRIES, {"ids": ids, "regions": drive_regions(session, ids)}
+        session, _ENTRIES, {"ids": ids, "partitions": drive_partitions(session, ids)}
     ):
         entries[drive_id].append((segment, entered_s))
     epochs = {drive_id: said for drive_id, *said in fetch_binary(session, _EPOCHS, {"ids": ids})}

@@ -88,14 +88,14 @@ def free_all(session: Session) -> None:
 
 
 class CellClaims:
-    """Squares that one solver has taken for itself, for as long as its connection lasts: nobody waits for them."""
+    """Cells that one solver has taken for itself, for as long as its connection lasts: nobody waits for them."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.cells: set[int] = set()
 
     def take(self, cell: int) -> bool:
-        """Whether the square is this solver's now."""
+        """Whether the cell is this solver's now."""
         if (
             cell not in self.cells
             and self._session.execute(_TRY_CELL, {"key": _CELLS, "cell": cell}).scalar_one()

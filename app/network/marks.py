@@ -1,6 +1,6 @@
 """What waits to be solved: marks, made by whoever changes what the map rests on, taken away by whoever has solved it.
 
-A mark names segments of one square. A drive is published once no mark of it is left, but for squares that are given up:
+A mark names segments of one cell. A drive is published once no mark of it is left, but for cells that are given up:
 those keep their marks, and are tried ever more rarely.
 """
 
@@ -37,7 +37,7 @@ _WAITING = text(
     """
 )
 # A solver that dies leaves what it began with. What kills one after the other is left alone longer and longer: the
-# whole square, whenever its marks came. (Beyond 2 ^ 20 the pause has long been the longest.)
+# whole cell, whenever its marks came. (Beyond 2 ^ 20 the pause has long been the longest.)
 _TRY = text(
     """
     UPDATE network_marks AS m
@@ -67,7 +67,7 @@ PATIENCE = 2
 """Marks that so many solvers have begun with and none has ended are solved by themselves, and ever more rarely."""
 PAUSE_S, LONGEST_PAUSE_S = 30.0, 3600.0
 GIVEN_UP = 7
-"""A drive waits no longer for a square with which so many solvers have begun: six have done so in vain, in seven and a
+"""A drive waits no longer for a cell with which so many solvers have begun: six have done so in vain, in seven and a
 half minutes. Workers and databases that are started again are back by then, and who waits for a drive still does."""
 
 
@@ -79,7 +79,7 @@ class MarkedBy(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """A square with marks: whether any is due, how many segments are touched, each as often as it was, and whether
+    """A cell with marks: whether any is due, how many segments are touched, each as often as it was, and whether
     solvers have begun with it in vain."""
 
     cell: int
@@ -90,7 +90,7 @@ class Waiting(NamedTuple):
 
 @dataclass(frozen=True)
 class Marked:
-    """What waits in some squares."""
+    """What waits in some cells."""
 
     marks: list[int]
     touched: set[int]
@@ -106,7 +106,7 @@ def append_marks(
 ) -> list[int]:
     """Let the network be solved around ``touched`` segments, and what is published of the ``combined`` be renewed.
 
-    It may wait for ``delay_s``. Returns the squares; none where no such segment is there.
+    It may wait for ``delay_s``. Returns the cells; none where no such segment is there.
     """
     values = {
         "drive_id": None if by is None else by.drive_id,
@@ -119,12 +119,12 @@ def append_marks(
 
 
 def waiting_cells(session: Session) -> list[Waiting]:
-    """All squares with marks, those that are due the longest first."""
+    """All cells with marks, those that are due the longest first."""
     return [Waiting(*row) for row in session.execute(_WAITING, {"patience": PATIENCE})]
 
 
 def note_try(session: Session, cells: Collection[int]) -> None:
-    """A solver begins with these squares; if it does not come to an end, another will, later and later."""
+    """A solver begins with these cells; if it does not come to an end, another will, later and later."""
     pause = {"patience": PATIENCE, "pause_s": PAUSE_S, "longest_s": LONGEST_PAUSE_S}
     session.execute(_TRY, {"cells": sorted(cells), **pause})
 
@@ -135,12 +135,12 @@ def any_due(session: Session) -> bool:
 
 
 def count_cells(session: Session) -> int:
-    """How many squares have marks."""
+    """How many cells have marks."""
     return int(session.execute(_COUNT_CELLS).scalar_one())
 
 
 def any_hope(session: Session) -> bool:
-    """Whether anything is marked but squares with which solvers have begun in vain again and again."""
+    """Whether anything is marked but cells with which solvers have begun in vain again and again."""
     return bool(session.execute(_ANY_HOPE, {"patience": PATIENCE}).scalar_one())
 
 
@@ -150,7 +150,7 @@ def make_due(session: Session) -> None:
 
 
 def marked_in(session: Session, cells: Collection[int]) -> Marked:
-    """What waits in these squares, but for segments that an import has taken away since."""
+    """What waits in these cells, but for segments that an import has taken away since."""
     rows = session.execute(_IN_CELLS, {"cells": sorted(cells)}).all()
     touched = {segment for row in rows for segment in row.touched}
     combined = {segment for row in rows for segment in row.combined}

@@ -15,7 +15,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from app.network.condensed import OF_DRIVE, of_drive, sums_of_drive, take_off
+from app.network.condensed import OF_DRIVE, condensed_of_drive, of_drive, subtract_condensed
 from fusion.network.outside_passes import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
@@ -26,15 +26,15 @@ _MINE, _ITS = OF_DRIVE.format("%(", ")s"), OF_DRIVE.format(":", "")
 
 _DELETE = f"""
     DELETE FROM drive_passes WHERE {_MINE}
-    RETURNING segment_id, sequence, summed_weight, CASE WHEN summed_weight > 0 THEN factor END
+    RETURNING segment_id, sequence, condensed_weight, CASE WHEN condensed_weight > 0 THEN factor END
 """  # noqa: S608 - constants
 # Nobody sums passes of a drive that changes (``sums``).
 _KEEP = text("SELECT FROM drives WHERE id = :drive_id FOR NO KEY UPDATE")
 _DELETE_VERDICTS = text("DELETE FROM rejected_passes WHERE drive_id = :drive_id")
 
 _INSERT = """
-    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, region)
-    SELECT %(drive_id)s, t.segment_id, t.sequence, t.entered_s, t.factor, versant_region(s.cell)
+    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, partition)
+    SELECT %(drive_id)s, t.segment_id, t.sequence, t.entered_s, t.factor, versant_partition(s.cell)
     FROM unnest(%(segment_id)s::bigint[], %(sequence)s::integer[], %(entered_s)s::float8[], %(factor)b::bytea[])
          AS t (segment_id, sequence, entered_s, factor)
     JOIN segments AS s ON s.id = t.segment_id
@@ -46,22 +46,22 @@ OVER = """
     FROM drive_passes AS p
     LEFT JOIN rejected_passes AS r
         ON r.segment_id = p.segment_id AND r.pass_id = p.id AND r.segment_id = ANY(%(ids)s::bigint[])
-    WHERE p.segment_id = ANY(%(ids)s::bigint[]) AND p.region = ANY(%(regions)s::smallint[])
-        AND p.summed_weight IS NULL AND (SELECT same_as IS NULL FROM drives WHERE id = p.drive_id)
+    WHERE p.segment_id = ANY(%(ids)s::bigint[]) AND p.partition = ANY(%(partitions)s::smallint[])
+        AND p.condensed_weight IS NULL AND (SELECT duplicate_of IS NULL FROM drives WHERE id = p.drive_id)
     ORDER BY p.drive_id, p.sequence
 """
 _REGIONS = text(
-    "SELECT DISTINCT versant_region(cell) FROM segments WHERE id = ANY(CAST(:ids AS bigint[])) ORDER BY 1"
+    "SELECT DISTINCT versant_partition(cell) FROM segments WHERE id = ANY(CAST(:ids AS bigint[])) ORDER BY 1"
 )
 
 # What all passes of a drive together say of its constants, so that a window need not read those outside of it; and what
 # tells the drive from others (``twins``).
 _DELETE_CONSTANTS = text("DELETE FROM drive_constants WHERE drive_id = :drive_id")
 _INSERT_CONSTANTS = """
-    INSERT INTO drive_constants (drive_id, passes, said, measurements, epoch_s, regions)
-    VALUES (%(drive_id)s, %(passes)s, %(said)b, %(measurements)s, %(epoch_s)b, %(regions)s::smallint[])
+    INSERT INTO drive_constants (drive_id, passes, evidence, measurements, epoch_s, partitions)
+    VALUES (%(drive_id)s, %(passes)s, %(evidence)b, %(measurements)s, %(epoch_s)b, %(partitions)s::smallint[])
 """
-_CONSTANTS = "SELECT drive_id, passes, said FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
+_CONSTANTS = "SELECT drive_id, passes, evidence FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
 # A drive that comes can turn the verdict over passes of others. One that is going just now takes its verdicts along,
 # and over what has been summed meanwhile the verdict stands.
@@ -69,7 +69,8 @@ _REJECT = text(
     """
     INSERT INTO rejected_passes (segment_id, pass_id, drive_id)
     SELECT segment_id, id, drive_id FROM drive_passes
-    WHERE id = ANY(CAST(:ids AS bigint[])) AND region = ANY(CAST(:regions AS smallint[])) AND summed_weight IS NULL
+    WHERE id = ANY(CAST(:ids AS bigint[])) AND partition = ANY(CAST(:partitions AS smallint[]))
+        AND condensed_weight IS NULL
     FOR KEY SHARE SKIP LOCKED
     ON CONFLICT DO NOTHING
     """
@@ -102,7 +103,7 @@ def replace_passes(
     """
     session.execute(_KEEP, {"drive_id": drive_id})
     gone = fetch_binary(session, _DELETE, of_drive(session, drive_id))
-    take_off(session, sums_of_drive(session, drive_id, gone))
+    subtract_condensed(session, condensed_of_drive(session, drive_id, gone))
     session.execute(_DELETE_VERDICTS, {"drive_id": drive_id})
     session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})
     touched = {segment for segment, *_ in gone}
@@ -116,17 +117,17 @@ def replace_passes(
         send_binary(session, _INSERT, {"drive_id": drive_id, **columns})
         whole = {
             "passes": len(factors),
-            "said": ConstantsInformation.of_passes(factors).encode(),
+            "evidence": ConstantsInformation.of_passes(factors).encode(),
             "measurements": sum(f.rows for f in factors),
             "epoch_s": np.asarray(epoch_s, "<f8").tobytes(),
-            "regions": regions_of(session, {f.segment for f in factors}),
+            "partitions": partitions_of(session, {f.segment for f in factors}),
         }
         send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **whole})
     return touched | {f.segment for f in factors}
 
 
-def regions_of(session: Session, segment_ids: Collection[int]) -> list[int]:
-    """The regions by which the passes over these segments are parted."""
+def partitions_of(session: Session, segment_ids: Collection[int]) -> list[int]:
+    """The partitions by which the passes over these segments are parted."""
     return list(session.execute(_REGIONS, {"ids": list(segment_ids)}).scalars())
 
 
@@ -139,7 +140,7 @@ def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPa
     """The passes over these segments that are in no sum, but for those of drives that are there already; drive by drive
     as driven."""
     rows = fetch_binary(
-        session, OVER, {"ids": list(segment_ids), "regions": regions_of(session, segment_ids)}
+        session, OVER, {"ids": list(segment_ids), "partitions": partitions_of(session, segment_ids)}
     )
     factors = PassFactor.decode_all([row[3:] for row in rows])
     return [
@@ -181,11 +182,11 @@ def by_drive(passes: Iterable[StoredPass]) -> list[list[StoredPass]]:
     )
 
 
-def set_verdicts(session: Session, heard: Sequence[StoredPass], rejected: Sequence[StoredPass]) -> None:
+def set_accepted(session: Session, heard: Sequence[StoredPass], rejected: Sequence[StoredPass]) -> None:
     """Write which passes are heard from now on, and which are not."""
     for statement, passes in ((_HEAR, heard), (_REJECT, rejected)):
         if passes:
             segments = sorted({p.factor.segment for p in passes})
             ids = sorted(p.id for p in passes if p.id is not None)
-            values = {"ids": ids, "segments": segments, "regions": regions_of(session, segments)}
+            values = {"ids": ids, "segments": segments, "partitions": partitions_of(session, segments)}
             session.execute(statement, values)

@@ -93,7 +93,7 @@ _LEFT_OVER = text(
 def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int]:
     """Recompute what is published of these segments from all that is stored; nothing known: no row.
 
-    Returns the segments of which that changed. The caller holds their squares (``app.network.cells``).
+    Returns the segments of which that changed. The caller holds their cells (``app.network.cells``).
     """
     ids = np.unique(np.array(list(segment_ids), np.int64))
     if not len(ids):

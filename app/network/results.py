@@ -4,7 +4,7 @@ How a drive comes to say so is not known here, nor what is shown of a segment (`
 (``app.network.swap``).
 
 The rule that keeps the map right whatever runs at the same time: what drives say is only ever stored together with
-marks of the squares that it touches, and a square is solved from everything that is stored.
+marks of the cells that it touches, and a cell is solved from everything that is stored.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import plain_json
-from app.network.duplicates import choose_witnesses, drives_that_name
+from app.network.duplicates import decide_duplicates, duplicates_of
 from app.network.locks import own_hours, share_network
 from app.network.marks import MarkedBy, append_marks
 from app.network.passes import moments_of, replace_passes
@@ -41,14 +41,14 @@ class RunProvenance:
     road_version_id: int
     dem_version_id: int | None
     road_state: int | None = None
-    """Of the squares that the roads were taken from, the highest (``app.network.road_states``)"""
+    """Of the cells that the roads were taken from, the highest (``app.network.road_states``)"""
 
 
 # The published slopes of these segments may rest on the drive: on its own estimates or, until it is computed again, on
 # what it said in a former model. What it says to the network is heard by its passes.
 _DELETE_ESTIMATES = text("DELETE FROM drive_segments WHERE drive_id = :drive_id RETURNING segment_id")
 _DELETE_PROVENANCE = text("DELETE FROM provenances WHERE drive_id = :drive_id")
-_IS_HEARD = text("SELECT same_as IS NULL FROM drives WHERE id = :drive_id")
+_IS_HEARD = text("SELECT duplicate_of IS NULL FROM drives WHERE id = :drive_id")
 
 _INSERT_PROVENANCE = text(
     """
@@ -92,7 +92,7 @@ def append_result(
     *,
     delay_s: float = 0.0,
 ) -> list[int]:
-    """Replace what the drive says, and mark what has to be solved for it, within ``delay_s``; the squares marked.
+    """Replace what the drive says, and mark what has to be solved for it, within ``delay_s``; the cells marked.
 
     ``segment_ids`` maps the segments of estimates and factors (indices into the network of the run) to the
     database's ids. ``epoch_s`` are the times of the log's positions (e,): without them two logs of one drive are
@@ -110,7 +110,7 @@ def append_result(
 
 
 def append_removal(session: Session, drive: MarkedBy) -> list[int]:
-    """Take back all that the drive says, and mark what has to be solved for it; the squares marked.
+    """Take back all that the drive says, and mark what has to be solved for it; the cells marked.
 
     The caller has begun the change (``begin_change``) and holds the drive's row.
     """
@@ -130,7 +130,7 @@ def _exchange(
     """Exchange the drive's passes; the segments around which this changes what is heard."""
     was_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
     changed = replace_passes(session, drive_id, factors, epoch_s)
-    others = choose_witnesses(session, {drive_id, *drives_that_name(session, drive_id)})
+    others = decide_duplicates(session, {drive_id, *duplicates_of(session, drive_id)})
     is_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
     return {*(changed if was_heard or is_heard else ()), *others}
 

@@ -1,8 +1,8 @@
-"""Which roads stand in a square: numbers that grow with every change of them, so that nobody works on by former ones.
+"""Which roads stand in a cell: numbers that grow with every change of them, so that nobody works on by former ones.
 
 An import changes roads in many short steps (``app.roads.changing``), and a step is named by one number: that of the
-import in the upper bits. Squares say which step changed the roads that meet them last. Whoever keeps roads in memory
-(``road_squares``), or computes a drive on them, compares the numbers of the squares that it has read.
+import in the upper bits. Cells say which step changed the roads that meet them last. Whoever keeps roads in memory
+(``road_squares``), or computes a drive on them, compares the numbers of the cells that it has read.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ STEP_BITS = 20
 LAST_STEP = (1 << STEP_BITS) - 1
 
 WIDE = -1
-"""Stands for all squares: a line that is as long as ten of them is said to have changed everywhere."""
-_WIDE_SQUARES = 100
+"""Stands for all cells: a line that is as long as ten of them is said to have changed everywhere."""
+_WIDE_CELLS = 100
 
 _STATES = text("SELECT id, road_state FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id")
 
@@ -38,7 +38,7 @@ _MET = text(
     """
 )
 
-# With the versions of squares (``cells``), in one order, so that two who write them do not wait for each other.
+# With the versions of cells (``cells``), in one order, so that two who write them do not wait for each other.
 _RAISE = text(
     """
     INSERT INTO cells AS c (id, version, road_state, course_state)
@@ -62,23 +62,23 @@ def state_of(version_id: int, step: int) -> int:
     return version_id << STEP_BITS | min(step, LAST_STEP)
 
 
-def squares_met(session: Session, segment_ids: Collection[int]) -> set[int]:
-    """The squares in which segments are read, perhaps ``WIDE``."""
-    values = {"ids": list(segment_ids), "wide": _WIDE_SQUARES, "every": WIDE}
+def cells_met(session: Session, segment_ids: Collection[int]) -> set[int]:
+    """The cells in which segments are read, perhaps ``WIDE``."""
+    values = {"ids": list(segment_ids), "wide": _WIDE_CELLS, "every": WIDE}
     return set(session.execute(_MET, values).scalars())
 
 
 def raise_roads(
     session: Session, state: int, *, shown: Collection[int], met: Collection[int], courses: Collection[int]
 ) -> None:
-    """Say of squares that what is ``shown`` of them has changed; that roads have that are read with them (``met``); and
+    """Say of cells that what is ``shown`` of them has changed; that roads have that are read with them (``met``); and
     that a drive there would notice (``courses``)."""
     values = {"shown": sorted(shown), "met": sorted(met), "courses": sorted(courses), "state": state}
     session.execute(_RAISE, values)
 
 
-def road_states(session: Session, squares: Collection[int]) -> dict[int, int]:
-    """The state of the roads that meet each of these squares."""
-    found = {row.id: row.road_state for row in session.execute(_STATES, {"ids": [WIDE, *squares]})}
+def road_states(session: Session, cells: Collection[int]) -> dict[int, int]:
+    """The state of the roads that meet each of these cells."""
+    found = {row.id: row.road_state for row in session.execute(_STATES, {"ids": [WIDE, *cells]})}
     everywhere = found.get(WIDE, 0)
-    return {square: max(found.get(square, 0), everywhere) for square in squares}
+    return {cell: max(found.get(cell, 0), everywhere) for cell in cells}

@@ -63,7 +63,7 @@ def write_slopes(
     together have one height where they meet. At the edge of what is written two can stand: the one inside is of the
     new solution, the one outside waits until its own roads are solved again, as slopes there do. They differ by what
     windows leave, which is more for heights, which come from far away, than for slopes. ``settle_network`` leaves such
-    edges between its regions.
+    edges between its partitions.
     """
     values: dict[str, Any] = {name: _nullable(getattr(result, name)[rows]) for name in NETWORK_ONLY}
     start, end = _node_heights(session, segment_ids, result, rows, tolerance_sigmas)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from sqlalchemy.orm import Session
 
-from app.network.condensed import MOST_SUMMED, OldPass, beyond_jury, portions, sums_over
+from app.network.condensed import MOST_CONDENSED, OldPass, condensed_over, passes_to_condense, portions
 from app.network.control import control_on
 from app.network.passes import StoredPass, by_drive, passes_over, said_elsewhere
 from app.network.surroundings import Surroundings, stored_terrain, surroundings
@@ -39,7 +39,7 @@ LARGEST_GROWING = 1_000
 known, and there roads are few; a window twice as wide has four times as many."""
 
 SETTLING_SCALE = 2.0
-"""Of the one window in which a square of a network is solved that is solved whole."""
+"""Of the one window in which a cell of a network is solved that is solved whole."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Solution:
         verdicts = self.result.accepted
         return [(p, verdicts[k, p.factor.sequence]) for k, said in enumerate(self.drives) for p in said]
 
-    def drives_heard(self) -> Counter[int]:
+    def accepted_drives(self) -> Counter[int]:
         """How many drives are heard on each segment, those of its sum among them."""
         count = Counter(
             segment for segment, _ in {(p.factor.segment, p.drive_id) for p, good in self.heard() if good}
@@ -91,8 +91,8 @@ class Solution:
                 if p.id is not None and p.factor.segment in mine:
                     heard = weight[name] if self.result.accepted[name] else 0.0
                     over.setdefault(p.factor.segment, []).append(OldPass(p.id, p.drive_id, p.factor, heard))
-        old = (p for segment in sorted(over) for p in beyond_jury(over[segment]))
-        return next(portions(old, MOST_SUMMED), [])
+        old = (p for segment in sorted(over) for p in passes_to_condense(over[segment]))
+        return next(portions(old, MOST_CONDENSED), [])
 
 
 def solve_around(session: Session, touched: Collection[int]) -> tuple[Solution, Bools]:
@@ -109,10 +109,10 @@ def solve_around(session: Session, touched: Collection[int]) -> tuple[Solution, 
     return solution, window.published & ~window.outward
 
 
-def settle_square(session: Session, segment_ids: Collection[int]) -> Solution:
-    """Solve one square of a network that is solved whole: these segments are all that it has of the network.
+def settle_cell(session: Session, segment_ids: Collection[int]) -> Solution:
+    """Solve one cell of a network that is solved whole: these segments are all that it has of the network.
 
-    What was found before has no part in it, so slopes do not depend on which square came first.
+    What was found before has no part in it, so slopes do not depend on which cell came first.
     """
     return _solve(session, segment_ids, SETTLING_SCALE)
 
@@ -148,7 +148,7 @@ def _solve(
     elsewhere = {
         k: said for k, said in said_elsewhere(session, drives).items() if drives[k][0].drive_id not in own
     }
-    sums = sorted(sums_over(session, ids, next(iter(own), None)).items())
+    sums = sorted(condensed_over(session, ids, next(iter(own), None)).items())
     said = {k: [p.factor.over(row_of[p.factor.segment]) for p in said] for k, said in enumerate(drives)}
     length = knot_length(around.table.length_m[window.solved])
     for k, (segment, one) in enumerate(sums, len(drives)):

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
 from app.network.cell_roads import roads_in
-from app.network.cells import regions_around
+from app.network.cells import partitions_around
 from fusion.network.curve import interval_count, knot_length
 from fusion.network.subnetwork import SOLVE_RADIUS_M, boxes_around
 from fusion.network.terrain import Terrain, heights_at
@@ -37,9 +37,9 @@ KNOWN = """
     FROM unnest(%(ids)s) AS s (id)
     LEFT JOIN LATERAL (
         SELECT true AS driven FROM (
-            SELECT drive_id FROM drive_passes WHERE segment_id = s.id AND region = ANY(%(regions)s::smallint[])
+            SELECT drive_id FROM drive_passes WHERE segment_id = s.id AND partition = ANY(%(partitions)s::smallint[])
             ORDER BY entered_s OFFSET 0) AS over
-        WHERE (SELECT same_as IS NULL FROM drives WHERE id = over.drive_id) LIMIT 1) AS p ON true
+        WHERE (SELECT duplicate_of IS NULL FROM drives WHERE id = over.drive_id) LIMIT 1) AS p ON true
     LEFT JOIN network_slopes AS n ON n.segment_id = s.id
     WHERE p.driven OR n.segment_id IS NOT NULL
 """
@@ -56,7 +56,7 @@ class Surroundings:
     table: RoadTable
     ids: Ints
     cell: Ints
-    """The square of each row (``app.network.cells``)."""
+    """The cell of each row (``app.network.cells``)."""
     driven: Bools
     drives: Ints
     """As stored: -1 where the network has no slope."""
@@ -72,7 +72,7 @@ def surroundings(session: Session, touched: Collection[int], scale: float) -> Su
     boxes = boxes_around(lon0, lat0, lon1, lat1, scale * SOLVE_RADIUS_M)
     roads = roads_in(session, boxes)
     row = np.argsort(roads.ids)
-    known = fetch_binary(session, KNOWN, {"ids": roads.ids, "regions": regions_around(roads.cell)})
+    known = fetch_binary(session, KNOWN, {"ids": roads.ids, "partitions": partitions_around(roads.cell)})
     ids, driven, drives, slope, sigma = zip(*known, strict=True) if known else ((),) * 5
     at = row[np.searchsorted(roads.ids, np.array(ids, np.int64), sorter=row)]
     n = len(roads.ids)

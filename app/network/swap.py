@@ -1,7 +1,7 @@
 """What is marked, solved and put in the place of what stood there: on a snapshot, outside of any lock.
 
-A solver takes squares for itself, reads in one snapshot, solves, and writes in one short transaction, if no other has
-written in those squares since; else it does all again with what came. It may die at any moment: the marks stay.
+A solver takes cells for itself, reads in one snapshot, solves, and writes in one short transaction, if no other has
+written in those cells since; else it does all again with what came. It may die at any moment: the marks stay.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.telemetry.logs import tell
-from app.core.telemetry.measures import SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
+from app.core.telemetry.measures import CELLS_SOLVED, SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
-from app.network.condensed import AT_ONCE, made_sums, portions, sum_up
+from app.network.condensed import AT_ONCE, condense, condensed_by_drive, portions
 from app.network.locks import CellClaims, cell_claims, try_share_network
 from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
-from app.network.passes import regions_of, set_verdicts
+from app.network.passes import partitions_of, set_accepted
 from app.network.publish import refresh_aggregates
 from app.network.slopes import clear_slopes, write_slopes
 from app.network.solve import Solution, solve_around
@@ -37,9 +37,9 @@ TOLERANCE_SIGMAS = 1e-3
 """Smaller changes are not written: what is stored stays within it of what was found, however often."""
 
 MOST_CELLS = 16
-"""Squares solved together: those of a drive of ten kilometres."""
+"""Cells solved together: those of a drive of ten kilometres."""
 MOST_TOUCHED = 4000
-"""Touched segments, each as often as it was marked, after which no further square is taken."""
+"""Touched segments, each as often as it was marked, after which no further cell is taken."""
 
 _TRIES = 20
 _PAUSE_S = 0.02
@@ -47,8 +47,8 @@ _PAUSE_S = 0.02
 _IMPORT_PAUSE_S = 0.2
 """Imports own the network again and again, for a tenth of a second."""
 _LOCK_WAIT = text("SET LOCAL lock_timeout = '50ms'")
-"""Squares are had at once or not at all; rows of their segments are theirs. What is left is whoever writes beside the
-service, and two that make the row of the same square."""
+"""Cells are had at once or not at all; rows of their segments are theirs. What is left is whoever writes beside the
+service, and two that make the row of the same cell."""
 _OTHERS_WRITE = frozenset({"55P03", "40P01"})
 """PostgreSQL's codes for a lock that was not had in time, and for two that waited for each other."""
 
@@ -70,7 +70,7 @@ class Found:
     solution: Solution | None
     shown: Bools
     versions: dict[int, int] = field(default_factory=dict)
-    """Of all squares in which anything of it is shown; imports raise those in which they change a road, too."""
+    """Of all cells in which anything of it is shown; imports raise those in which they change a road, too."""
 
 
 def solve_marked(
@@ -80,7 +80,7 @@ def solve_marked(
     more: Callable[[], None] = _nobody,
     published: Callable[[], object] = _nobody,
 ) -> int:
-    """Take marked squares that no other solver has, solve and publish them; of how many.
+    """Take marked cells that no other solver has, solve and publish them; of how many.
 
     ``only_due``: nothing is begun where no mark is due; then all that is marked near by is taken along. ``more`` is
     called before anything is solved if there is work for another solver, ``published`` when the map is up to date and
@@ -102,34 +102,35 @@ def solve_marked(
 def publish_cells(
     sessions: Sessions, cells: Collection[int], published: Callable[[], object] = _nobody
 ) -> None:
-    """Solve all that is marked in these squares, which the caller has taken, and swap it in."""
+    """Solve all that is marked in these cells, which the caller has taken, and swap it in."""
     for attempt in range(_TRIES):
         started_s = time.monotonic()
         with snapshot(sessions) as session:
             found = _find(session, marked_in(session, cells))
         if swap(sessions, found):
-            tell_solution("marked", found, len(cells), time.monotonic() - started_s, attempt + 1)
+            log_solution("marked", found, len(cells), time.monotonic() - started_s, attempt + 1)
             published()
-            sum_old_passes(sessions, found)
+            condense_old_passes(sessions, found)
             return
         SWAP_CONFLICTS.count("marked")
-        logger.debug("%d squares changed while they were solved; again", len(cells))
+        logger.debug("%d cells changed while they were solved; again", len(cells))
         time.sleep(_PAUSE_S * random.uniform(0.5, 1.5) * min(attempt + 1, 5))  # noqa: S311 - no secret
         _await_network(sessions)
-    raise BusyError(f"{_TRIES} times others wrote in the same squares first")
+    raise BusyError(f"{_TRIES} times others wrote in the same cells first")
 
 
-def tell_solution(kind: str, found: Found, squares: int, took_s: float, tries: int) -> None:
-    """Count and log what was solved and written; which squares it was is nobody's business: somebody drove there."""
+def log_solution(kind: str, found: Found, cells: int, took_s: float, tries: int) -> None:
+    """Count and log what was solved and written; which cells it was is nobody's business: somebody drove there."""
     SOLVE_S.observe(took_s, kind)
-    SQUARES_SOLVED.count(kind, by=squares)
+    CELLS_SOLVED.count(kind, by=cells)
+    SQUARES_SOLVED.count(kind, by=cells)
     segments = 0 if found.solution is None else int(found.shown.sum())
     marks = len(found.marks) or None
     tell(
         logger,
-        "squares solved",
+        "cells solved",
         kind=kind,
-        squares=squares,
+        cells=cells,
         segments=segments,
         marks=marks,
         tries=tries,
@@ -167,7 +168,7 @@ def solve_all_marked(sessions: Sessions, progress: Progress = no_progress) -> No
         try:
             solved = solve_marked(sessions, only_due=False)
         except BusyError:
-            logger.info("squares that others write in are tried again", exc_info=True)
+            logger.info("cells that others write in are tried again", exc_info=True)
             continue
         if not solved:
             time.sleep(_PAUSE_S)
@@ -176,7 +177,7 @@ def solve_all_marked(sessions: Sessions, progress: Progress = no_progress) -> No
 def shown_cells(
     session: Session, solution: Solution, shown: Bools, combined: Collection[int]
 ) -> dict[int, int]:
-    """The squares in which rows that are ``shown`` and combined segments lie, and their versions."""
+    """The cells in which rows that are ``shown`` and combined segments lie, and their versions."""
     return versions_of(session, cells_over(session, {*solution.around.ids[shown].tolist(), *combined}))
 
 
@@ -185,7 +186,7 @@ def swap(
 ) -> bool:
     """Write what was found, in one short transaction; False: it is out of date, or others are writing there just now.
 
-    Squares of which anything shown changed get a new version, and are noted as not ``settled``, with those around.
+    Cells of which anything shown changed get a new version, and are noted as not ``settled``, with those around.
     """
     try:
         with sessions.begin() as session:
@@ -212,7 +213,7 @@ def swap(
     return True
 
 
-def sum_old_passes(sessions: Sessions, found: Found) -> None:
+def condense_old_passes(sessions: Sessions, found: Found) -> None:
     """After a swap: what the solution had beyond the juries of its segments goes into their sums, as it counted there.
 
     Where others are in the way it is left to the next solution, which reads that much more.
@@ -222,13 +223,13 @@ def sum_old_passes(sessions: Sessions, found: Found) -> None:
         return
     try:
         with sessions() as session:
-            made = made_sums(session, old)
-            regions = regions_of(session, {p.factor.segment for p in old})
+            made = condensed_by_drive(session, old)
+            partitions = partitions_of(session, {p.factor.segment for p in old})
         for portion in portions(old, AT_ONCE):
             with sessions.begin() as session:
                 session.execute(_LOCK_WAIT)
                 if try_share_network(session):
-                    sum_up(session, portion, made, regions)
+                    condense(session, portion, made, partitions)
     except OperationalError as error:
         if getattr(error.orig, "sqlstate", None) not in _OTHERS_WRITE:
             raise
@@ -236,7 +237,7 @@ def sum_old_passes(sessions: Sessions, found: Found) -> None:
 
 
 def _take(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int]:
-    """The first square that can be had, and marked ones about it as long as they are few."""
+    """The first cell that can be had, and marked ones about it as long as they are few."""
     marked = {w.cell: w for w in waiting}
     for first in waiting:
         if (first.due or not only_due) and claims.take(first.cell):
@@ -277,8 +278,8 @@ def _write(session: Session, solution: Solution, shown: Bools, tolerance_sigmas:
     mine = set(around.ids[shown].tolist())
     heard = [(p, good) for p, good in solution.heard() if p.factor.segment in mine]
     turned = [(p, good) for p, good in heard if p.accepted != good]
-    set_verdicts(session, [p for p, good in turned if good], [p for p, good in turned if not good])
-    drives = solution.drives_heard()
+    set_accepted(session, [p for p, good in turned if good], [p for p, good in turned if not good])
+    drives = solution.accepted_drives()
     ids = around.ids[rows].tolist()
     counts = [drives[segment] for segment in ids]
     changed = write_slopes(session, ids, counts, result, usable, tolerance_sigmas)

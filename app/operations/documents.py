@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any
@@ -11,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.text import Moment
+from app.jobs.requests.store import Request
 
 
 class Kind(StrEnum):
@@ -75,7 +75,7 @@ class Failure(BaseModel):
     reason: str = Field(description="What is wrong and what to do about it.")
 
 
-class Operation(BaseModel):
+class Operation(Request):
     """Something that the operator asked for and a worker does."""
 
     model_config = ConfigDict(
@@ -84,7 +84,6 @@ class Operation(BaseModel):
         json_schema_extra={"examples": [EXAMPLE]},
     )
 
-    id: uuid.UUID
     kind: Kind
     subject: str = Field(description="With what: the name of the file, region or raster; `map` of all.")
     status: Status = Field(
@@ -105,8 +104,6 @@ class Operation(BaseModel):
 
     # The service's own, in no document.
     request: dict[str, Any] = Field(exclude=True)
-    run: int = Field(exclude=True)
-    yields: int = Field(exclude=True)
     state: dict[str, Any] = Field(exclude=True)
     approved: bool = Field(exclude=True)
     blob_key: str | None = Field(exclude=True)

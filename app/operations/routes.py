@@ -12,16 +12,17 @@ from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from app.core.blobs import IMPORTS, BlobStore
 from app.core.databases import database_identity
 from app.core.errors import BadRequestError, NotDoneError
-from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems, with_query
-from app.core.query import cursor_of, parse_cursor, refuse_unknown
+from app.core.http import BaseUrl, Service, ServiceDep, found, problems
+from app.core.query import refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
+from app.jobs.requests.listing import AfterQuery, page_of
 from app.operations import store
 from app.operations.documents import (
-    PLANNED_FIRST,
     WITH_FILE,
     Kind,
     Operation,
@@ -30,8 +31,8 @@ from app.operations.documents import (
     linked,
     operation_address,
 )
-from app.operations.files import imports_store
 from app.operations.receiving import Received, receive_file
+from app.operations.store import operations
 from app.roads.regions import check_name, known_region
 from app.terrain.store import chosen, current_dem
 from fusion.errors import RoadsError, TerrainError
@@ -120,7 +121,9 @@ async def ask_for_operation(
     received = None
     if kind in WITH_FILE:
         await run_in_threadpool(_require_place, service, request.headers.get("content-length", ""))
-        received = await receive_file(request, imports_store(service.settings), service.settings)
+        received = await receive_file(
+            request, BlobStore(service.settings.blob_store_url, IMPORTS), service.settings
+        )
     operation = await run_in_threadpool(_asked, service, origin, kind, asked, received)
     response.headers["Location"] = operation_address(base, operation)
     return linked(base, operation)
@@ -132,23 +135,11 @@ def list_operations(
     service: ServiceDep,
     base: BaseUrl,
     limit: Annotated[int, Query(ge=1, le=1000, description="Operations per page.")] = 100,
-    after: Annotated[
-        str | None, Query(description="Where the page begins; only `next` links know what to write here.")
-    ] = None,
+    after: AfterQuery = None,
 ) -> OperationList:
     """The newest first. Follow the `next` link until there is none; each operation comes once."""
     refuse_unknown(request, {"limit", "after"}, BadRequestError)
-    place = None
-    if after is not None:
-        moment, number = parse_cursor(after)
-        place = (moment, uuid.UUID(int=number))
-    with service.reading() as session:
-        listed = store.list_operations(session, limit=limit + 1, after=place)
-    shown, here = listed[:limit], f"{base}/v1/operations"
-    links = [link(with_query(here, limit=limit, after=after), "self")]
-    if len(listed) > limit:
-        following = cursor_of(shown[-1].created_at, shown[-1].id.int)
-        links.append(link(with_query(here, limit=limit, after=following), "next"))
+    shown, links = page_of(service, operations, f"{base}/v1/operations", limit=limit, after=after)
     return OperationList(operations=[linked(base, one) for one in shown], links=links)
 
 
@@ -192,14 +183,14 @@ def cancel_operation(
     on to its end (409). Its file goes at once. Once more changes nothing.
     """
     with service.sessions.begin() as session:
-        cancelled = store.cancel(session, operation_id, [kind.value for kind in PLANNED_FIRST])
+        cancelled = store.cancel(session, operation_id)
         if cancelled is None:
             known = _found(session, operation_id)
         else:
             known, key = cancelled
             audit.note(session, origin, f"{known.kind} cancelled", known.subject, id=str(known.id))
     if cancelled is not None and key is not None:
-        imports_store(service.settings).delete(key)
+        BlobStore(service.settings.blob_store_url, IMPORTS).delete(key)
     if known.status is Status.CANCELLED:
         return linked(base, known)
     if known.status in {Status.QUEUED, Status.RUNNING}:
@@ -247,7 +238,7 @@ def _asked(
     service: Service, origin: str, kind: Kind, asked: dict[str, Any], received: Received | None
 ) -> Operation:
     """The operation, with its audit row; a file that is not its own goes."""
-    blobs, key = imports_store(service.settings), None
+    blobs, key = BlobStore(service.settings.blob_store_url, IMPORTS), None
     subject = asked.get("name") or "map"
     if received is not None:
         key, subject = received.blob.key, received.name
@@ -277,5 +268,5 @@ def _asked(
 
 
 def _found(session: Session, number: uuid.UUID) -> Operation:
-    operation: Operation = found(store.get_operation(session, number), "operation", number)
+    operation: Operation = found(operations.get(session, number), "operation", number)
     return operation

@@ -1,37 +1,25 @@
-"""Runs of operations in a worker: one at a time, behind uploads, safe to be cut off at any moment and repeated.
+"""Runs of operations in a worker: one at a time, behind uploads. They begin and end as ``app.jobs.requests.run`` says.
 
-What was asked for in vain ends as a failed operation with the sentence that the command line would give. Knows no HTTP.
+Knows no HTTP.
 """
 
 from __future__ import annotations
 
 import logging
-import shutil
-import uuid
-from collections.abc import Callable
-from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
-from pathlib import Path
 
-from app.core.blobs import BlobStore
-from app.core.databases import database_identity
-from app.core.db import Sessions
-from app.core.errors import ServiceError, StorageFullError
+from app.core.blobs import IMPORTS
+from app.core.db import plain_json
 from app.core.filesystems import full_is_told, require_room
-from app.core.settings import Settings
-from app.core.telemetry.logs import about, tell
-from app.jobs.task import Interrupted, Task, Work
+from app.core.telemetry.logs import tell
+from app.jobs.requests.run import RequestKind, expected_failure
 from app.operations import store
-from app.operations.documents import Operation
-from app.operations.files import imports_store
-from app.operations.look import Look, Unwanted
-from app.operations.work import Bench, Outcome, PlanChangedError, work
+from app.operations.store import operations
+from app.operations.work import Outcome, PlanChangedError, Run, file_of, work
 from fusion.errors import FusionError
 
 CHUNK_BYTES = 2**20
-ORPHAN_AGE = timedelta(hours=6)
-"""A file that no operation refers to is on its way to none any more by then."""
+SLICE_S = 20.0
+"""An operation lets others go first at once, then after so long, twice, four times as long: it comes to its end."""
 LOST = "The file of this operation is gone from the storage. Ask for it again, with the file."
 NO_ROOM = (
     "The service's storage is full. Ask again when whoever runs the service has made room (/readyz says how much there "
@@ -40,8 +28,6 @@ NO_ROOM = (
 
 logger = logging.getLogger(__name__)
 
-Computing = Callable[[], AbstractContextManager[None]]
-
 
 class FileLostError(FusionError):
     """The file that came with an operation is not there any more."""
@@ -49,156 +35,55 @@ class FileLostError(FusionError):
     kind = "file-lost"
 
 
-@dataclass(frozen=True)
-class Desk:
-    """What a run of an operation works with."""
-
-    settings: Settings
-    sessions: Sessions
-    roads_changed: Callable[[Sessions], object] = lambda _: None
-    """Is called when roads have changed: drives that lost something are to be computed again."""
-
-    @property
-    def blobs(self) -> BlobStore:
-        """The part of the store in which files to be imported wait."""
-        return imports_store(self.settings)
-
-    @property
-    def scratch(self) -> Path:
-        """Where files are brought to be read; a folder of each run below."""
-        return self.settings.data_dir / "operations"
-
-
-def operation_task(
-    settings: Settings, sessions: Sessions, roads_changed: Callable[[Sessions], object]
-) -> Task:
-    """What a worker does for an operation."""
-    desk = Desk(settings, sessions, roads_changed)
-
-    def run(work: Work, *, operation_id: str) -> str:
-        return operate(desk, uuid.UUID(operation_id), work.should_stop, work.computing)
-
-    def fail(kind: str, reason: str, *, operation_id: str) -> None:
-        _fail(desk, uuid.UUID(operation_id), kind, reason)
-
-    def put_back(*, operation_id: str) -> None:
-        with sessions.begin() as session:
-            store.let_wait(session, uuid.UUID(operation_id))
-
-    advice = "Ask for it again: what was done of it stays. The command line knows no such limit."
-    return Task(store.OPERATE, run, fail, put_back, subject="operation", advice=advice)
-
-
-def operate(desk: Desk, number: uuid.UUID, should_stop: Callable[[], bool], computing: Computing) -> str:
-    """Do, or plan, what was asked for; a word on how it ended. Safe to call twice, also at the same time.
-
-    Raises ``Interrupted`` where another run is to go on: the worker stops, or lets others go first.
-    """
-    with about(operation=number):
-        with desk.sessions.begin() as session:
-            operation = store.claim(session, number)
-        if operation is None:
-            return "unwanted"
-        look = Look(desk.sessions, operation, should_stop)
-        folder = desk.scratch / f"{operation.id}-{operation.run}"
-        try:
-            return _operated(desk, operation, look, folder, computing)
-        except Unwanted:
-            return "unwanted"
-        except Interrupted:
-            with desk.sessions.begin() as session:
-                store.put_back(session, operation, yielded=look.yielded)
-            raise
-        except (FusionError, ServiceError) as error:
-            kind, reason = _in_words(error)
-            _fail(desk, number, kind, reason, operation.run)
-            return "failed"
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _operated(desk: Desk, operation: Operation, look: Look, folder: Path, computing: Computing) -> str:
-    look.progress("beginning", 0.0)
-    file = None if operation.blob_key is None else _brought(desk, operation, look, folder)
+def _operate(run: Run) -> str:
+    """Do, or plan, what was asked for; a word on how it ended."""
+    operation = run.request
+    run.show("beginning", 0.0)
+    if operation.blob_key is not None:
+        _fetch_file(run, operation.blob_key)
     try:
-        outcome = work(Bench(desk.settings, desk.sessions, operation, look, file, computing))
+        outcome = work(run)
     except PlanChangedError as changed:
         outcome = Outcome(changed.plan, planned=True)
-    with desk.sessions.begin() as session:
-        say = store.plan if outcome.planned else store.finish
-        ours = say(session, operation, outcome.document)
+    with run.sessions.begin() as session:
+        if outcome.planned:
+            ours = store.plan(session, operation, outcome.document)
+        else:
+            ours = operations.finish(session, operation, result=plain_json(outcome.document), blob_key=None)
     if not ours:
         return "unwanted"
     if outcome.planned:
         return "planned"
     if operation.blob_key is not None:
-        desk.blobs.delete(operation.blob_key)
-    desk.roads_changed(desk.sessions)
+        run.context.part(IMPORTS).delete(operation.blob_key)
+    run.context.roads_changed(run.sessions)
     tell(logger, "operation done", kind=operation.kind)
     return "done"
 
 
-def _brought(desk: Desk, operation: Operation, look: Look, folder: Path) -> Path:
-    """The file that came with the operation, on this machine, under its own name."""
-    path = folder / str(operation.request["filename"])
-    size = max(int(operation.request["size_bytes"]), 1)
+def _fetch_file(run: Run, blob_key: str) -> None:
+    """Bring the file that came with the operation to this machine."""
+    size = max(int(run.request.request["size_bytes"]), 1)
     try:
-        with full_is_told(), desk.blobs.open(str(operation.blob_key), CHUNK_BYTES) as source:
-            folder.mkdir(parents=True, exist_ok=True)
-            require_room(folder, size, desk.settings.min_free_bytes)
-            with path.open("wb") as target:
+        with full_is_told(), run.context.part(IMPORTS).open(blob_key, CHUNK_BYTES) as source:
+            run.folder.mkdir(parents=True, exist_ok=True)
+            require_room(run.folder, size, run.settings.min_free_bytes)
+            with file_of(run).open("wb") as target:
                 while chunk := source.read(CHUNK_BYTES):
                     target.write(chunk)
-                    look.progress("fetching the file", target.tell() / size)
+                    run.show("fetching the file", target.tell() / size)
     except FileNotFoundError as error:
         raise FileLostError(LOST) from error
-    return path
 
 
-def _fail(desk: Desk, number: uuid.UUID, kind: str, reason: str, run: int | None = None) -> None:
-    with desk.sessions.begin() as session:
-        key = store.fail(session, number, kind, reason, run)
-    if key is not None:
-        desk.blobs.delete(key)
-    tell(logger, "operation failed", level=logging.WARNING, operation=number, kind=kind, reason=reason)
-
-
-def _in_words(error: FusionError | ServiceError) -> tuple[str, str]:
-    """Kind and reason of a failure."""
-    if isinstance(error, FusionError):
-        return error.kind, str(error)
-    return ("storage-full", NO_ROOM) if isinstance(error, StorageFullError) else ("impossible", str(error))
-
-
-def tend(settings: Settings, sessions: Sessions) -> bool:
-    """A worker's part: plans that nobody wanted are forgotten, what waits without a job gets one, files that runs and
-    requests left behind go."""
-    desk = Desk(settings, sessions)
-    with sessions.begin() as session:
-        store.give_jobs(session)
-        gone = store.forget_plans(session)
-    for key in gone:
-        desk.blobs.delete(key)
-    sweep_files(desk)
-    limit = datetime.now(UTC) - timedelta(seconds=2 * settings.run_limit_s)
-    with suppress(FileNotFoundError):
-        for folder in desk.scratch.iterdir():
-            if datetime.fromtimestamp(folder.stat().st_mtime, UTC) < limit:
-                shutil.rmtree(folder, ignore_errors=True)
-    return False
-
-
-def sweep_files(desk: Desk) -> list[str]:
-    """Remove files that no operation refers to, unless another database uses the store; their keys."""
-    blobs = desk.blobs
-    old = blobs.older(blobs.keys(), ORPHAN_AGE)
-    if not old:
-        return []
-    with desk.sessions() as session:
-        identity, referred = database_identity(session), store.referred_blobs(session)
-    if any(name != identity for name in blobs.databases()):
-        return []
-    orphans = [key for key in old if key not in referred]
-    for key in orphans:
-        blobs.delete(key)
-    return orphans
+OPERATION = RequestKind(
+    operations,
+    _operate,
+    advice="Ask for it again: what was done of it stays. The command line knows no such limit.",
+    failure=expected_failure(NO_ROOM),
+    folder="operations",
+    files=IMPORTS,
+    undisturbed_s=lambda yields: SLICE_S * (2**yields - 1),
+    expire=store.forget_plans,
+)
+"""What a worker does for operations."""

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from app.core.db import Sessions
-from app.core.settings import Settings
+from app.core.tables import operations as tables
+from app.jobs.requests.run import RequestRun
 from app.network.locks import roads_change
 from app.network.settle import settle_network
 from app.operations.documents import Kind, Operation
-from app.operations.look import Look
 from app.roads.documents import ImportCounts, Wishes
 from app.roads.imports import import_roads, remove_region
 from app.roads.regions import find_region
@@ -27,6 +25,7 @@ from app.terrain.imports import add_dem, remove_dem
 from app.terrain.store import chosen, current_dem
 
 Document = dict[str, Any]
+Run = RequestRun[Operation]
 
 WAIT_S = 1.0
 """Between two looks at whether another import, asked for at a command line, is over."""
@@ -45,18 +44,6 @@ class PlanChangedError(Exception):
 
 
 @dataclass(frozen=True)
-class Bench:
-    """What the work is done with."""
-
-    settings: Settings
-    sessions: Sessions
-    operation: Operation
-    look: Look
-    file: Path | None
-    computing: Callable[[], AbstractContextManager[None]]
-
-
-@dataclass(frozen=True)
 class Outcome:
     """What came of a run: a plan that waits for a person, or the result."""
 
@@ -64,49 +51,58 @@ class Outcome:
     planned: bool = False
 
 
-def work(bench: Bench) -> Outcome:
+def file_of(run: Run) -> Path:
+    """Where the file that came with the operation is brought to be read, under its own name."""
+    return run.folder / str(run.request.request["filename"])
+
+
+def note_state(run: Run, **state: Any) -> None:
+    """Keep what a later run has to know."""
+    run.note(state=tables.Operation.state.concat(state))
+
+
+def work(run: Run) -> Outcome:
     """Do what is asked for, as far as it may be done now. Raises ``PlanChangedError``."""
-    return _WORK[bench.operation.kind](bench)
+    return _WORK[run.request.kind](run)
 
 
-def _roads(bench: Bench) -> Outcome:
-    assert bench.file is not None  # noqa: S101 - none is asked for without
-    file, region = bench.file, bench.operation.request.get("region")
+def _roads(run: Run) -> Outcome:
+    file, region = file_of(run), run.request.request.get("region")
 
     def bring(wishes: Wishes) -> ImportCounts:
-        place, progress = bench.settings.dem_dir, bench.look.progress
-        return import_roads(bench.sessions, file, place, progress, region=region, wishes=wishes)
+        place, progress = run.settings.dem_dir, run.show
+        return import_roads(run.sessions, file, place, progress, region=region, wishes=wishes)
 
-    return _change_roads(bench, bring)
+    return _change_roads(run, bring)
 
 
-def _remove_region(bench: Bench) -> Outcome:
-    name = str(bench.operation.request["name"])
-    if bench.operation.begun:
-        with bench.sessions() as session:
+def _remove_region(run: Run) -> Outcome:
+    name = str(run.request.request["name"])
+    if run.request.begun:
+        with run.sessions() as session:
             if find_region(session, name) is None:  # a former run came to its end and could not say so
-                return Outcome(_done(bench.operation.plan or {}, f"Region {name} is gone."))
+                return Outcome(_done(run.request.plan or {}, f"Region {name} is gone."))
 
     def bring(wishes: Wishes) -> ImportCounts:
-        return remove_region(bench.sessions, name, bench.settings.dem_dir, bench.look.progress, wishes)
+        return remove_region(run.sessions, name, run.settings.dem_dir, run.show, wishes)
 
-    return _change_roads(bench, bring)
+    return _change_roads(run, bring)
 
 
-def _change_roads(bench: Bench, bring: Callable[[Wishes], ImportCounts]) -> Outcome:
+def _change_roads(run: Run, bring: Callable[[Wishes], ImportCounts]) -> Outcome:
     """Plan, or carry out what was approved: that, and nothing else."""
-    operation, tolerance_m = bench.operation, bench.settings.road_tolerance_m
-    _wait_for_imports(bench)
+    operation, tolerance_m = run.request, run.settings.road_tolerance_m
+    _wait_for_imports(run)
     if not operation.approved:
-        with bench.computing():
+        with run.computing():
             return Outcome(_of_roads(bring(Wishes(dry_run=True, tolerance_m=tolerance_m))), planned=True)
 
     def agree(counts: ImportCounts) -> None:
         if not operation.begun and _is_other(counts, operation.plan or {}):
             raise PlanChangedError(_of_roads(counts, CHANGED, dry_run=True))
-        bench.look.note(begun=True)
+        note_state(run, begun=True)
 
-    with bench.computing():
+    with run.computing():
         wishes = Wishes(accept_losses=True, tolerance_m=tolerance_m, agree=agree)
         return Outcome(_of_roads(bring(wishes)))
 
@@ -117,14 +113,14 @@ def _is_other(counts: ImportCounts, plan: Document) -> bool:
     return any(said[name] != plan.get(name) for name in _SAME) or counts.measured_lost > lost * MORE_LOST + 1
 
 
-def _wait_for_imports(bench: Bench) -> None:
+def _wait_for_imports(run: Run) -> None:
     """Without a lock that keeps this lane: uploads may want it meanwhile."""
     while True:
-        with bench.sessions() as session:
+        with run.sessions() as session:
             busy = roads_change(session)
         if not busy:
             return
-        bench.look.progress("waiting for another import", 0.0)
+        run.show("waiting for another import", 0.0)
         time.sleep(WAIT_S)
 
 
@@ -137,16 +133,15 @@ def _of_roads(counts: ImportCounts, before: str = "", *, dry_run: bool | None = 
     return {**figures, "segments": counts.segments, "sentence": sentence}
 
 
-def _dem(bench: Bench) -> Outcome:
-    assert bench.file is not None  # noqa: S101 - as above
-    place, progress = bench.settings.dem_dir, bench.look.progress
-    with bench.computing():
+def _dem(run: Run) -> Outcome:
+    place, progress = run.settings.dem_dir, run.show
+    with run.computing():
         progress("copying", 0.0)
-        stored = store_files([bench.file], place, progress, request_limits(bench.settings))
-        bench.look.note(begun=True)
-        priority = bench.operation.request.get("priority")
-        active = add_dem(bench.sessions, stored, place, progress, priority=priority)
-        with bench.sessions() as session:
+        stored = store_files([file_of(run)], place, progress, request_limits(run.settings))
+        note_state(run, begun=True)
+        priority = run.request.request.get("priority")
+        active = add_dem(run.sessions, stored, place, progress, priority=priority)
+        with run.sessions() as session:
             lonely = sorted({source.name for source in stored} - set(rasters_over(session, active)))
     sentence = f"The terrain consists of {len(active.names)} raster(s), heights above {active.datum}."
     if lonely:
@@ -158,28 +153,28 @@ def _dem(bench: Bench) -> Outcome:
     return Outcome({**figures, "sentence": sentence})
 
 
-def _remove_raster(bench: Bench) -> Outcome:
-    name, place, sessions = str(bench.operation.request["name"]), bench.settings.dem_dir, bench.sessions
-    with bench.computing(), sessions() as session:
-        bench.look.progress("comparing", 0.0)
+def _remove_raster(run: Run) -> Outcome:
+    name, place, sessions = str(run.request.request["name"]), run.settings.dem_dir, run.sessions
+    with run.computing(), sessions() as session:
+        run.show("comparing", 0.0)
         active = current_dem(session, place)
         sources = active.sources if active else ()
         there = name.casefold() in {source.name.casefold() for source in sources}
-        gone = chosen(sources, [name]) if there or not bench.operation.begun else []
+        gone = chosen(sources, [name]) if there or not run.request.begun else []
         left = [source for source in sources if source not in gone]
         effect = asdict(effect_of_removal(session, gone, left)) if gone else {}
         version = active.version_id if active else 0
     plan = {**effect, "rasters_left": len(left), "dem_version": version, "sentence": _of_raster(name, effect)}
-    if not bench.operation.approved:
+    if not run.request.approved:
         return Outcome(plan, planned=True)
-    if not bench.operation.begun and version != (bench.operation.plan or {}).get("dem_version"):
+    if not run.request.begun and version != (run.request.plan or {}).get("dem_version"):
         raise PlanChangedError({**plan, "sentence": CHANGED + plan["sentence"]})
-    bench.look.note(begun=True)
-    with bench.computing():
+    note_state(run, begun=True)
+    with run.computing():
         if gone:
-            remove_dem(sessions, [name], place, bench.look.progress)
-        renew_all(sessions, place, bench.look.progress)  # what a run that was cut off left to be done
-    return Outcome(_done(bench.operation.plan or {}, f"Raster {name} is out of use."))
+            remove_dem(sessions, [name], place, run.show)
+        renew_all(sessions, place, run.show)  # what a run that was cut off left to be done
+    return Outcome(_done(run.request.plan or {}, f"Raster {name} is out of use."))
 
 
 def _of_raster(name: str, effect: Document) -> str:
@@ -189,14 +184,14 @@ def _of_raster(name: str, effect: Document) -> str:
     )
 
 
-def _settle(bench: Bench) -> Outcome:
-    bench.look.note(begun=True)
-    with bench.computing():
+def _settle(run: Run) -> Outcome:
+    note_state(run, begun=True)
+    with run.computing():
         segments = settle_network(
-            bench.sessions,
-            bench.look.progress,
-            after_cell=int(bench.operation.state.get("cell", -1)),
-            told=lambda cell: bench.look.note(cell=cell),
+            run.sessions,
+            run.show,
+            after_cell=int(run.request.state.get("cell", -1)),
+            told=lambda cell: note_state(run, cell=cell),
         )
     return Outcome(
         {"segments": segments, "sentence": f"{segments} segments of the network were solved anew."}
@@ -207,7 +202,7 @@ def _done(plan: Document, sentence: str) -> Document:
     return {**plan, "sentence": sentence}
 
 
-_WORK: dict[Kind, Callable[[Bench], Outcome]] = {
+_WORK: dict[Kind, Callable[[Run], Outcome]] = {
     Kind.IMPORT_ROADS: _roads,
     Kind.IMPORT_DEM: _dem,
     Kind.REMOVE_REGION: _remove_region,

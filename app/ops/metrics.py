@@ -128,7 +128,7 @@ class Gauges:
     oldest_wait_s: float
     """0 while none waits."""
     data_version: int
-    squares: store.Squares
+    cells: store.WaitingCells
     behind_s: float
     """0 while nothing waits to be derived."""
     failures_by_kind: dict[str, int]
@@ -144,7 +144,7 @@ def read_gauges(session: Session) -> Gauges:
         queue_depth=queue.depth,
         oldest_wait_s=queue.oldest_wait_s or 0.0,
         data_version=data_version(session),
-        squares=store.squares(session),
+        cells=store.waiting_cells(session),
         behind_s=store.behind(session).behind_s or 0.0,
         failures_by_kind=store.failures_by_kind(session),
         workers=store.workers(session),
@@ -181,16 +181,18 @@ class _DatabaseCollector(Collector):
         yield GaugeMetricFamily(
             "versant_data_version", "Number of the published data.", value=gauges.data_version
         )
+        waiting, unsolved = gauges.cells
         yield GaugeMetricFamily(
-            "versant_squares_waiting",
-            "Squares of the map that wait to be solved.",
-            value=gauges.squares.waiting,
+            "versant_cells_waiting", "Cells of the map that wait to be solved.", value=waiting
         )
         yield GaugeMetricFamily(
-            "versant_squares_unsolved",
-            "Squares of the map that solvers have begun with again and again in vain; /v1/admin/stats names them.",
-            value=gauges.squares.unsolved,
+            "versant_cells_unsolved",
+            "Cells of the map that solvers repeatedly failed to solve; /v1/admin/stats names them.",
+            value=unsolved,
         )
+        for name, value in (("waiting", waiting), ("unsolved", unsolved)):
+            meaning = f"Former name of versant_cells_{name}."
+            yield GaugeMetricFamily(f"versant_squares_{name}", meaning, value=value)
         yield GaugeMetricFamily(
             "versant_derived_behind_seconds",
             "How long the oldest change of segments has waited to be shown by ways and low zooms; 0 while none waits.",

@@ -7,7 +7,7 @@ from datetime import date
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, computed_field
 from sqlalchemy import Row
 from sqlalchemy.orm import Session
 
@@ -15,7 +15,7 @@ from app.core.db import Bounds
 from app.core.http import ServiceDep, problems
 from app.core.text import Moment
 from app.drives.documents import DriveStatus
-from app.network.cells import data_version, square_bounds, square_name
+from app.network.cells import cell_bounds, cell_name, data_version
 from app.ops import store
 from app.roads.store import current_road_version
 
@@ -27,17 +27,18 @@ STATS_EXAMPLE: dict[str, Any] = {
     "queue_oldest_wait_s": None,
     "running": 0,
     "failures_by_kind": {"no-match": 1},
-    "squares_waiting": 1,
-    "squares_unsolved": 1,
+    "cells_waiting": 1,
+    "cells_unsolved": 1,
     "unsolved": [
         {
-            "square": "14/8579/5634",
+            "cell": "14/8579/5634",
             "bbox": [8.503417, 48.951366, 8.52539, 48.965794],
             "solvers": 4,
             "since": "2026-11-20T09:12:44.120Z",
             "next_at": "2026-11-20T09:14:44.120Z",
             "drives": ["3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"],
-            "advice": "3 solvers have begun here in vain ...",
+            "advice": "3 attempts to solve this cell have failed ...",
+            "square": "14/8579/5634",
         }
     ],
     "derived_behind_s": None,
@@ -50,6 +51,8 @@ STATS_EXAMPLE: dict[str, Any] = {
     "data_version": 14,
     "road_version": None,
     "dem_version_id": 1,
+    "squares_waiting": 1,
+    "squares_unsolved": 1,
 }
 
 
@@ -65,17 +68,23 @@ class DayCount(BaseModel):
 
 
 class UnsolvedSquare(BaseModel):
-    """A square of the map whose slopes no solver has been able to compute."""
+    """A cell of the map whose slopes could not be computed."""
 
-    square: str = Field(description="z/x/y.")
+    cell: str = Field(description="z/x/y.")
     bbox: Bounds = Field(description="West, south, east, north; degrees.")
-    solvers: int = Field(description="How many have begun with it.")
+    solvers: int = Field(description="How many solvers have begun it.")
     since: Moment = Field(description="When the oldest of what waits there came.")
     next_at: Moment = Field(description="When it is tried again, unless something new comes.")
     drives: list[uuid.UUID] = Field(
         description="Drives whose slopes there are not published, or whose removal waits for it."
     )
     advice: str = Field(description="What to do about it.")
+
+    @computed_field(description="Former name of `cell`.", json_schema_extra={"deprecated": True})  # type: ignore[prop-decorator]
+    @property
+    def square(self) -> str:
+        """Former name of ``cell``."""
+        return self.cell
 
 
 class RoadVersion(BaseModel):
@@ -104,10 +113,8 @@ class Stats(BaseModel):
     queue_oldest_wait_s: float | None = Field(description="Null while nothing waits.")
     running: int
     failures_by_kind: dict[str, int]
-    squares_waiting: int = Field(description="Squares of the map (tiles of zoom 14) that wait to be solved.")
-    squares_unsolved: int = Field(
-        description="Of these, how many solvers have begun with again and again in vain."
-    )
+    cells_waiting: int = Field(description="Cells of the map (tiles of zoom 14) that wait to be solved.")
+    cells_unsolved: int = Field(description="Of these, how many solvers repeatedly failed to solve.")
     unsolved: list[UnsolvedSquare] = Field(
         description=f"The {MOST_UNSOLVED} of them that have waited longest."
     )
@@ -123,6 +130,18 @@ class Stats(BaseModel):
     data_version: int
     road_version: RoadVersion | None
     dem_version_id: int | None
+
+    @computed_field(description="Former name of `cells_waiting`.", json_schema_extra={"deprecated": True})  # type: ignore[prop-decorator]
+    @property
+    def squares_waiting(self) -> int:
+        """Former name of ``cells_waiting``."""
+        return self.cells_waiting
+
+    @computed_field(description="Former name of `cells_unsolved`.", json_schema_extra={"deprecated": True})  # type: ignore[prop-decorator]
+    @property
+    def squares_unsolved(self) -> int:
+        """Former name of ``cells_unsolved``."""
+        return self.cells_unsolved
 
 
 router = APIRouter(prefix="/v1/admin", tags=["operation"])
@@ -145,7 +164,7 @@ def read_stats(session: Session, *, days: int = 30) -> Stats:
     by_status = store.drives_by_status(session)
     queue = store.queue(session)
     roads = current_road_version(session)
-    squares = store.squares(session)
+    cells = store.waiting_cells(session)
     return Stats(
         drives_by_status=by_status,
         drives_by_day=[DayCount(**row) for row in store.drives_by_day(session, days)],
@@ -153,9 +172,9 @@ def read_stats(session: Session, *, days: int = 30) -> Stats:
         queue_oldest_wait_s=queue.oldest_wait_s,
         running=by_status.get("running", 0),
         failures_by_kind=store.failures_by_kind(session),
-        squares_waiting=squares.waiting,
-        squares_unsolved=squares.unsolved,
-        unsolved=[_unsolved(row) for row in store.unsolved_squares(session, MOST_UNSOLVED)],
+        cells_waiting=cells.waiting,
+        cells_unsolved=cells.unsolved,
+        unsolved=[_unsolved(row) for row in store.unsolved_cells(session, MOST_UNSOLVED)],
         derived_behind_s=store.behind(session).behind_s,
         driven_km_by_highway=store.driven_km_by_highway(session),
         segments_driven=store.segments_driven(session),
@@ -167,13 +186,13 @@ def read_stats(session: Session, *, days: int = 30) -> Stats:
 
 def _unsolved(row: Row[Any]) -> UnsolvedSquare:
     advice = (
-        f"{row.solvers - 1} solvers have begun here in vain; the log of the workers says why. Where they were killed, "
-        "it is as a rule for lack of memory. They try again by themselves, at least once an hour. Deleting a drive "
-        "that lies here (versant drives delete ID), or processing it again, lets them try at once."
+        f"{row.solvers - 1} attempts to solve this cell have failed; the workers' log says why. A worker that was "
+        "killed usually ran out of memory. Workers retry automatically, at least once an hour. To retry at once, "
+        "delete a drive that lies here (versant drives delete ID) or process it again."
     )
     return UnsolvedSquare(
-        square=square_name(row.cell),
-        bbox=square_bounds(row.cell),
+        cell=cell_name(row.cell),
+        bbox=cell_bounds(row.cell),
         solvers=row.solvers,
         since=row.since,
         next_at=row.next_at,

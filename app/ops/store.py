@@ -44,7 +44,7 @@ _QUEUE = text(
     """
 )
 
-# Each square keeps its own sums.
+# Each cell keeps its own sums.
 _SEGMENTS_DRIVEN = text(
     "SELECT coalesce(sum(CAST(of_class.value ->> 0 AS bigint)), 0) FROM cells, jsonb_each(driven) AS of_class"
 )
@@ -70,7 +70,7 @@ _TOTALS = text(
 )
 
 
-# The squares that no solver has solved, the longest waiting first. A mark may have outlived its drive.
+# Cells that solvers have failed to solve, the longest waiting first. A mark may outlive its drive.
 _UNSOLVED = text(
     """
     SELECT m.cell, max(m.tries) AS solvers, min(m.made_at) AS since, max(m.due_at) AS next_at,
@@ -80,7 +80,7 @@ _UNSOLVED = text(
     GROUP BY m.cell ORDER BY since, m.cell LIMIT :limit
     """
 )
-_SQUARES = text(
+_CELLS = text(
     """
     SELECT count(DISTINCT cell), count(DISTINCT cell) FILTER (WHERE tries > :patience) FROM network_marks
     """
@@ -91,9 +91,9 @@ _SQUARES = text(
 # ends of indexes.
 _BEHIND = text(
     """
-    SELECT (SELECT count(*) FROM squares_to_draw) AS squares,
+    SELECT (SELECT count(*) FROM cells_to_draw) AS cells,
            extract(epoch FROM clock_timestamp() - least(
-               (SELECT min(since) FROM squares_to_draw),
+               (SELECT min(since) FROM cells_to_draw),
                (SELECT (SELECT c.changed_at FROM segment_changes AS c
                         WHERE (c.xid, c.segment_id) > (u.xid, u.segment_id)
                         ORDER BY c.xid, c.segment_id LIMIT 1) FROM derived_upto AS u))) AS behind_s
@@ -113,18 +113,18 @@ class Queue(NamedTuple):
     oldest_wait_s: float | None
 
 
-class Squares(NamedTuple):
-    """How many squares of the map wait to be solved, and how many of them solvers have begun with in vain."""
+class WaitingCells(NamedTuple):
+    """How many cells wait to be solved, and how many of them solvers have failed to solve."""
 
     waiting: int
     unsolved: int
 
 
 class Behind(NamedTuple):
-    """How many squares are to be drawn anew for low zooms, and for how long the oldest change of segments has waited
-    to be followed by what is derived from them, s; None while none does."""
+    """How many cells wait to be drawn for low zooms, and how long the oldest change of a segment has waited for what
+    is derived from segments, s; None while none waits."""
 
-    squares: int
+    cells: int
     behind_s: float | None
 
 
@@ -154,19 +154,19 @@ def workers(session: Session) -> int:
     return int(session.execute(_WORKERS, {"alive_s": ALIVE_S}).scalar_one())
 
 
-def squares(session: Session) -> Squares:
+def waiting_cells(session: Session) -> WaitingCells:
     """What waits to be published."""
-    return Squares(*session.execute(_SQUARES, {"patience": PATIENCE}).one())
+    return WaitingCells(*session.execute(_CELLS, {"patience": PATIENCE}).one())
 
 
 def behind(session: Session) -> Behind:
     """How far what is derived from segments, ways and low zooms, is behind them."""
-    squares, behind_s = session.execute(_BEHIND).one()
-    return Behind(squares, None if behind_s is None else max(0.0, float(behind_s)))
+    cells, behind_s = session.execute(_BEHIND).one()
+    return Behind(cells, None if behind_s is None else max(0.0, float(behind_s)))
 
 
-def unsolved_squares(session: Session, limit: int) -> list[Row[Any]]:
-    """At most so many squares with which more solvers than ``PATIENCE`` have begun, by the names in ``_UNSOLVED``."""
+def unsolved_cells(session: Session, limit: int) -> list[Row[Any]]:
+    """At most ``limit`` cells that more than ``PATIENCE`` solvers have begun, by the names in ``_UNSOLVED``."""
     return list(session.execute(_UNSOLVED, {"patience": PATIENCE, "limit": limit}))
 
 

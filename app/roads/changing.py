@@ -1,6 +1,6 @@
 """The steps of an import that write: each a short transaction of the caller, after which everything fits together.
 
-Whatever a step changes of roads, it says so of their squares (``app.network.road_states``), marks what has to be solved
+Whatever a step changes of roads, it says so of their cells (``app.network.road_states``), marks what has to be solved
 anew, and names the drives that are to be computed again, in one transaction with the change: an import may be cut off
 after any step, and another goes on. Steps that touch evidence own the network; what only comes or is renamed shares it.
 """
@@ -17,8 +17,8 @@ from sqlalchemy.orm import Session
 from app.core.db import fetch_binary
 from app.network.cells import beside, cells_over, count_driven
 from app.network.marks import append_marks
-from app.network.passes import regions_of
-from app.network.road_states import WIDE, raise_roads, squares_met
+from app.network.passes import partitions_of
+from app.network.road_states import WIDE, cells_met, raise_roads
 from app.roads.comparing import AGAIN
 from app.roads.retired import Return, bring_back, keep, put_passes
 from fusion.network.transfer import Carrying
@@ -81,7 +81,7 @@ _SLOPE_ONLY = text(
 _HEARD = text(
     """
     SELECT s.id FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) AND EXISTS (
-        SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.region = versant_region(s.cell))
+        SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell))
     """
 )
 _TOUCH = text(
@@ -94,13 +94,13 @@ _TOUCH = text(
 _OLD = f"SELECT s.id, {_GEOMETRY.format('s')} FROM segments AS s WHERE s.id = ANY(%(ids)s::bigint[])"  # noqa: S608
 _FILE = f"SELECT i.n, {_GEOMETRY.format('i')} FROM road_import AS i WHERE i.n = ANY(%(n)s::integer[])"  # noqa: S608
 _TAKE_PASSES = """
-    DELETE FROM drive_passes WHERE segment_id = ANY(%(ids)s::bigint[]) AND region = ANY(%(regions)s::smallint[])
+    DELETE FROM drive_passes WHERE segment_id = ANY(%(ids)s::bigint[]) AND partition = ANY(%(partitions)s::smallint[])
     RETURNING drive_id, segment_id, sequence, entered_s, factor
 """
 # Sums and verdicts over a road that lies otherwise are made anew from its passes.
 _FORGET_SUMS = tuple(
     text(f"DELETE FROM {table} WHERE segment_id = ANY(CAST(:ids AS bigint[]))")  # noqa: S608 - constants
-    for table in ("pass_sums", "rejected_passes")
+    for table in ("condensed_passes", "rejected_passes")
 )
 _TURN_ESTIMATES = text(
     "UPDATE drive_segments SET slope_percent = -slope_percent WHERE segment_id = ANY(CAST(:ids AS bigint[]))"
@@ -140,15 +140,15 @@ class _Told:
     nodes: set[int] = field(default_factory=set)
 
     def add(self, session: Session, ids: Collection[int], *, ends: bool = True) -> None:
-        """The squares of segments as they are now, and their nodes."""
+        """The cells of segments as they are now, and their nodes."""
         self.shown |= set(cells_over(session, ids))
-        self.met |= squares_met(session, ids)
+        self.met |= cells_met(session, ids)
         if ends:
             for row in session.execute(_NODES, {"ids": list(ids)}):
                 self.nodes |= {row.from_node, row.to_node}
 
     def say(self, session: Session, step: Step, *, courses: bool, combined: Iterable[int] = ()) -> None:
-        """Say it: squares, and marks around the nodes."""
+        """Say it: cells, and marks around the nodes."""
         raise_roads(session, step.state, shown=self.shown, met=self.met, courses=self.met if courses else ())
         count_driven(session, self.shown)
         about = self.met | {near for cell in self.met - {WIDE} for near in beside(cell)} | self.shown
@@ -181,7 +181,7 @@ def carry(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], ba
     measured on them. The caller owns the network."""
     told = _Told()
     told.add(session, ids)
-    regions = regions_of(session, ids)
+    partitions = partitions_of(session, ids)
     new = {row[0]: row[1:] for row in fetch_binary(session, _FILE, {"n": list(n)})}
     old = {row[0]: row[1:] for row in fetch_binary(session, _OLD, {"ids": list(ids)})}
     carried = {
@@ -189,7 +189,7 @@ def carry(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], ba
         for segment, row, turned in zip(ids, n, back, strict=True)
     }
     moved = [one for one, row in zip(ids, n, strict=True) if carried[one].back or old[one] != new[row]]
-    passes = fetch_binary(session, _TAKE_PASSES, {"ids": moved, "regions": regions})
+    passes = fetch_binary(session, _TAKE_PASSES, {"ids": moved, "partitions": partitions})
     for statement in _FORGET_SUMS:
         session.execute(statement, {"ids": moved})
     session.execute(
@@ -255,7 +255,7 @@ def _bring_back(
     new = {row[0]: row[1:] for row in fetch_binary(session, _FILE, {"n": [one.n for one in returns]})}
     over = {}
     for one in returns:
-        over[one.attic_id] = (
+        over[one.retired_id] = (
             id_of[one.n],
             _carrying((*one.ends_deg, one.length_m), new[one.n], back=one.back),
         )

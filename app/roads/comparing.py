@@ -41,7 +41,7 @@ _OTHER = text(
     ORDER BY {ROAD_ORDER}
     """  # noqa: S608 - constants
 )
-# New rows square by square: what is added together is near together.
+# New rows cell by cell: what is added together is near together.
 _NEW = text(
     f"""
     SELECT i.n FROM road_import AS i LEFT JOIN segments AS s ON {_ON} WHERE s.id IS NULL
@@ -64,7 +64,7 @@ _RENAMED = text(
 
 _MEASURED = """
     (EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = s.id)
-        OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.region = versant_region(s.cell)))
+        OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell)))
 """
 _LOST_BY_REGION = text(
     f"""
@@ -86,7 +86,7 @@ _PASSES_ON = text(
     FROM unnest(CAST(:ids AS bigint[])) WITH ORDINALITY AS one (id, place)
     LEFT JOIN LATERAL (
         SELECT count(*) AS passes FROM segments AS s JOIN drive_passes AS p
-            ON p.segment_id = s.id AND p.region = versant_region(s.cell)
+            ON p.segment_id = s.id AND p.partition = versant_partition(s.cell)
         WHERE s.id = one.id) AS p ON true
     ORDER BY one.place
     """
@@ -106,7 +106,7 @@ AGAIN = """
     SELECT d.id FROM drives AS d WHERE d.status <> 'cancelled' AND d.id IN (
         SELECT drive_id FROM drive_segments WHERE segment_id = ANY(CAST(:lost AS bigint[]))
         UNION SELECT p.drive_id FROM drive_passes AS p JOIN segments AS s
-            ON s.id = p.segment_id AND p.region = versant_region(s.cell)
+            ON s.id = p.segment_id AND p.partition = versant_partition(s.cell)
         WHERE s.id = ANY(CAST(:lost AS bigint[]))
         UNION SELECT unnest(CAST(:others AS uuid[])))
 """

@@ -16,7 +16,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions, fetch_binary, send_binary
-from app.network.passes import regions_of
+from app.network.passes import partitions_of
 from fusion.network.pass_factor import PassFactor
 from fusion.network.transfer import Carrying, Ends
 from fusion.roads.changes import ends_apart_m, ends_of
@@ -28,32 +28,32 @@ from fusion.types import Ints
 _RUN = "(SELECT max(id) FROM provenances AS v WHERE v.drive_id = {0}.drive_id)"
 _KEEP = text(
     """
-    INSERT INTO attic_segments (segment_id, osm_way_id, from_node, to_node, geom, length_m)
+    INSERT INTO retired_segments (segment_id, osm_way_id, from_node, to_node, geom, length_m)
     SELECT s.id, s.osm_way_id, s.from_node, s.to_node, s.geom, s.length_m FROM segments AS s
     WHERE s.id = ANY(CAST(:ids AS bigint[])) AND (
         EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = s.id)
-        OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.region = versant_region(s.cell)))
+        OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell)))
     ORDER BY s.id RETURNING id, segment_id
     """
 )
 # Of what is measured there is nothing left, for the drives are gone.
 _DROP_EMPTY = text(
     """
-    DELETE FROM attic_segments AS a WHERE NOT EXISTS (SELECT FROM attic_passes AS p WHERE p.attic_id = a.id)
-        AND NOT EXISTS (SELECT FROM attic_estimates AS e WHERE e.attic_id = a.id)
+    DELETE FROM retired_segments AS a WHERE NOT EXISTS (SELECT FROM retired_passes AS p WHERE p.retired_id = a.id)
+        AND NOT EXISTS (SELECT FROM retired_estimates AS e WHERE e.retired_id = a.id)
     """
 )
 _KEEP_PASSES = text(
     f"""
-    INSERT INTO attic_passes (attic_id, drive_id, run, sequence, entered_s, factor)
+    INSERT INTO retired_passes (retired_id, drive_id, run, sequence, entered_s, factor)
     SELECT a.id, p.drive_id, {_RUN.format("p")}, p.sequence, p.entered_s, p.factor
     FROM unnest(CAST(:attic AS bigint[]), CAST(:ids AS bigint[])) AS a (id, segment_id)
-    JOIN drive_passes AS p ON p.segment_id = a.segment_id AND p.region = ANY(CAST(:regions AS smallint[]))
+    JOIN drive_passes AS p ON p.segment_id = a.segment_id AND p.partition = ANY(CAST(:partitions AS smallint[]))
     """  # noqa: S608 - constants
 )
 _KEEP_ESTIMATES = text(
     f"""
-    INSERT INTO attic_estimates (attic_id, drive_id, run, slope_percent, slope_sigma_percent, observations, passes,
+    INSERT INTO retired_estimates (retired_id, drive_id, run, slope_percent, slope_sigma_percent, observations, passes,
                                  first_at, last_at, in_network)
     SELECT a.id, e.drive_id, {_RUN.format("e")}, e.slope_percent, e.slope_sigma_percent, e.observations, e.passes,
            e.first_at, e.last_at, e.in_network
@@ -65,13 +65,13 @@ _FORGET = tuple(
     text(statement)
     for statement in (
         "DELETE FROM drive_passes WHERE segment_id = ANY(CAST(:ids AS bigint[])) "
-        "AND region = ANY(CAST(:regions AS smallint[]))",
+        "AND partition = ANY(CAST(:partitions AS smallint[]))",
         *(
             f"DELETE FROM {table} WHERE segment_id = ANY(CAST(:ids AS bigint[]))"  # noqa: S608 - constants
             for table in (
                 "drive_segments",
                 "rejected_passes",
-                "pass_sums",
+                "condensed_passes",
                 "network_slopes",
                 "segment_slopes",
             )
@@ -87,17 +87,18 @@ _FIND = text(
            ST_X(ST_StartPoint(a.geom)) AS lon0, ST_Y(ST_StartPoint(a.geom)) AS lat0,
            ST_X(ST_EndPoint(a.geom)) AS lon1, ST_Y(ST_EndPoint(a.geom)) AS lat1, a.length_m,
            EXISTS (SELECT FROM segments AS s WHERE s.id = a.segment_id) AS taken
-    FROM attic_segments AS a JOIN road_import AS i
+    FROM retired_segments AS a JOIN road_import AS i
         ON least(i.from_node, i.to_node) = least(a.from_node, a.to_node)
         AND greatest(i.from_node, i.to_node) = greatest(a.from_node, a.to_node)
-    ORDER BY i.n, a.kept_at DESC, a.id DESC
+    ORDER BY i.n, a.retired_at DESC, a.id DESC
     """
 )
 _SAID = text(
     """
-    SELECT a.attic_id, a.drive_id, EXISTS (SELECT FROM provenances AS v WHERE v.id = a.run) AS fresh
-    FROM (SELECT attic_id, drive_id, run FROM attic_passes WHERE attic_id = ANY(CAST(:ids AS bigint[]))
-          UNION SELECT attic_id, drive_id, run FROM attic_estimates WHERE attic_id = ANY(CAST(:ids AS bigint[]))) AS a
+    SELECT a.retired_id, a.drive_id, EXISTS (SELECT FROM provenances AS v WHERE v.id = a.run) AS fresh
+    FROM (SELECT retired_id, drive_id, run FROM retired_passes WHERE retired_id = ANY(CAST(:ids AS bigint[]))
+          UNION SELECT retired_id, drive_id, run FROM retired_estimates
+          WHERE retired_id = ANY(CAST(:ids AS bigint[]))) AS a
     JOIN drives AS d ON d.id = a.drive_id AND d.status <> 'cancelled'
     """
 )
@@ -105,8 +106,8 @@ _FRESH = """
     JOIN drives AS d ON d.id = a.drive_id AND d.status <> 'cancelled' JOIN provenances AS v ON v.id = a.run
 """
 _PASSES = f"""
-    SELECT a.attic_id, a.drive_id, a.sequence, a.entered_s, a.factor FROM attic_passes AS a {_FRESH}
-    WHERE a.attic_id = ANY(%(ids)s::bigint[]) ORDER BY a.id
+    SELECT a.retired_id, a.drive_id, a.sequence, a.entered_s, a.factor FROM retired_passes AS a {_FRESH}
+    WHERE a.retired_id = ANY(%(ids)s::bigint[]) ORDER BY a.id
 """  # noqa: S608 - constants
 _ESTIMATES_BACK = text(
     f"""
@@ -115,33 +116,33 @@ _ESTIMATES_BACK = text(
     SELECT a.drive_id, t.segment_id, t.sign * a.slope_percent, a.slope_sigma_percent, a.observations, a.passes,
            a.first_at, a.last_at, a.run, a.in_network
     FROM unnest(CAST(:ids AS bigint[]), CAST(:segments AS bigint[]), CAST(:signs AS integer[]))
-         AS t (attic_id, segment_id, sign)
-    JOIN attic_estimates AS a ON a.attic_id = t.attic_id {_FRESH}
+         AS t (retired_id, segment_id, sign)
+    JOIN retired_estimates AS a ON a.retired_id = t.retired_id {_FRESH}
     ON CONFLICT DO NOTHING
     """  # noqa: S608 - constants
 )
-_CLEAR = text("DELETE FROM attic_segments WHERE id = ANY(CAST(:ids AS bigint[]))")
+_CLEAR = text("DELETE FROM retired_segments WHERE id = ANY(CAST(:ids AS bigint[]))")
 _PRUNE = text(
     """
-    DELETE FROM attic_segments WHERE id IN (
-        SELECT id FROM attic_segments WHERE kept_at < clock_timestamp() - make_interval(secs => :age_s)
-        ORDER BY kept_at LIMIT :most) RETURNING id
+    DELETE FROM retired_segments WHERE id IN (
+        SELECT id FROM retired_segments WHERE retired_at < clock_timestamp() - make_interval(secs => :age_s)
+        ORDER BY retired_at LIMIT :most) RETURNING id
     """
 )
 PRUNED_AT_ONCE = 500
 
 _PUT = """
-    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, region)
-    SELECT t.drive_id, t.segment_id, t.sequence, t.entered_s, t.factor, versant_region(s.cell)
+    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, partition)
+    SELECT t.drive_id, t.segment_id, t.sequence, t.entered_s, t.factor, versant_partition(s.cell)
     FROM unnest(%(drive_id)s::uuid[], %(segment_id)s::bigint[], %(sequence)s::integer[], %(entered_s)s::float8[],
                 %(factor)b::bytea[]) AS t (drive_id, segment_id, sequence, entered_s, factor)
     JOIN segments AS s ON s.id = t.segment_id
 """
 _LOOKED_FOR = text(
     """
-    UPDATE drive_constants SET regions = ARRAY(
-        SELECT DISTINCT unnest(regions || CAST(:regions AS smallint[])) ORDER BY 1)
-    WHERE drive_id = ANY(CAST(:drives AS uuid[])) AND NOT regions @> CAST(:regions AS smallint[])
+    UPDATE drive_constants SET partitions = ARRAY(
+        SELECT DISTINCT unnest(partitions || CAST(:partitions AS smallint[])) ORDER BY 1)
+    WHERE drive_id = ANY(CAST(:drives AS uuid[])) AND NOT partitions @> CAST(:partitions AS smallint[])
     """
 )
 
@@ -152,7 +153,7 @@ class Return:
     (None: another road has it). ``void``: drives that have been computed anew since."""
 
     n: int
-    attic_id: int
+    retired_id: int
     segment_id: int | None
     ends_deg: Ends
     length_m: float
@@ -180,7 +181,7 @@ def returns_among(session: Session, table: RoadTable, rows: Ints, tolerance_m: f
     near = ends_apart_m(turned, now) <= tolerance_m
     said: dict[int, list[tuple[uuid.UUID, bool]]] = {}
     for row in session.execute(_SAID, {"ids": [row.id for row in found]}):
-        said.setdefault(row.attic_id, []).append((row.drive_id, row.fresh))
+        said.setdefault(row.retired_id, []).append((row.drive_id, row.fresh))
     out: list[Return] = []
     used: set[int] = set()
     named: set[int] = set()
@@ -194,7 +195,7 @@ def returns_among(session: Session, table: RoadTable, rows: Ints, tolerance_m: f
         out.append(
             Return(
                 n=row.n,
-                attic_id=row.id,
+                retired_id=row.id,
                 segment_id=row.segment_id if free else None,
                 ends_deg=(where[0], where[1], where[2], where[3]),
                 length_m=row.length_m,
@@ -208,11 +209,11 @@ def returns_among(session: Session, table: RoadTable, rows: Ints, tolerance_m: f
 
 def keep(session: Session, segment_ids: Sequence[int]) -> None:
     """Take what was measured on these segments off the map, and keep it. The caller owns the network."""
-    ids = {"ids": list(segment_ids), "regions": regions_of(session, segment_ids)}
+    ids = {"ids": list(segment_ids), "partitions": partitions_of(session, segment_ids)}
     kept = session.execute(_KEEP, ids).all()
     if kept:
         values = {"attic": [row.id for row in kept], "ids": [row.segment_id for row in kept]}
-        session.execute(_KEEP_PASSES, {**values, "regions": ids["regions"]})
+        session.execute(_KEEP_PASSES, {**values, "partitions": ids["partitions"]})
         session.execute(_KEEP_ESTIMATES, values)
     for statement in _FORGET:
         session.execute(statement, ids)
@@ -221,7 +222,7 @@ def keep(session: Session, segment_ids: Sequence[int]) -> None:
 def bring_back(session: Session, returns: Sequence[Return], over: Mapping[int, tuple[int, Carrying]]) -> None:
     """Put what is kept of roads back on the map: ``over`` says by its number in the attic which segment each is now,
     and how it becomes that. What is kept of drives computed anew since goes. The caller owns the network."""
-    ids = [one.attic_id for one in returns]
+    ids = [one.retired_id for one in returns]
     rows = fetch_binary(session, _PASSES, {"ids": ids})
     put_passes(
         session, [(row[1], over[row[0]][0], *row[2:]) for row in rows], [over[row[0]][1] for row in rows]
@@ -250,8 +251,8 @@ def put_passes(session: Session, rows: Sequence[PassRow], carried: Sequence[Carr
         "factor": PassFactor.encode_all(factors),
     }
     send_binary(session, _PUT, columns)
-    regions = regions_of(session, {row[1] for row in rows})
-    session.execute(_LOOKED_FOR, {"drives": list(set(drives)), "regions": regions})
+    partitions = partitions_of(session, {row[1] for row in rows})
+    session.execute(_LOOKED_FOR, {"drives": list(set(drives)), "partitions": partitions})
 
 
 def drop_empty(session: Session) -> None:

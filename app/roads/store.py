@@ -29,7 +29,7 @@ def road_extent(session: Session) -> Bounds | None:
 
 
 def road_crowds(session: Session) -> dict[int, int]:
-    """How many segments have their middle in each square of the map that has any."""
+    """How many segments have their middle in each cell of the map that has any."""
     return {int(cell): int(count) for cell, count in session.execute(_CROWDED)}
 
 

@@ -21,7 +21,7 @@ from app.network.extracts import (
     segment_ids_in,
 )
 from app.network.locks import own_heights, own_network
-from app.network.road_states import road_states, squares_met
+from app.network.road_states import cells_met, road_states
 from app.terrain.store import (
     DemSet,
     PendingHeights,
@@ -139,15 +139,15 @@ def _renew(
     """Write what the active rasters say of these segments; what is left then, None where it is to be asked anew."""
     with sessions() as session:
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
-        active, squares = current_dem(session, dem_dir), squares_met(session, ids.tolist())
-        states = road_states(session, squares)
+        active, cells = current_dem(session, dem_dir), cells_met(session, ids.tolist())
+        states = road_states(session, cells)
         if pending_heights(session) != pending:
             return None
         table, ids_there = roads_of(session, ids)
     slope, heights = terrain_under(active, table, look)
     with sessions.begin() as session:
         own_network(session)
-        if pending_heights(session) != pending or road_states(session, squares) != states:
+        if pending_heights(session) != pending or road_states(session, cells) != states:
             return None
         if len(ids_there):
             _write_terrain(session, table, ids_there, slope, heights)

@@ -203,15 +203,15 @@ def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
         yield Finding("drives nobody computes", "fail", said, advice)
 
 
-def _squares(settings: Settings, session: Session) -> Iterator[Finding]:
-    squares = figures.squares(session)
-    said = f"{squares.waiting} squares wait to be solved."
-    if squares.unsolved:
-        said += f" {squares.unsolved} of them were begun with in vain again and again."
+def _cells(settings: Settings, session: Session) -> Iterator[Finding]:
+    cells = figures.waiting_cells(session)
+    state = f"{cells.waiting} cells wait to be solved."
+    if cells.unsolved:
+        state += f" {cells.unsolved} of them repeatedly failed to be solved."
         advice = "/v1/admin/stats names them and what to do (`unsolved`); the worker's log says why."
-        yield Finding("squares", "warn", said, advice)
+        yield Finding("cells", "warn", state, advice)
     else:
-        yield Finding("squares", "ok", said)
+        yield Finding("cells", "ok", state)
 
 
 def _derived(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -219,7 +219,7 @@ def _derived(settings: Settings, session: Session) -> Iterator[Finding]:
     if behind.behind_s is None:
         yield Finding("ways and low zooms", "ok", "They show what the segments do.")
         return
-    said = f"They are {behind.behind_s:.0f} s behind the segments; {behind.squares} squares are to be drawn."
+    said = f"They are {behind.behind_s:.0f} s behind the segments; {behind.cells} cells wait to be drawn."
     if behind.behind_s > LONG_BEHIND_S:
         advice = (
             "A worker sees to it beside its drives; start one. Where one runs, its log says what is in its way, or a "
@@ -284,7 +284,7 @@ _DATABASE_LOOKS: dict[str, _DatabaseLook] = {
     "database": _database,
     "clocks": _clock,
     "queue": _queue,
-    "squares": _squares,
+    "cells": _cells,
     "ways and low zooms": _derived,
     "logs": _logs,
     "elevation": _elevation,

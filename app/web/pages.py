@@ -27,6 +27,8 @@ PLACE = '<meta name="versant" content="{}"'
 """Where a page is told what the service has set."""
 WITHOUT_SCRIPTS = "</noscript>"
 """What is seen without scripts ends here."""
+CONTENT = '<div id="page">'
+"""What a page shows before its scripts run begins here."""
 
 router = APIRouter(include_in_schema=False)
 
@@ -46,10 +48,11 @@ def built_file(name: str) -> File | None:
     path = (BUILT / name).resolve()
     if not path.is_relative_to(BUILT) or not path.is_file():
         return None
-    return _file(path.read_bytes(), path.name)
+    return file_of(path.read_bytes(), path.name)
 
 
-def _file(content: bytes, name: str) -> File:
+def file_of(content: bytes, name: str) -> File:
+    """A file of that content, its media type by the name."""
     kind = "text/javascript" if name.endswith((".js", ".mjs")) else mimetypes.guess_type(name)[0]
     etag = f'W/"{sha256(content).hexdigest()[:20]}"'
     return File(content, gzip.compress(content, 9, mtime=0), kind or "application/octet-stream", etag)
@@ -80,20 +83,26 @@ def _origin(address: str | None) -> str:
     return f" {parts.scheme}://{parts.netloc}" if parts.netloc else ""
 
 
-@lru_cache(maxsize=64)
-def _page(name: str, told: str, plainly: str) -> File:
+@lru_cache(maxsize=128)
+def _page(name: str, settings_shown: str, plainly: str, content: str) -> File:
     file = built_file(f"{name}.html")
     if file is None:
         raise NotFoundError(
             "The pages are not built. Build them with `make web`, or install the released package."
         )
-    text = file.content.decode().replace(PLACE, f'<meta name="versant" content="{escape(told)}"', 1)
-    return _file(text.replace(WITHOUT_SCRIPTS, plainly + WITHOUT_SCRIPTS, 1).encode(), f"{name}.html")
+    text = file.content.decode().replace(PLACE, f'<meta name="versant" content="{escape(settings_shown)}"', 1)
+    text = text.replace(WITHOUT_SCRIPTS, plainly + WITHOUT_SCRIPTS, 1)
+    return file_of(text.replace(CONTENT, CONTENT + content, 1).encode(), f"{name}.html")
 
 
-def page_answer(request: Request, settings: Settings, name: str, plainly: str = "") -> Response:
-    """A page as this service's settings make it; ``plainly`` is HTML that it has for who runs no scripts."""
-    told = {
+def page_answer(
+    request: Request, settings: Settings, name: str, plainly: str = "", content: str = ""
+) -> Response:
+    """A page as this service's settings make it.
+
+    ``plainly`` is HTML for who runs no scripts, ``content`` HTML that everybody sees until the scripts run.
+    """
+    settings_shown = {
         "version": code_version(),
         "background_style_url": settings.map_background_url,
         "login_url": settings.login_url,
@@ -104,10 +113,11 @@ def page_answer(request: Request, settings: Settings, name: str, plainly: str = 
         "Referrer-Policy": "same-origin",
         "Cache-Control": REVALIDATE,
     }
-    return _answer(request, _page(name, json.dumps(told), plainly), headers)
+    return file_answer(request, _page(name, json.dumps(settings_shown), plainly, content), headers)
 
 
-def _answer(request: Request, file: File, headers: dict[str, str]) -> Response:
+def file_answer(request: Request, file: File, headers: dict[str, str]) -> Response:
+    """A file, compressed where the client takes that, or that it has not changed."""
     headers |= {"ETag": file.etag, "Vary": "Accept-Encoding"}
     if etag_matches(request, file.etag):
         return Response(status_code=304, headers=headers)
@@ -153,5 +163,5 @@ def web_file(request: Request, name: Annotated[str, PathParameter(max_length=200
     file = None if name.endswith(".html") else built_file(name)
     if file is None:
         raise NotFoundError(f"There is no file {name!r} among those of the pages.")
-    kept = FOR_EVER if name.startswith("assets/") else REVALIDATE
-    return _answer(request, file, {"Cache-Control": kept, "X-Content-Type-Options": "nosniff"})
+    caching = FOR_EVER if name.startswith("assets/") else REVALIDATE
+    return file_answer(request, file, {"Cache-Control": caching, "X-Content-Type-Options": "nosniff"})

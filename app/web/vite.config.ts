@@ -1,7 +1,6 @@
 import { readdirSync } from "node:fs";
 import { resolve } from "node:path";
 import { defineConfig } from "vite";
-import { guides } from "./plugins/guides.ts";
 import { manifest } from "./plugins/manifest.ts";
 
 const here = import.meta.dirname;
@@ -14,7 +13,7 @@ export default defineConfig({
   base: "/web/",
   cacheDir: resolve(here, "node_modules/.vite"),
   publicDir: resolve(here, "src/public"),
-  plugins: [guides(resolve(repository, ".docs")), manifest(repository)],
+  plugins: [manifest(repository)],
   build: {
     outDir: resolve(here, "built"),
     emptyOutDir: true,
@@ -30,10 +29,16 @@ export default defineConfig({
   server: {
     fs: { allow: [repository] },
     proxy: Object.fromEntries(
-      ["/v1", "/tiles", "/style.json", "/sprites", "/glyphs", "/collections", "/openapi.json"].map((path) => [
-        path,
-        "http://127.0.0.1:8000",
-      ]),
+      [
+        "/v1",
+        "/tiles",
+        "/style.json",
+        "/sprites",
+        "/glyphs",
+        "/collections",
+        "/openapi.json",
+        "/docs/contents.json",
+      ].map((path) => [path, "http://127.0.0.1:8000"]),
     ),
   },
 });

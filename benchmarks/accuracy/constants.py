@@ -55,7 +55,7 @@ def _both(module: str, name: str) -> tuple[Change, Change]:
 
 
 _ROAD, _DRIVE = _MODEL + "road_beliefs", _MODEL + "drive_beliefs"
-_SHOWN, _DEM = _MODEL + "published", _MODEL + "terrain"
+_SHOWN, _DEM = _MODEL + "segment_slopes", _MODEL + "terrain"
 _FACTORS = _PROFILE + "factors"
 _METHOD = _PROFILE + "method"
 _LEVELS, _NOISE, _LINEAR = _PROFILE + "levels", _PROFILE + "noise", _PROFILE + "model"

@@ -149,16 +149,18 @@ def drives_along(made: Synthetic) -> Iterator[list[PassFactor]]:
 
 
 def summing(street: Street, summed: Written) -> Callable[[Sessions, swap.Found], None]:
-    """``swap.sum_old_passes``, measured."""
-    genuine = swap.sum_old_passes
+    """``swap.condense_old_passes``, measured."""
+    genuine = swap.condense_old_passes
 
     def measured(sessions: Sessions, found: swap.Found) -> None:
-        before = int(street.one("SELECT count(*) FROM drive_passes WHERE summed_weight IS NOT NULL"))
+        before = int(street.one("SELECT count(*) FROM drive_passes WHERE condensed_weight IS NOT NULL"))
         wal, begin = street.wal_bytes(), time.perf_counter()
         genuine(sessions, found)
         summed.seconds += time.perf_counter() - begin
         summed.wal += street.wal_bytes() - wal
-        summed.passes += int(street.one("SELECT count(*) FROM drive_passes WHERE summed_weight IS NOT NULL"))
+        summed.passes += int(
+            street.one("SELECT count(*) FROM drive_passes WHERE condensed_weight IS NOT NULL")
+        )
         summed.passes -= before
 
     return measured
@@ -186,10 +188,10 @@ def grown(
     source, stored = drives_along(made), 0
     for step in (s for s in STEPS if s <= most):
         while stored < step:
-            batch = [next(source) for _ in range(min(condensed.JURY, step - stored))]
+            batch = [next(source) for _ in range(min(condensed.RECENT_PASSES, step - stored))]
             with appended.of(street, SEGMENTS * len(batch)):
                 store(street, batch)
-            with patch.object(swap, "sum_old_passes", summing(street, summed)):
+            with patch.object(swap, "condense_old_passes", summing(street, summed)):
                 swap.solve_all_marked(street.sessions)
             if stored < without:
                 store(every, batch)
@@ -217,7 +219,7 @@ def verdicts(street: Street) -> Written:
     with street.sessions() as session:
         read = passes.passes_over(session, street.ids.tolist())[:500]
     with out.of(street, len(read)), street.sessions.begin() as session:
-        passes.set_verdicts(session, [], read)
+        passes.set_accepted(session, [], read)
     return out
 
 
@@ -227,7 +229,7 @@ def sizes(street: Street) -> dict[str, float]:
     stored = int(street.one("SELECT count(*) FROM drive_passes"))
     with street.sessions() as session:
         out = {kind: float(size) / stored for kind, size in session.execute(text(_SIZES))}
-    for table in ("drive_constants", "pass_sums"):
+    for table in ("drive_constants", "condensed_passes"):
         rows = max(int(street.one(f"SELECT count(*) FROM {table}")), 1)  # noqa: S608 - constants
         out[f"a row of {table}"] = float(street.one(f"SELECT pg_total_relation_size('{table}')")) / rows
     return out
@@ -240,10 +242,10 @@ def main() -> None:
     )
     parser.add_argument("--most", type=int, default=1000, help="passes over each segment")
     parser.add_argument("--without", type=int, default=300, help="up to so many also without sums")
-    parser.add_argument("--jury", type=int, default=condensed.JURY)
+    parser.add_argument("--jury", type=int, default=condensed.RECENT_PASSES)
     parser.add_argument("--json", type=Path, help="write the figures to this file as well")
     wanted = parser.parse_args()
-    condensed.JURY = wanted.jury
+    condensed.RECENT_PASSES = wanted.jury
     table = the_street()
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,

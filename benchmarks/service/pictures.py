@@ -2,7 +2,7 @@
 """Pictures of the pages for the README, taken in Chromium from a demonstration of its own.
 
     make pictures
-    PYTHONPATH=.:benchmarks python -m service.pictures [--output .docs]
+    PYTHONPATH=.:benchmarks python -m service.pictures [--output docs/images]
 
 The demonstration is that of ``versant demo``: its town, its drives, its database. Writes map.png, drive.png and
 dashboard.png.
@@ -54,7 +54,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--output", type=Path, default=Path(".docs"), metavar="DIR", help="where they go")
+    parser.add_argument(
+        "--output", type=Path, default=Path("docs/images"), metavar="DIR", help="where they go"
+    )
     folder: Path = parser.parse_args().output
     console = Console()
     try:

@@ -74,9 +74,9 @@ def read_log(
     check_columns(columns or {})
     job = _Job(max_bytes, progress, columns or {}, Notes())
     data = load(source, max_bytes, job.notes, progress)
-    if is_zip(data) and (found := members(data, max_bytes, job.notes)):
+    if is_zip(data) and (files := members(data, max_bytes, job.notes)):
         del data
-        return _usable(_together(found, job))
+        return _usable(_together(files, job))
     name = source.name if isinstance(source, Path) else ""
     return _usable(_alone(name, data, job))
 
@@ -100,16 +100,16 @@ def read_logs(
     if len(sources) == 1:
         return read_log(sources[0], columns=columns, max_bytes=max_bytes, progress=progress)
     check_columns(columns or {})
-    job, left, found = _Job(max_bytes, progress, columns or {}, Notes()), max_bytes, list[Member]()
+    job, bytes_left, files = _Job(max_bytes, progress, columns or {}, Notes()), max_bytes, list[Member]()
     for count, source in enumerate(sources, 1):
-        data = load(source, left, job.notes, progress)
+        data = load(source, bytes_left, job.notes, progress)
         name = source.name if isinstance(source, Path) else f"file {count}"
         name = shown_name(names[count - 1] if count <= len(names) else name)
-        inside = members(data, left, job.notes) if is_zip(data) else []
+        inside = members(data, bytes_left, job.notes) if is_zip(data) else []
         inside = inside or [Member(name, data)]
-        left -= sum(len(member.data) for member in inside)
-        found += inside
-    return _usable(_together(found, job))
+        bytes_left -= sum(len(member.data) for member in inside)
+        files += inside
+    return _usable(_together(files, job))
 
 
 @dataclass(frozen=True)
@@ -179,13 +179,13 @@ def _noted(log: DriveLog, notes: Notes) -> DriveLog:
     )
 
 
-def _together(found: list[Member], job: _Job) -> DriveLog:
+def _together(members: list[Member], job: _Job) -> DriveLog:
     """Read files and join them; a file alone is as if it came without the zip."""
     notes, progress = job.notes, job.progress
-    if len(found) == 1 and not is_zip(found[0].data):
-        return _alone(found[0].name, load(found[0].data, job.max_bytes, notes, progress), job)
+    if len(members) == 1 and not is_zip(members[0].data):
+        return _alone(members[0].name, load(members[0].data, job.max_bytes, notes, progress), job)
     errors: list[LogError] = []
-    files = _recognised(found, job, errors)
+    files = _recognised(members, job, errors)
     parts: list[Part] = []
     navigation = Navigation()
     for file in sorted(files, key=lambda one: not one.comes_first):
@@ -223,13 +223,13 @@ class _File:
         return isinstance(self.format, PartFormat) and self.format.comes_first(self.data[:HEAD_BYTES])
 
 
-def _recognised(found: list[Member], job: _Job, errors: list[LogError]) -> list[_File]:
+def _recognised(members: list[Member], job: _Job, errors: list[LogError]) -> list[_File]:
     """The files that are logs, unpacked; the others are counted, and their errors kept."""
-    left, out = job.max_bytes, list[_File]()
-    for member in found:
+    bytes_left, out = job.max_bytes, list[_File]()
+    for member in members:
         own = Notes()
-        data = load(member.data, left, own, job.progress)
-        left -= len(data)
+        data = load(member.data, bytes_left, own, job.progress)
+        bytes_left -= len(data)
         try:
             out.append(_File(member.name, _format_of(data[:HEAD_BYTES], member.name, job.columns), data, own))
         except UnknownFormatError as error:

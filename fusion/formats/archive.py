@@ -68,7 +68,7 @@ def members(data: bytes, max_bytes: int, notes: Notes) -> list[Member]:
 def _unpacked(
     archive: zipfile.ZipFile, infos: list[zipfile.ZipInfo], max_bytes: int, notes: Notes
 ) -> Iterator[Member]:
-    left = max_bytes
+    bytes_left = max_bytes
     for info in infos:
         name = shown_name(info.filename)
         if info.flag_bits & 1:
@@ -77,8 +77,8 @@ def _unpacked(
         if info.compress_type not in _READ:
             notes.warn(f"{name} in the zip is packed in an unusual way and was left out. Pack it by Deflate.")
             continue
-        content = _content(archive, info, left, notes)
-        left -= len(content)
+        content = _content(archive, info, bytes_left, notes)
+        bytes_left -= len(content)
         if content:
             yield Member(name, content)
 

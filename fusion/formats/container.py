@@ -201,8 +201,8 @@ def _text_kind(head: bytes) -> str:
         return "an HTML page"
     if text.startswith(b"<"):
         root = re.search(rb"<(?:\w+:)?([A-Za-z]\w*)[\s>/]", text)
-        known = dict(_XML).get(root.group(1)) if root else None
-        return known or "an XML file, but neither GPX nor TCX"
+        document = dict(_XML).get(root.group(1)) if root else None
+        return document or "an XML file, but neither GPX nor TCX"
     if re.match(rb"[\[{]\s*[\"\]}{\[\d]", text):
         return "a JSON file"
     if not text:

@@ -163,8 +163,8 @@ def _times(
     if dates is not None:
         texts = [f"{d.strip()} {t.strip()}" if d and t else None for d, t in zip(dates, texts, strict=True)]
     out, bare = times_of(texts, cell.factor if cell.factor != 1.0 else None)
-    given = np.array([bool(t) for t in texts], bool)
-    bad = np.flatnonzero(given & np.isnan(out))
+    has_text = np.array([bool(t) for t in texts], bool)
+    bad = np.flatnonzero(has_text & np.isnan(out))
     if len(bad):
         example = f"{block.place(int(bad[0]))}: time is {texts[bad[0]][:40]!r}"
         notes.skip("cells that are no time", len(bad), example, position=True)

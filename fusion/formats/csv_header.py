@@ -118,13 +118,13 @@ def understood_header(data: bytes, schema: Schema) -> tuple[Known, list[str], st
             where=f"line {number}",
         )
     if schema.understood is not None:
-        known = schema.understood(header, schema)
+        columns = schema.understood(header, schema)
     else:
-        known = known_columns(header, schema.columns, schema.named, loose=schema.loose, part=schema.part)
-    missing = schema.lacking(known.cells)
+        columns = known_columns(header, schema.columns, schema.named, loose=schema.loose, part=schema.part)
+    missing = schema.lacking(columns.cells)
     if missing:
         raise MalformedLogError(missing_sentence(missing, header, number), where=f"line {number}")
-    return known, header, delimiter, number
+    return columns, header, delimiter, number
 
 
 def sections(data: bytes, notes: Notes) -> Iterator[tuple[bytes, int]]:
@@ -170,18 +170,18 @@ def _without(data: bytes, blanks: list[tuple[int, int]], cuts: list[int]) -> tup
     ends = [0, *(end for _, end in blanks)]
     starts = [*(start for start, _ in blanks), len(data)]
     lost = [sum(end - start for start, end in blanks if end <= cut) for cut in cuts]
-    kept = b"".join(data[end:start] for end, start in zip(ends, starts, strict=True))
-    return kept, [cut - less for cut, less in zip(cuts, lost, strict=True)]
+    joined = b"".join(data[end:start] for end, start in zip(ends, starts, strict=True))
+    return joined, [cut - less for cut, less in zip(cuts, lost, strict=True)]
 
 
 def layout_of(data: bytes, notes: Notes, schema: Schema, *, lines_before: int = 0) -> Layout:
     """Read the header; raises as ``understood_header``."""
-    known, header, delimiter, number = understood_header(data, schema)
+    columns, header, delimiter, number = understood_header(data, schema)
     _, at, line = first_line(data)
-    for sentence in (taken_sentence(known), unknown_sentence(known, schema.columns)):
+    for sentence in (taken_sentence(columns), unknown_sentence(columns, schema.columns)):
         if sentence:
             notes.warn(sentence)
-    twice = sorted({c for c in map(str.lower, header) if c in known.cells and _times_in(c, header) > 1})
+    twice = sorted({c for c in map(str.lower, header) if c in columns.cells and _times_in(c, header) > 1})
     if twice:
         notes.warn(f"The CSV names columns twice, of which the first is used: {', '.join(twice)}.")
     at += len(line)
@@ -191,7 +191,14 @@ def layout_of(data: bytes, notes: Notes, schema: Schema, *, lines_before: int = 
     at = end.end() if end else at
     comma = delimiter != "," and bool(_DECIMAL_COMMA.search(data[at : at + 65536]))
     return Layout(
-        delimiter, len(header), known.cells, comma, at, number + 1 + lines_before, schema.words, schema.clocks
+        delimiter,
+        len(header),
+        columns.cells,
+        comma,
+        at,
+        number + 1 + lines_before,
+        schema.words,
+        schema.clocks,
     )
 
 

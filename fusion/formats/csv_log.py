@@ -56,17 +56,17 @@ class _SpeedUnit:
 
     def _find(self, speed: Floats, time_s: Floats, lat_deg: Floats, lon_deg: Floats, notes: Notes) -> None:
         here = np.isfinite(time_s + lat_deg + lon_deg)
-        time, lat, lon, said = time_s[here], lat_deg[here], lon_deg[here], speed[here]
+        time, lat, lon, stated = time_s[here], lat_deg[here], lon_deg[here], speed[here]
         new = np.concatenate([[True], np.diff(time) > 0]) if len(time) else np.zeros(0, bool)
-        time, lat, lon, said = time[new], lat[new], lon[new], said[new]
+        time, lat, lon, stated = time[new], lat[new], lon[new], stated[new]
         metres = 111_200.0 * np.hypot(np.diff(lat), np.diff(lon) * np.cos(np.radians(lat[1:])))
         lasted = np.diff(time)
         with np.errstate(invalid="ignore", divide="ignore"):
             moved = metres / lasted
-            mean = 0.5 * (said[1:] + said[:-1])
+            mean = 0.5 * (stated[1:] + stated[:-1])
             usable = (lasted < 15) & (moved > _SLOWEST_MPS) & (moved < 100) & (mean > 0)
-        known = mean[usable] / moved[usable]
-        ratio = float(np.median(known)) if len(known) >= _LEAST_STEPS else float("nan")
+        ratios = mean[usable] / moved[usable]
+        ratio = float(np.median(ratios)) if len(ratios) >= _LEAST_STEPS else float("nan")
         fitting = [(name, factor) for name, factor, low, high in _SPEED_UNITS if low <= ratio < high]
         if fitting:
             self.factor = fitting[0][1]

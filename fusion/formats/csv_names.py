@@ -122,17 +122,17 @@ def known_columns(
         if ours not in cells and ours in lower and lower.index(ours) not in used:
             cells[ours] = Cell(lower.index(ours))
             used.add(cells[ours].index)
-    taken: list[str] = []
+    by_name: list[str] = []
     for index, name in enumerate(header) if loose else ():
         ours, cell = _understood(name, index)
         if index in used or not ours or ours in cells or (ours in _SAME and _SAME[ours] in cells):
             continue
         cells[ours] = cell
         used.add(index)
-        taken.append(f"{name[:_SHOWN]!r} as {_shown(ours)}{_converted(cell)}")
+        by_name.append(f"{name[:_SHOWN]!r} as {_shown(ours)}{_converted(cell)}")
     unknown = [n for k, n in enumerate(header) if k not in used and often[n.lower()] == 1]
     unknown += sorted({n for n in header if often[n.lower()] > 1 and n.lower() not in cells})
-    return Known(cells, tuple(taken), tuple(n for n in unknown if n.lower() not in columns))
+    return Known(cells, tuple(by_name), tuple(n for n in unknown if n.lower() not in columns))
 
 
 _SAME = {TIME: "time_s", GPS_TIME: "time_s", UNSTATED_SPEED: "speed_mps"}
@@ -147,9 +147,9 @@ def _named(header: Sequence[str], named: Mapping[str, str], *, part: bool) -> di
             if part:
                 continue
             near = get_close_matches(_plain(theirs), plain, 1, 0.6)
-            meant = f" Did you mean {header[plain.index(near[0])][:_SHOWN]!r}?" if near else ""
+            hint = f" Did you mean {header[plain.index(near[0])][:_SHOWN]!r}?" if near else ""
             raise MalformedLogError(
-                f"columns: the header has no {theirs[:60]!r}, which was to be {ours}.{meant} It names: "
+                f"columns: the header has no {theirs[:60]!r}, which was to be {ours}.{hint} It names: "
                 f"{shown_header(header)}."
             )
         index = plain.index(_plain(theirs))
@@ -170,8 +170,12 @@ def _understood(name: str, index: int) -> tuple[str, Cell]:
     for camel, dimension in product((True, False), ("", *_UNITS)):
         base, unit = _split(name, dimension, camel=camel)
         for candidate in (base, *(base.removeprefix(f"{s}_") for s in _SOURCES if base.startswith(f"{s}_"))):
-            ours, wanted = _NAMES.get(candidate, ("", ""))
-            if not ours or (dimension and wanted != dimension) or (unit and wanted != dimension):
+            ours, its_dimension = _NAMES.get(candidate, ("", ""))
+            if (
+                not ours
+                or (dimension and its_dimension != dimension)
+                or (unit and its_dimension != dimension)
+            ):
                 continue
             if base.startswith("obd_") and ours == "speed_mps":
                 ours = "odo_speed_mps"
@@ -179,7 +183,7 @@ def _understood(name: str, index: int) -> tuple[str, Cell]:
                 ours = UNSTATED_SPEED
             if not unit and ours == "odo_speed_mps":
                 unit = "km_h"  # as the bus of a car states it
-            return ours, Cell(index, *_UNITS[wanted][unit]) if unit else Cell(index)
+            return ours, Cell(index, *_UNITS[its_dimension][unit]) if unit else Cell(index)
     return "", Cell(index)
 
 
@@ -253,22 +257,22 @@ def unknown_sentence(known: Known, columns: Sequence[str]) -> str:
 
 def nearest(name: str, columns: Sequence[str]) -> str:
     """The column of ours that a name is most like; empty if none is."""
-    found = get_close_matches(_words(name), columns, 1, 0.75)
-    return found[0] if found else ""
+    matches = get_close_matches(_words(name), columns, 1, 0.75)
+    return matches[0] if matches else ""
 
 
 def missing_sentence(missing: Sequence[str], header: Sequence[str], line: int) -> str:
     """What a person is told of required columns that are not there."""
     near = [
-        f"{wanted.split()[0]}={cell[:_SHOWN]}"
-        for wanted in missing
+        f"{column.split()[0]}={cell[:_SHOWN]}"
+        for column in missing
         for cell in header
-        if nearest(cell, [wanted.split()[0]])
+        if nearest(cell, [column.split()[0]])
     ]
-    meant = f" Perhaps: {' '.join(f'--columns {one}' for one in near)}." if near else ""
+    hint = f" Perhaps: {' '.join(f'--columns {one}' for one in near)}." if near else ""
     return (
         f"This CSV lacks required columns: {', '.join(missing)}. Its header, line {line}, names: "
-        f"{shown_header(header)}.{meant} Rename the columns, add them, or say by --columns NAME=ITS_NAME which is "
+        f"{shown_header(header)}.{hint} Rename the columns, add them, or say by --columns NAME=ITS_NAME which is "
         "which; all others are optional."
     )
 

@@ -115,14 +115,14 @@ def _tables(
     speed = np.where(speed >= 0, speed, np.nan)  # Apple writes -1 for unknown
     course = column("course", "cog", "bearing")
     north, east = ground_velocity(speed, np.radians(np.where(course >= 0, course, np.nan)))
-    known = np.isfinite(north)
+    directed = np.isfinite(north)
     velocity = GnssVelocity.assemble(
-        time_s[known],
-        vel_n_mps=north[known],
-        vel_e_mps=east[known],
-        s_acc_mps=_positive(column("s_acc")[known]),
+        time_s[directed],
+        vel_n_mps=north[directed],
+        vel_e_mps=east[directed],
+        s_acc_mps=_positive(column("s_acc")[directed]),
     )
-    alone = np.isfinite(speed) & ~known
+    alone = np.isfinite(speed) & ~directed
     return {
         "fix": fix,
         "velocity": velocity,

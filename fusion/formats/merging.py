@@ -65,13 +65,13 @@ def join(parts: Sequence[Part], notes: Notes) -> DriveLog:
 
 
 def _device(parts: Sequence[Part], notes: Notes) -> DeviceMotion:
-    found: dict[str, SensorTable] = {}
+    joined: dict[str, SensorTable] = {}
     for name in DeviceMotion().tables():
         having = [(part, table) for part in parts if len(table := part.log.device.tables()[name])]
         used = _not_overlapping([(part, table.time_s, len(table)) for part, table in having], name, notes)
         chosen = sorted((t for part, t in having if part in used), key=lambda t: float(t.time_s[0]))
-        found[name] = _follow(list(chosen)) if chosen else ThreeAxes.empty()
-    return DeviceMotion(**found)  # type: ignore[arg-type]
+        joined[name] = _follow(list(chosen)) if chosen else ThreeAxes.empty()
+    return DeviceMotion(**joined)  # type: ignore[arg-type]
 
 
 def _refuse(parts: Sequence[Part]) -> None:

@@ -137,16 +137,16 @@ def _satellites(block: Block, numbers: Floats) -> tuple[Ints, Floats]:
 @cache
 def _satellite(name: str) -> tuple[int, int]:
     """System and number of ``G07``; -1 and 0 of what is no such name."""
-    found = re.fullmatch(r"([A-Za-z]) ?(\d{1,2})", name[:8])
-    return (SYSTEMS.find(found.group(1).upper()), int(found.group(2))) if found else (-1, 0)
+    match = re.fullmatch(r"([A-Za-z]) ?(\d{1,2})", name[:8])
+    return (SYSTEMS.find(match.group(1).upper()), int(match.group(2))) if match else (-1, 0)
 
 
 def _signals(col: dict[str, Floats], notes: Notes) -> Signals:
     place = np.column_stack([col[name] for name in PLACE])
     motion = np.column_stack([col[name] for name in MOTION])
     with np.errstate(invalid="ignore", over="ignore"):
-        known = np.linalg.norm(place, axis=1) > _NEAREST_SATELLITE_M
-    keep = known if known.any() else np.ones(len(known), bool)
+        has_place = np.linalg.norm(place, axis=1) > _NEAREST_SATELLITE_M
+    keep = has_place if has_place.any() else np.ones(len(has_place), bool)
     if not keep.all():
         notes.skip("rows without the position of their satellite", int((~keep).sum()))
         notes.warn(
@@ -160,7 +160,7 @@ def _signals(col: dict[str, Floats], notes: Notes) -> Signals:
         col["gps_s"][keep], system[keep], col["number"][keep].astype(np.int64),
         pseudorange_m=col[PSEUDORANGE][keep], range_rate_mps=col["range_rate_mps"][keep],
         cn0_dbhz=col["cn0_dbhz"][keep], sigma_m=sigma[keep], frequency_hz=carrier[keep],
-        position_m=np.where(known[:, None], place, np.nan)[keep], velocity_mps=motion[keep],
+        position_m=np.where(has_place[:, None], place, np.nan)[keep], velocity_mps=motion[keep],
     )  # fmt: skip
     notes.skip("repeated rows of one satellite and time", int(keep.sum()) - len(signals.system))
     return signals

@@ -79,13 +79,13 @@ class RtklibPosFormat:
 
 
 def _header(text: bytes) -> _Header:
-    found = _HEADER.search(text[:65536])
-    if found is None:
+    match = _HEADER.search(text[:65536])
+    if match is None:
         raise MalformedLogError(
             "This RTKLIB solution has no comment that names its columns. Export it with the header.",
             where="line 1",
         )
-    columns = tuple(re.split(r"[ ,;\t]+", found.group("columns").decode("ascii", "replace").strip().lower()))
+    columns = tuple(re.split(r"[ ,;\t]+", match.group("columns").decode("ascii", "replace").strip().lower()))
     if columns[0] == _KINDS[3]:
         raise MalformedLogError(
             "This RTKLIB solution holds baselines (E/N/U from a base station) and not positions: where the base is, it "
@@ -96,8 +96,8 @@ def _header(text: bytes) -> _Header:
             f"The first column of this RTKLIB solution is {columns[0][:40]!r}, which is not known here. Let RTKLIB "
             "write Lat/Lon/Height."
         )
-    comment = text[: found.start()].lower()
-    return _Header(found.group("scale").decode().upper(), columns, b"/geodetic" in comment)
+    comment = text[: match.start()].lower()
+    return _Header(match.group("scale").decode().upper(), columns, b"/geodetic" in comment)
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,8 @@ def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
     plain = body.replace(b"\r\n", b"\n").translate(_TO_BLANKS)
     while b"  " in plain:
         plain = plain.replace(b"  ", b" ")
-    if begin and b"%" not in plain and (whole := _whole_rows(plain, header)):
-        times, cells = whole
+    if begin and b"%" not in plain and (values := _whole_rows(plain, header)):
+        times, cells = values
         before = text.count(b"\n", 0, begin.start())
         return _Rows(*times, cells, before + 1 + np.arange(len(cells)))
     return _single_rows(text, header, notes)
@@ -175,13 +175,13 @@ def _single_rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
         first = good.index(False)
         example = f"line {plain[first][1]}: {len(cells[first])} cells instead of {width}"
         notes.skip("lines with another number of cells", good.count(False), example, position=True)
-    kept = [row for row, ok in zip(cells, good, strict=True) if ok]
+    good_cells = [row for row, ok in zip(cells, good, strict=True) if ok]
     line = np.array([k for (_, k), ok in zip(plain, good, strict=True) if ok], np.int64)
-    if not kept:
+    if not good_cells:
         return _Rows(np.empty(0), False, np.empty((0, max(width - 2, least - 2))), line)
-    of_week = b"/" not in kept[0][0]
-    time_s = _week_times(kept) if of_week else _calendar_times(kept)
-    return _Rows(time_s, of_week, _numbers([row[2:] for row in kept]), line)
+    of_week = b"/" not in good_cells[0][0]
+    time_s = _week_times(good_cells) if of_week else _calendar_times(good_cells)
+    return _Rows(time_s, of_week, _numbers([row[2:] for row in good_cells]), line)
 
 
 def _numbers(rows: list[list[bytes]]) -> Floats:
@@ -290,13 +290,13 @@ def _velocity(time_s: Floats, col: dict[str, Floats], lat_deg: Floats, lon_deg: 
     # a mean of the axes, as receivers state the accuracy of speeds
     s_acc = _positive(np.sqrt((sigmas[0] ** 2 + sigmas[1] ** 2 + sigmas[2] ** 2) / 3))
     still = (north == 0) & (east == 0) & (up == 0) & ~np.isfinite(s_acc)  # written where there is no Doppler
-    known = np.isfinite(north) & np.isfinite(east) & ~still
+    directed = np.isfinite(north) & np.isfinite(east) & ~still
     return GnssVelocity.assemble(
-        time_s[known],
-        vel_n_mps=north[known],
-        vel_e_mps=east[known],
-        vel_d_mps=-up[known],
-        s_acc_mps=s_acc[known],
+        time_s[directed],
+        vel_n_mps=north[directed],
+        vel_e_mps=east[directed],
+        vel_d_mps=-up[directed],
+        s_acc_mps=s_acc[directed],
     )
 
 
@@ -305,8 +305,8 @@ def _unix(rows: _Rows, header: _Header) -> Floats:
     time_s = rows.time_s
     if header.scale == "GPST":
         gps_s = time_s if rows.of_week else time_s - GPS_EPOCH_S
-        known = np.isfinite(gps_s)
-        return np.where(known, unix_from_gps(np.where(known, gps_s, 0.0)), np.nan)
+        timed = np.isfinite(gps_s)
+        return np.where(timed, unix_from_gps(np.where(timed, gps_s, 0.0)), np.nan)
     unix_s = time_s + GPS_EPOCH_S if rows.of_week else time_s
     return unix_s - (_JST_AHEAD_S if header.scale == "JST" else 0.0)
 

@@ -61,9 +61,9 @@ def times_of(texts: Sequence[str | None], seconds: float | None = None) -> tuple
     for row in np.flatnonzero(np.isfinite(out)):
         end = (texts[row] or "")[-8:]
         bare[row] = end[-1:] not in "zZ" and not _ISO_ZONE.search(end)
-    left = [int(k) for k in np.flatnonzero(np.isnan(out)) if texts[k]]
+    unread = [int(k) for k in np.flatnonzero(np.isnan(out)) if texts[k]]
     by_length: dict[int, list[int]] = {}
-    for k in left:
+    for k in unread:
         by_length.setdefault(len(texts[k] or ""), []).append(k)
     for rows in by_length.values():
         _read_alike([texts[k] or "" for k in rows], np.array(rows), out, bare)
@@ -72,12 +72,12 @@ def times_of(texts: Sequence[str | None], seconds: float | None = None) -> tuple
 
 def _read_alike(texts: list[str], rows: Ints, out: Floats, bare: Bools) -> None:
     """Times of one length, into ``out`` and ``bare`` at ``rows``: together as far as they are like the first."""
-    done = np.zeros(len(texts), bool)
-    found = _match(texts[0]) if len(texts) >= _FEWEST_ALIKE else None
-    if found is not None and all(text.isascii() for text in texts):
-        seconds, zoned, done = _columns_of(np.array(texts, f"S{len(texts[0])}"), found)
-        out[rows[done]], bare[rows[done]] = seconds[done], ~zoned[done]
-    for k in np.flatnonzero(~done):
+    is_read = np.zeros(len(texts), bool)
+    model = _match(texts[0]) if len(texts) >= _FEWEST_ALIKE else None
+    if model is not None and all(text.isascii() for text in texts):
+        seconds, zoned, is_read = _columns_of(np.array(texts, f"S{len(texts[0])}"), model)
+        out[rows[is_read]], bare[rows[is_read]] = seconds[is_read], ~zoned[is_read]
+    for k in np.flatnonzero(~is_read):
         out[rows[k]], bare[rows[k]] = _worded(texts[k])
 
 
@@ -92,7 +92,7 @@ def _columns_of(texts: NDArray[np.bytes_], found: re.Match[str]) -> tuple[Floats
     alike = (letters == model) | (digit & _is_digit(model)) | (word & _is_letter(model))
     zone_at = [c for name in ("zone", "offset") for c in range(*found.span(name))]
     alike[:, zone_at] = True
-    done = alike.all(axis=1)
+    is_read = alike.all(axis=1)
 
     def number(name: str) -> Ints:
         begin, end = found.span(name)
@@ -103,8 +103,8 @@ def _columns_of(texts: NDArray[np.bytes_], found: re.Match[str]) -> tuple[Floats
         if end <= begin:
             return np.full(len(texts), value(""))
         cells = np.ascontiguousarray(letters[:, begin:end]).view(f"S{end - begin}").ravel()
-        known, which = np.unique(cells, return_inverse=True)
-        return np.array([value(one.decode("ascii", "replace")) for one in known], float)[which]
+        distinct, which = np.unique(cells, return_inverse=True)
+        return np.array([value(one.decode("ascii", "replace")) for one in distinct], float)[which]
 
     by_name = "name" in found.groupdict()
     month = each(*found.span("name"), _month) if by_name else number("month").astype(float)
@@ -125,13 +125,13 @@ def _columns_of(texts: NDArray[np.bytes_], found: re.Match[str]) -> tuple[Floats
         inside = _is_digit(letters[:, offset[0] + 1 : offset[1]]) | (
             letters[:, offset[0] + 1 : offset[1]] == ord(":")
         )
-        done &= (
+        is_read &= (
             signs & inside.all(axis=1) & (letters[:, range(*zone)] == model[list(range(*zone))]).all(axis=1)
         )
         zoned = np.ones(len(texts))
     sane = (hour < 24) & (minute < 60) & (second < 61)
     seconds = day_s + hour * 3600 + minute * 60 + second + share - shift
-    return np.where(sane, seconds, np.nan), zoned > 0, done
+    return np.where(sane, seconds, np.nan), zoned > 0, is_read
 
 
 def _is_digit(letters: NDArray[np.uint8]) -> Bools:
@@ -147,8 +147,8 @@ def of_epoch(value: Floats, seconds: float | None = None) -> Floats:
     """Unix seconds of numbers since 1970, in units of ``seconds``, or in what their size tells."""
     if seconds is not None:
         return value * seconds
-    known = value[np.isfinite(value)]
-    size = float(np.median(np.abs(known))) if len(known) else 0.0
+    finite = value[np.isfinite(value)]
+    size = float(np.median(np.abs(finite))) if len(finite) else 0.0
     return value * next(unit for limit, unit in _EPOCH_STEPS if size < limit)
 
 
@@ -169,10 +169,10 @@ def _month(name: str) -> int:
 
 def _worded(text: str) -> tuple[float, bool]:
     """Unix seconds of a time in one of the forms, and whether it names no zone."""
-    found = _match(text)
-    if found is None:
+    match = _match(text)
+    if match is None:
         return float("nan"), False
-    part = found.groupdict()
+    part = match.groupdict()
     month = int(part["month"]) if part.get("month") else _month(part.get("name") or "")
     hour, minute, second = int(part["hour"]), int(part["minute"]), int(part["second"])
     if hour > 23 or minute > 59 or second > 60:

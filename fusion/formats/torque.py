@@ -94,16 +94,16 @@ class TorqueFormat:
         )  # fmt: skip
 
 
-def _lacking(found: Collection[str]) -> list[str]:
-    timed = {"time_s", "time", DEVICE_TIME} & set(found)
+def _lacking(columns: Collection[str]) -> list[str]:
+    timed = {"time_s", "time", DEVICE_TIME} & set(columns)
     missing = [] if timed else ["GPS Time or Device Time"]
-    return missing + [name for name in ("lat_deg", "lon_deg") if name not in found]
+    return missing + [name for name in ("lat_deg", "lon_deg") if name not in columns]
 
 
 def _understood(header: list[str], schema: Schema) -> Known:
     """By names as in any CSV, and by those that only such apps write; what no slope needs is not complained of."""
     own = {_OWN[cell.lower()]: k for k, cell in enumerate(header) if cell.lower() in _OWN}
     rest = ["" if k in own.values() else cell for k, cell in enumerate(header)]
-    known = known_columns(rest, schema.columns, schema.named, loose=True, part=schema.part)
-    cells = {**{ours: Cell(index) for ours, index in own.items()}, **known.cells}
-    return Known(cells, () if DEVICE_TIME in own else known.taken, ())
+    columns = known_columns(rest, schema.columns, schema.named, loose=True, part=schema.part)
+    cells = {**{ours: Cell(index) for ours, index in own.items()}, **columns.cells}
+    return Known(cells, () if DEVICE_TIME in own else columns.taken, ())

@@ -118,8 +118,8 @@ def _pieces(text: str, notes: Notes) -> Iterator[tuple[int, bytes | None]]:
     block: Lines = []
     block_line = 0
     broken = False
-    for number, whole in enumerate(text.splitlines(), 1):
-        line = whole[:MAX_LINE]
+    for number, full_line in enumerate(text.splitlines(), 1):
+        line = full_line[:MAX_LINE]
         header = _HEADER.match(line)
         starts = _MESSAGE.match(line)
         if header or starts or line.startswith("---"):
@@ -161,8 +161,8 @@ def _encode(block: Lines, notes: Notes, number: int) -> bytes:
     try:
         return encoder([match.group(2), *block[1:]])
     except (ValueError, IndexError, struct.error):
-        seen = any("listed messages that" in w for w in notes.warnings)
-        notes.skip("listed messages that cannot be read", 1, "" if seen else f"line {number}")
+        already_warned = any("listed messages that" in w for w in notes.warnings)
+        notes.skip("listed messages that cannot be read", 1, "" if already_warned else f"line {number}")
         return b""
 
 
@@ -185,8 +185,8 @@ def _ints(block: Lines, at_least: int) -> list[int]:
 
 def _date(block: Lines) -> tuple[int, ...]:
     """Year .. second and the valid flags, zeros where the block shows no date."""
-    found = _DATE.search(" ".join(block))
-    return (*(int(g) for g in found.groups()), 7) if found else (0,) * 7
+    match = _DATE.search(" ".join(block))
+    return (*(int(g) for g in match.groups()), 7) if match else (0,) * 7
 
 
 def _nav_pvt(block: Lines) -> bytes:
@@ -223,10 +223,10 @@ def _nav_timegps(block: Lines) -> bytes:
 
 def _sensor_words(block: Lines) -> list[tuple[int, int]]:
     """(data word with its type in the upper byte, time tag) of each listed reading."""
-    found = [m for m in map(_SENSOR.match, block[1:]) if m]
-    if not found:
+    matches = [m for m in map(_SENSOR.match, block[1:]) if m]
+    if not matches:
         raise ValueError("no readings")
-    return [(int(m.group(1)) << 24 | int(m.group(2), 16), int(m.group(3) or 0)) for m in found]
+    return [(int(m.group(1)) << 24 | int(m.group(2), 16), int(m.group(3) or 0)) for m in matches]
 
 
 def _esf_raw(block: Lines) -> bytes:

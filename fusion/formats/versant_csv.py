@@ -88,15 +88,15 @@ class VersantCsvFormat:
         return Schema(COLUMNS, lacking, named=self.columns, loose=True, part=part)
 
 
-def lacking_time(found: Collection[str]) -> list[str]:
+def lacking_time(columns: Collection[str]) -> list[str]:
     """The required columns that are not there of a file whose positions come from another."""
-    timed = {"time_s", "time", GPS_TIME} & set(found)
+    timed = {"time_s", "time", GPS_TIME} & set(columns)
     return [] if timed else ["time_s (Unix seconds) or time (RFC 3339)"]
 
 
-def lacking_position(found: Collection[str]) -> list[str]:
+def lacking_position(columns: Collection[str]) -> list[str]:
     """The required columns that are not there."""
-    return lacking_time(found) + [name for name in ("lat_deg", "lon_deg") if name not in found]
+    return lacking_time(columns) + [name for name in ("lat_deg", "lon_deg") if name not in columns]
 
 
 def _is_text(line: bytes) -> bool:

@@ -74,8 +74,8 @@ class Points:
 
     def pieces(self, elements: Iterable[str]) -> Ints:
         """By point, how many of these elements began before it."""
-        wanted = set(elements)
-        starts = np.array([at for element, at in self.breaks if element in wanted], np.int64)
+        names = set(elements)
+        starts = np.array([at for element, at in self.breaks if element in names], np.int64)
         return np.searchsorted(starts, np.arange(len(self)), side="right")
 
 
@@ -177,7 +177,7 @@ class _Reader:
             f"This {self._what} file defines XML entities, as attacks do and recorders never. Export it again."
         )
 
-    def _start(self, name: str, found: dict[str, str]) -> None:
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
         self._depth += 1
         kind = self._kinds[name]
         if kind == IGNORED:
@@ -189,7 +189,7 @@ class _Reader:
         elif kind == POINT:
             self._inside = self._depth
             for attribute, column in self._attributes:
-                column.append(_number(found.get(attribute, "")))
+                column.append(_number(attributes.get(attribute, "")))
         elif kind == BREAK:
             self._breaks.append((name.rpartition(":")[2], self.count))
         elif kind == OTHER:
@@ -261,13 +261,13 @@ class _Times:
 
     def _read(self) -> None:
         time_s = unix_seconds(self._texts)
-        known = np.array([text is not None for text in self._texts], bool)
-        unread = np.flatnonzero(np.isnan(time_s) & known)
+        has_text = np.array([text is not None for text in self._texts], bool)
+        unread = np.flatnonzero(np.isnan(time_s) & has_text)
         if len(unread) and not self._unread:
             at = int(unread[0])
             self._first_unread = f"point {self._done + at + 1}: {self._texts[at]!r:.60} is no time"
         self._unread += len(unread)
-        self.known += int(known.sum())
+        self.known += int(has_text.sum())
         self._seconds.append(time_s)
         self._done += len(time_s)
         self._texts = []

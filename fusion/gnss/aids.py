@@ -34,13 +34,13 @@ def with_heights(aids: Aids, height_m: Floats) -> Aids:
     return replace(aids, height_m=np.asarray(height_m, float), height_sigma_m=sigma)
 
 
-def _at(time_s: Floats, value: Floats, wanted_s: Floats) -> Floats:
+def _at(time_s: Floats, value: Floats, at_s: Floats) -> Floats:
     """Values at times, interpolated between readings that are near."""
-    known = np.isfinite(value)
-    time_s, value = time_s[known], value[known]
+    measured = np.isfinite(value)
+    time_s, value = time_s[measured], value[measured]
     if not len(time_s):
-        return np.full(len(wanted_s), np.nan)
-    after = np.clip(np.searchsorted(time_s, wanted_s), 0, len(time_s) - 1)
+        return np.full(len(at_s), np.nan)
+    after = np.clip(np.searchsorted(time_s, at_s), 0, len(time_s) - 1)
     before = np.maximum(after - 1, 0)
-    near = np.minimum(np.abs(time_s[after] - wanted_s), np.abs(time_s[before] - wanted_s)) <= NEAR_S
-    return np.where(near, np.interp(wanted_s, time_s, value), np.nan)
+    near = np.minimum(np.abs(time_s[after] - at_s), np.abs(time_s[before] - at_s)) <= NEAR_S
+    return np.where(near, np.interp(at_s, time_s, value), np.nan)

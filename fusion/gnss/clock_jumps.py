@@ -48,24 +48,24 @@ def find_clock_jumps(gps_s: Floats, first: Ints, satellite: Ints, excess_m: Floa
 
     ``satellite`` numbers satellites from 0; rows of epoch k are ``first[k]:first[k + 1]``.
     """
-    seen = np.flatnonzero(np.diff(first) > 0)
+    observed = np.flatnonzero(np.diff(first) > 0)
     step_m, anew = np.zeros(len(gps_s)), np.zeros(len(gps_s), bool)
-    if len(seen) < 2:
+    if len(observed) < 2:
         return ClockJumps(step_m, 0, anew)
-    clock, spread, common = (np.empty(len(seen)) for _ in range(3))
-    _follow(first, seen, satellite, excess_m, np.full(satellite.max() + 1, np.nan), clock, spread, common)
-    dt, spread, common = np.diff(gps_s[seen]), spread[1:], common[1:]
+    clock, spread, common = (np.empty(len(observed)) for _ in range(3))
+    _follow(first, observed, satellite, excess_m, np.full(satellite.max() + 1, np.nan), clock, spread, common)
+    dt, spread, common = np.diff(gps_s[observed]), spread[1:], common[1:]
     rest = np.diff(clock) - _drift_mps(np.diff(clock), dt) * dt
-    whole = np.round(rest / STEP_M)
+    steps = np.round(rest / STEP_M)
     tolerance = _NOISE_M + _NOISE_MPS * dt + np.where(common == 0, _STRANGERS_M, 0.0)
     alike = spread <= tolerance
-    known = tolerance < _DOUBT_M
-    fits = np.abs(rest - whole * STEP_M) <= tolerance
-    jump = alike & known & fits & (whole != 0)
-    new = ~known | (alike & ~fits & ((common >= _FEW) | (common == 0)))
-    change = np.where(jump, whole * STEP_M, np.where(new, rest, 0.0))
-    step_m[seen[1:]] = change
-    anew[seen[1:]] = new
+    certain = tolerance < _DOUBT_M
+    fits = np.abs(rest - steps * STEP_M) <= tolerance
+    jump = alike & certain & fits & (steps != 0)
+    new = ~certain | (alike & ~fits & ((common >= _FEW) | (common == 0)))
+    change = np.where(jump, steps * STEP_M, np.where(new, rest, 0.0))
+    step_m[observed[1:]] = change
+    anew[observed[1:]] = new
     return ClockJumps(np.cumsum(step_m), int(np.count_nonzero(jump)), anew)
 
 
@@ -81,7 +81,7 @@ def _drift_mps(steps_m: Floats, dt: Floats) -> Floats:
 @compiled
 def _follow(
     first: Ints,
-    seen: Ints,
+    observed: Ints,
     satellite: Ints,
     excess_m: Floats,
     offset: Floats,
@@ -94,8 +94,8 @@ def _follow(
     ``offset`` (NaN: not seen yet) is filled; ``spread`` is the median of what satellites differ by, ``common`` how
     many of the epoch's were seen before.
     """
-    for k in range(len(seen)):
-        rows = np.arange(first[seen[k]], first[seen[k] + 1])
+    for k in range(len(observed)):
+        rows = np.arange(first[observed[k]], first[observed[k] + 1])
         says = excess_m[rows] - offset[satellite[rows]]
         says = says[np.isfinite(says)]
         common[k] = len(says)

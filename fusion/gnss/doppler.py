@@ -37,23 +37,25 @@ def doppler_velocities(measured: Measurements, position_m: Floats) -> DopplerVel
     """
     epoch = measured.epoch
     place = position_m[epoch]
-    known = np.isfinite(measured.range_rate_mps) & np.isfinite(place).all(axis=1)
-    known &= np.isfinite(measured.satellite_mps).all(axis=1)
-    epoch, m = epoch[known], len(measured)
-    sight = measured.satellite_m[known] - place[known]
+    usable = np.isfinite(measured.range_rate_mps) & np.isfinite(place).all(axis=1)
+    usable &= np.isfinite(measured.satellite_mps).all(axis=1)
+    epoch, m = epoch[usable], len(measured)
+    sight = measured.satellite_m[usable] - place[usable]
     sight /= np.linalg.norm(sight, axis=1, keepdims=True)
     # (satellite velocity - user velocity) . sight + drift = rate: what is left is linear in velocity and drift.
-    told = np.einsum("ni,ni->n", measured.satellite_mps[known], sight) - measured.range_rate_mps[known]
+    projected_mps = (
+        np.einsum("ni,ni->n", measured.satellite_mps[usable], sight) - measured.range_rate_mps[usable]
+    )
     rows = np.column_stack([sight, -np.ones(len(sight))])
     solvable = _solvable(rows, epoch, m)
     state = np.full((m, UNKNOWNS), np.nan)
-    weight = np.ones(len(told))
-    normal, residual = np.zeros((m, UNKNOWNS, UNKNOWNS)), np.zeros(len(told))
+    weight = np.ones(len(projected_mps))
+    normal, residual = np.zeros((m, UNKNOWNS, UNKNOWNS)), np.zeros(len(projected_mps))
     for _ in range(ROUNDS):
         normal = _sums(weight[:, None, None] * rows[:, :, None] * rows[:, None, :], epoch, m)
-        right = _sums((weight * told)[:, None] * rows, epoch, m)
+        right = _sums((weight * projected_mps)[:, None] * rows, epoch, m)
         state[solvable] = np.linalg.solve(normal[solvable], right[solvable, :, None])[..., 0]
-        residual = np.nan_to_num(told - np.einsum("nk,nk->n", rows, state[epoch]))
+        residual = np.nan_to_num(projected_mps - np.einsum("nk,nk->n", rows, state[epoch]))
         weight = 1.0 / (1.0 + (residual / NOISE_MPS) ** 2)
     covariance = np.full((m, 3, 3), np.nan)
     if solvable.any():
@@ -80,5 +82,5 @@ def _spread(residual: Floats, weight: Floats, epoch: Ints, m: int) -> Floats:
     """Variance of one rate, (m,): the usual one as a prior of four rows, and what the epoch's residuals say."""
     squares = np.bincount(epoch, weights=weight * residual**2, minlength=m)
     free = np.maximum(np.bincount(epoch, weights=weight, minlength=m) - UNKNOWNS, 0.0)
-    said: Floats = (UNKNOWNS * NOISE_MPS**2 + squares) / (UNKNOWNS + free)
-    return np.maximum(said, LEAST_SIGMA_MPS**2)
+    variance: Floats = (UNKNOWNS * NOISE_MPS**2 + squares) / (UNKNOWNS + free)
+    return np.maximum(variance, LEAST_SIGMA_MPS**2)

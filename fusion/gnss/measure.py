@@ -74,9 +74,9 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
     if not np.isfinite(places).all():
         if len(signals.system) or not warnings:
             warnings.append(_NO_PLACE)
-        signals, states = _taken(signals, states, np.zeros(len(signals.system), bool))
+        signals, states = _selected(signals, states, np.zeros(len(signals.system), bool))
         group, pseudorange_m = group[:0], pseudorange_m[:0]
-    sky = _seen_from(places[signals.epoch], states)
+    sky = _sky_from(places[signals.epoch], states)
     if not brought:
         pseudorange_m = pseudorange_m - _atmosphere_m(raw, signals, states, sky, places, warnings)
     keep = _usable(signals, sky, group, pseudorange_m, brought, counts)
@@ -88,10 +88,10 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
 def _possible(raw: RawGnss, counts: Counter[str]) -> Signals:
     """The rows whose pseudorange can be one; of logs that bring satellites, those that have theirs."""
     signals = raw.signals
-    known = np.isfinite(signals.pseudorange_m)
-    keep = known & (signals.pseudorange_m > NEAREST_M) & (signals.pseudorange_m < FARTHEST_M)
-    _count(counts, "no pseudorange", ~known)
-    _count(counts, "impossible pseudorange", known & ~keep)
+    has_range = np.isfinite(signals.pseudorange_m)
+    keep = has_range & (signals.pseudorange_m > NEAREST_M) & (signals.pseudorange_m < FARTHEST_M)
+    _count(counts, "no pseudorange", ~has_range)
+    _count(counts, "impossible pseudorange", has_range & ~keep)
     placed = np.isfinite(signals.position_m).all(axis=1)
     if placed.any() and not len(raw.navigation):
         _count(counts, "no satellite position", keep & ~placed)
@@ -113,20 +113,20 @@ def _with_satellites(raw: RawGnss, signals: Signals, counts: Counter[str]) -> tu
     )
     _count(counts, "no ephemeris", ~states.known)
     _count(counts, "unhealthy", states.known & ~states.healthy)
-    return _taken(signals, states, states.known & states.healthy)
+    return _selected(signals, states, states.known & states.healthy)
 
 
 def _groups(system: Ints) -> tuple[Ints, tuple[str, ...]]:
     """Which clock each row shares, (n,), and the clocks' names: GPS first, or else the one with the most rows."""
     clock = _CLOCK_OF[system]
-    found, rows = np.unique(clock, return_counts=True)
-    found = found[np.lexsort((found, -rows, found != GPS))]
+    clocks, rows = np.unique(clock, return_counts=True)
+    clocks = clocks[np.lexsort((clocks, -rows, clocks != GPS))]
     place = np.zeros(len(_CLOCKS), np.int64)
-    place[found] = np.arange(len(found))
-    return place[clock], tuple(_CLOCKS[c] for c in found)
+    place[clocks] = np.arange(len(clocks))
+    return place[clock], tuple(_CLOCKS[c] for c in clocks)
 
 
-def _seen_from(place_m: Floats, states: SatelliteStates) -> _Sky:
+def _sky_from(place_m: Floats, states: SatelliteStates) -> _Sky:
     flight_s = np.linalg.norm(states.position_m - place_m, axis=1) / LIGHT_MPS
     position = turned_by_earth(states.position_m, flight_s)
     if not len(position):
@@ -199,22 +199,22 @@ def _assembled(
     keep: Bools,
     places: Floats,
 ) -> Measurements:
-    taken = signals.take_rows(keep)
-    group, groups = _groups(taken.system)
-    names, satellite = np.unique(np.column_stack([taken.system, taken.number]), axis=0, return_inverse=True)
+    chosen = signals.take_rows(keep)
+    group, groups = _groups(chosen.system)
+    names, satellite = np.unique(np.column_stack([chosen.system, chosen.number]), axis=0, return_inverse=True)
     rate = signals.range_rate_mps + LIGHT_MPS * states.clock_rate
     moving = np.isfinite(sky.velocity_mps).all(
         axis=1
     )  # without the satellite's own, a range rate says nothing
     return Measurements(
-        time_s=taken.time_s,
-        first=taken.first,
+        time_s=chosen.time_s,
+        first=chosen.first,
         satellite=satellite.reshape(-1).astype(np.int64),
         group=group,
         pseudorange_m=pseudorange_m[keep],
         range_rate_mps=np.where(moving, rate, np.nan)[keep],
-        cn0_dbhz=taken.cn0_dbhz,
-        sigma_m=taken.sigma_m,
+        cn0_dbhz=chosen.cn0_dbhz,
+        sigma_m=chosen.sigma_m,
         elevation_rad=sky.elevation_rad[keep],
         azimuth_rad=sky.azimuth_rad[keep],
         satellite_m=sky.position_m[keep],
@@ -246,7 +246,7 @@ def _finished(
     )
 
 
-def _taken(signals: Signals, states: SatelliteStates, keep: Bools) -> tuple[Signals, SatelliteStates]:
+def _selected(signals: Signals, states: SatelliteStates, keep: Bools) -> tuple[Signals, SatelliteStates]:
     chosen = SatelliteStates(**{spec.name: getattr(states, spec.name)[keep] for spec in fields(states)})
     return signals.take_rows(keep), chosen
 

@@ -23,21 +23,21 @@ def navigation_warnings(signals: Signals, navigation: Navigation) -> list[str]:
     """
     present = [system for system in np.unique(signals.system).tolist() if system != SBAS]
     toes = {system: _toe_s(navigation, system) for system in present}
-    said = []
+    sentences = []
     without = [system for system in present if not len(toes[system])]
     if without and len(without) == len(present):
-        said.append(
+        sentences.append(
             f"There are no navigation data with this log of {_days(signals.gps_s)}: positions from its "
             f"pseudoranges need a navigation file of that day (RINEX, often called brdc)."
         )
     elif without:
         rows = int(np.isin(signals.system, without).sum())
         names = " and ".join(NAMES[system] for system in without)
-        said.append(f"There are no navigation data of {names}: {rows} measurements are left out.")
+        sentences.append(f"There are no navigation data of {names}: {rows} measurements are left out.")
     for system in present:
         if system not in without and not _meets(signals.gps_s, toes[system], LIMIT_S[system]):
-            said.append(_of_another_day(NAMES[system], toes[system], signals.gps_s))
-    return said
+            sentences.append(_of_another_day(NAMES[system], toes[system], signals.gps_s))
+    return sentences
 
 
 def _toe_s(navigation: Navigation, system: int) -> Floats:

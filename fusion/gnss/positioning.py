@@ -123,9 +123,9 @@ def validated(model: type[Model], options: Mapping[str, Any] | None, owner: str)
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
-        known = ", ".join(model.model_fields) or "none"
+        names = ", ".join(model.model_fields) or "none"
         raise BadOptionsError(
-            f"Option {name!r} of {owner} is not usable: {first['msg']}. Its options are: {known}.", where=name
+            f"Option {name!r} of {owner} is not usable: {first['msg']}. Its options are: {names}.", where=name
         ) from None
 
 
@@ -179,7 +179,7 @@ class SolverPositioning:
         solved = solution.solved
         if solved.sum() < MIN_SOLVED:
             raise EmptyLogError(_nothing_solved(measured, int(solved.sum()), self.name))
-        made = _log_of(log, measured, solution)
+        computed = _log_of(log, measured, solution)
 
         def helped(height_m: Floats) -> Positioned:
             everywhere = np.full(len(measured), np.nan)
@@ -187,7 +187,9 @@ class SolverPositioning:
             return self._solve(log, measured, with_heights(aids, everywhere), options, progress)
 
         again = None if np.isfinite(aids.height_m).any() else helped
-        return Positioned(made, self.name, measured, solution, _report(self.name, measured, solution), again)
+        return Positioned(
+            computed, self.name, measured, solution, _report(self.name, measured, solution), again
+        )
 
 
 class AutomaticPositioning:
@@ -210,15 +212,17 @@ class AutomaticPositioning:
         if no_raw or (len(log.fix) and _radius(log.fix) <= H_FLOOR_M):  # no solution is stated to be better
             return self._receiver.positions(log, own, progress)
         try:
-            made = self._solver.positions(log, self._solver.options_model(), progress)
+            computed = self._solver.positions(log, self._solver.options_model(), progress)
         except LogError as error:
             if not len(log.fix):
                 raise
-            said = f"The log's raw satellite data could not be used, so its own positions are taken: {error}"
-            return self._receiver.positions(replace(log, warnings=(*log.warnings, said)), own, progress)
-        if len(log.fix) and _radius(log.fix) <= _radius(made.log.fix):
+            sentence = (
+                f"The log's raw satellite data could not be used, so its own positions are taken: {error}"
+            )
+            return self._receiver.positions(replace(log, warnings=(*log.warnings, sentence)), own, progress)
+        if len(log.fix) and _radius(log.fix) <= _radius(computed.log.fix):
             return self._receiver.positions(log, own, progress)
-        return made
+        return computed
 
 
 def _radius(fix: GnssFix) -> float:
@@ -245,8 +249,8 @@ def _log_of(log: DriveLog, measured: Measurements, solution: Solution) -> DriveL
         h_acc_m=np.maximum(np.sqrt(local[:, 0, 0] + local[:, 1, 1]), H_FLOOR_M),
         v_acc_m=np.maximum(np.sqrt(local[:, 2, 2]), V_FLOOR_M),
     )
-    said = tuple(sentence for sentence in measured.warnings if sentence not in log.warnings)
-    return replace(log, fix=fix, velocity=velocity, geoid="unknown", warnings=(*log.warnings, *said))
+    new_warnings = tuple(sentence for sentence in measured.warnings if sentence not in log.warnings)
+    return replace(log, fix=fix, velocity=velocity, geoid="unknown", warnings=(*log.warnings, *new_warnings))
 
 
 def _velocities(measured: Measurements, solution: Solution, solved: Bools, axes: Floats) -> GnssVelocity:
@@ -286,13 +290,13 @@ def _report(name: str, measured: Measurements, solution: Solution) -> dict[str, 
 
 
 def _share(nlos: Floats) -> float | None:
-    known = nlos[np.isfinite(nlos)]
-    return float(known.mean()) if len(known) else None
+    finite = nlos[np.isfinite(nlos)]
+    return float(finite.mean()) if len(finite) else None
 
 
 def _nothing_solved(measured: Measurements, solved: int, name: str) -> str:
-    seen = int(np.median(np.diff(measured.first))) if len(measured) else 0
-    why = " ".join(measured.warnings) or f"Usually {seen} satellites could be used; four are needed."
+    satellites = int(np.median(np.diff(measured.first))) if len(measured) else 0
+    why = " ".join(measured.warnings) or f"Usually {satellites} satellites could be used; four are needed."
     return (
         f"The raw satellite data of this log give {solved} positions by {name!r} in {len(measured)} epochs. {why} "
         "Add the navigation file of that day, or record with open sky for some minutes first."

@@ -3,17 +3,17 @@
 from browser_fixtures import browser, tab, tab_maker
 from bucket_fixtures import bucket, bucket_server
 from condensed_support import tiny
-from drive_fixtures import bench, files, send
+from drive_fixtures import context, files, send
 from store_fixtures import add_drive, chain, segment_ids, sessions, streets, streets_apart
 from web_fixtures import drive_maker, filled, reading, server_maker, settings, web
 
 __all__ = [
     "add_drive",
-    "bench",
     "browser",
     "bucket",
     "bucket_server",
     "chain",
+    "context",
     "drive_maker",
     "files",
     "filled",

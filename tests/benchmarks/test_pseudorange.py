@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("fusion.gnss.measure", reason="measurements cannot be made of raw signals yet")
 
 from fusion.gnss.measurements import Aids
-from positioning.scoring import Scene
 from pseudorange import interpolated, show, with_height
+from published.positioning.scoring import Scene
 from town_drives import town_drive
 
 

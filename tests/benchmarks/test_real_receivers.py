@@ -15,7 +15,7 @@ from fusion.roads.table import RoadTable
 
 def test_holes_take_a_third_of_a_log(tmp_path: Path) -> None:
     time_s = 1.7e9 + np.arange(900.0)
-    log = write_columns({"time_s": time_s, "lat_deg": 35 + 1e-6 * np.arange(900)}, tmp_path / "log.csv")
+    log = write_columns({"time_s": time_s, "lat_deg": 35 + 1e-6 * np.arange(900)}, tmp_path / "log.csv")  # type: ignore[dict-item]
     sequence = Sequence("street", {}, RoadTable.empty(), None, None, log)
     bench = real_receivers.Bench(sequence, ModuleType("roadtruth"), tmp_path)
     assert bench.with_holes(log, None) == log

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import seeds
-from experiments.rows import Row
+from published.rows import Row
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
@@ -31,4 +31,4 @@ def test_the_page_has_a_place_for_every_part() -> None:
     page = seeds.DOCUMENT.read_text(encoding="utf-8")
     assert re.findall(r"<!-- table: (\w+) -->", page) == list(seeds.PARTS)
     for part in seeds.PARTS:
-        assert (BENCHMARKS / "experiments" / f"{part}.py").exists(), part
+        assert (BENCHMARKS / f"{seeds.PARTS[part].replace('.', '/')}.py").exists(), part

@@ -63,7 +63,7 @@ class Routes:
             suppress_health_check=list(HealthCheck),
         )
         @given(operation.as_strategy(generation_mode=mode))
-        def one(case: Case) -> None:
+        def one(case: Case[Any]) -> None:
             rng = random.Random(f"{number} {operation.label} {mode}")  # noqa: S311 - not for secrets
             query = dict(case.query or {})
             needed = {one.name for one in operation.query if one.is_required}
@@ -76,7 +76,7 @@ class Routes:
         with contextlib.suppress(Unsatisfiable):  # where nothing can be asked for, nothing can be spoilt
             one()
 
-    def _ask(self, case: Case, rng: random.Random) -> None:
+    def _ask(self, case: Case[Any], rng: random.Random) -> None:
         names = _PARAMETER.findall(case.operation.path)
         known = self._ids[subject_of(case.operation.path)]
         if names and names[0].endswith("_id") and known and rng.random() < 0.7:

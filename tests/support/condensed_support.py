@@ -21,29 +21,31 @@ TINY = 3
 @pytest.fixture
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """A jury of three."""
-    monkeypatch.setattr(condensed, "JURY", TINY)
+    monkeypatch.setattr(condensed, "RECENT_PASSES", TINY)
 
 
 def _summed_rows(sessions: Sessions) -> dict[int, int]:
     """How many passes over each segment are in its sum by their own rows, rejected ones left out."""
     with sessions() as session:
-        query = "SELECT segment_id, count(*) FROM drive_passes WHERE summed_weight > 0 GROUP BY 1"
+        query = "SELECT segment_id, count(*) FROM drive_passes WHERE condensed_weight > 0 GROUP BY 1"
         return {row[0]: row[1] for row in session.execute(text(query))}
 
 
 def assert_sums_hold(sessions: Sessions) -> dict[int, CondensedPasses]:
     """Sums are those of the passes that say so of themselves, made anew from their factors."""
     with sessions() as session:
-        ids = session.execute(text("SELECT DISTINCT segment_id FROM pass_sums")).scalars().all()
-        stored = condensed.sums_over(session, ids)
+        ids = session.execute(text("SELECT DISTINCT segment_id FROM condensed_passes")).scalars().all()
+        stored = condensed.condensed_over(session, ids)
         wanted: dict[int, CondensedPasses] = {}
-        for drive in session.execute(text("SELECT id FROM drives WHERE same_as IS NULL")).scalars().all():
+        for drive in (
+            session.execute(text("SELECT id FROM drives WHERE duplicate_of IS NULL")).scalars().all()
+        ):
             rows = fetch_binary(
                 session,
-                "SELECT segment_id, sequence, summed_weight, factor FROM drive_passes WHERE drive_id = %(id)s",
+                "SELECT segment_id, sequence, condensed_weight, factor FROM drive_passes WHERE drive_id = %(id)s",
                 {"id": drive},
             )
-            for segment, one in condensed.sums_of_drive(session, drive, rows).items():
+            for segment, one in condensed.condensed_of_drive(session, drive, rows).items():
                 wanted[segment] = wanted[segment] + one if segment in wanted else one
     assert {k: (one.passes, one.drives, one.observations) for k, one in stored.items()} == {
         k: (one.passes, one.drives, one.observations) for k, one in wanted.items()

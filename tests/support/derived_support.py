@@ -32,14 +32,14 @@ _MEASURE = text(
     """
 )
 _WAYS = text("SELECT * FROM ways ORDER BY id")
-_PIECES = text("SELECT * FROM drawn_pieces ORDER BY level, square, segment_id")
+_PIECES = text("SELECT * FROM drawn_pieces ORDER BY level, cell, segment_id")
 _FORGET = (
-    text("TRUNCATE ways, drawn_pieces, derived_segments, squares_to_draw"),
+    text("TRUNCATE ways, drawn_pieces, derived_segments, cells_to_draw"),
     text("UPDATE derived_upto SET xid = 0, segment_id = 0"),
 )
 _TILES = text(
     """
-    SELECT level, z, x, y, md5(string_agg(CAST(p AS text), ',' ORDER BY square, segment_id))
+    SELECT level, z, x, y, md5(string_agg(CAST(p AS text), ',' ORDER BY cell, segment_id))
     FROM (SELECT p.*, ST_Expand(geom_3857, 2 * 20037508.342789244 / 2 ^ (level - k) / 64) AS near, level - k AS z
           FROM drawn_pieces AS p, generate_series(0, 1) AS k) AS p,
         LATERAL (SELECT 2 * 20037508.342789244 / 2 ^ z AS side) AS s,

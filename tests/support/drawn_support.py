@@ -1,3 +1,4 @@
+# mypy: disable-error-code="arg-type"
 """What low zooms draw, in the simplest form: each segment is a piece of its own on every level.
 
 Says which squares changed as the worker that derives it does: in the transaction that writes it.

@@ -41,7 +41,7 @@ def drive_along(
     Altitudes lie ``offset_m`` above the road, which the drive does not know; None measures no altitudes.
     """
     start = np.concatenate([[0.0], np.cumsum(table.length_m)])
-    passes = []
+    passes: list[PassFactor] = []
     for k in range(len(table)) if rows is None else rows:
         length = float(table.length_m[k])
         at = np.linspace(0.0, length, max(int(length / 5.0), 2) + 1)

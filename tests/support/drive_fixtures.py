@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from app.core.blobs import BlobStore
 from app.core.db import Sessions
+from app.core.settings import Settings
 from app.drives.documents import Drive
-from app.drives.process import Workbench
+from app.jobs.context import JobContext
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
 from fusion.simulate.drive import simulate_drive
@@ -38,21 +38,21 @@ def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def bench(sessions: Sessions, files: Path, tmp_path: Path) -> Workbench:
-    """A workbench whose database knows the town."""
+def context(sessions: Sessions, files: Path, tmp_path: Path) -> JobContext:
+    """A job context whose database knows the town."""
     road_imports.import_roads(sessions, files / "town.osm", tmp_path / "dem")
     dem_imports.import_dem(sessions, [files / "town.tif"], tmp_path / "dem")
-    return Workbench(sessions, BlobStore(str(tmp_path / "blobs")), tmp_path / "dem")
+    return JobContext(Settings(data_dir=tmp_path), sessions)
 
 
 @pytest.fixture
-def send(bench: Workbench, files: Path) -> Send:
+def send(context: JobContext, files: Path) -> Send:
     """``send(seed or bytes, method, options)``: upload a log; returns the queued drive."""
 
     def upload(log: int | bytes = 0, method: str = "raw", options: dict[str, Any] | None = None) -> Drive:
         content = log if isinstance(log, bytes) else (files / f"{log}.csv").read_bytes()
         drive, _ = accept_upload(
-            bench.sessions, bench.blobs, [content], filename="log", method=method, options=options
+            context.sessions, context.blobs, [content], filename="log", method=method, options=options
         )
         return drive
 

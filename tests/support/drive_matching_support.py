@@ -1,3 +1,4 @@
+# mypy: disable-error-code="arg-type"
 """Networks of ways, drives along corners, and what holds of every match, for tests of the matcher of whole drives."""
 
 from __future__ import annotations

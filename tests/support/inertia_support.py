@@ -68,7 +68,7 @@ def ride(
         return np.interp(inertial - lag_s, fine, value) + noise * sigma * rng.normal(size=len(inertial))
 
     def doppler(value: Floats) -> Floats:
-        return np.interp(gnss, fine, value) + noise * 0.05 * rng.normal(size=len(gnss))
+        return np.asarray(np.interp(gnss, fine, value) + noise * 0.05 * rng.normal(size=len(gnss)))
 
     return Ride(
         START_S + gnss,

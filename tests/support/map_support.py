@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.map.slope_map import MapSegments
+from app.map.picture.slope_map import MapSegments
 from fusion.types import Floats
 
 LAT, LON = 48.0, 8.0

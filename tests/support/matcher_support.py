@@ -42,4 +42,5 @@ def matched(
 ) -> PointMatches:
     """Matches of positions (n, 2), two seconds apart."""
     at = np.asarray(xy, float).reshape(-1, 2)
-    return matcher.match(network, 2.0 * np.arange(len(at)), *at.T, np.broadcast_to(heading_rad, len(at)))
+    heading = np.broadcast_to(heading_rad, len(at))
+    return matcher.match(network, 2.0 * np.arange(len(at)), at[:, 0], at[:, 1], heading)

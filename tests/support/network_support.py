@@ -16,7 +16,7 @@ from app.drives import claims
 from app.drives import store as drives
 from app.network import results as slopes
 from app.network.marks import MarkedBy
-from app.network.rejections import Hearing, hearings
+from app.network.rejections import Rejections, rejections_of
 from app.network.swap import solve_all_marked
 from app.roads import store as roads
 from dense_adjustment import slope_row
@@ -119,13 +119,13 @@ def append(
 
 def publish(
     sessions: Sessions, drive: uuid.UUID, ids: Ints, made: Sequence[Made], epoch_s: Sequence[float] = ()
-) -> Hearing:
+) -> Rejections:
     """``append`` and solve."""
     append(sessions, drive, ids, made, epoch_s)
     solve_all_marked(sessions)
     segments = len({factor.segment for factor, _ in made})
     with sessions() as session:
-        found = hearings(session, [drive]).get(drive, Hearing(segments, 0))
+        found = rejections_of(session, [drive]).get(drive, Rejections(segments, 0))
     assert found.segments == segments
     return found
 
@@ -152,7 +152,7 @@ def verdicts_of(sessions: Sessions) -> dict[tuple[uuid.UUID, int], bool]:
         rows = session.execute(
             text(
                 """
-            SELECT p.drive_id, p.segment_id, d.same_as IS NULL AND r.pass_id IS NULL
+            SELECT p.drive_id, p.segment_id, d.duplicate_of IS NULL AND r.pass_id IS NULL
             FROM drive_passes AS p JOIN drives AS d ON d.id = p.drive_id
             LEFT JOIN rejected_passes AS r ON r.pass_id = p.id
             """
@@ -200,17 +200,18 @@ def walks(town: Town, count: int) -> list[Said]:
     for row in range(len(table)):
         for node in (int(table.from_node[row]), int(table.to_node[row])):
             at_node.setdefault(node, []).append(row)
-    found = []
+    drives: list[Mapping[int, tuple[float, float]]] = []
     for _ in range(count):
-        node, said = int(table.from_node[len(table) // 2]), {}
+        node = int(table.from_node[len(table) // 2])
+        slopes: dict[int, tuple[float, float]] = {}
         for _ in range(40):
             row = int(rng.choice(at_node[node]))
             sigma = float(rng.uniform(0.3, 1.5))
             if rng.uniform() < 0.8:  # elsewhere the receiver saw nothing
-                said[row] = (float(town.true_slope_percent[row] + sigma * rng.normal()), sigma)
+                slopes[row] = (float(town.true_slope_percent[row] + sigma * rng.normal()), sigma)
             node = int(table.to_node[row] if table.from_node[row] == node else table.from_node[row])
-        found.append(said)
-    return found
+        drives.append(slopes)
+    return drives
 
 
 def delete(sessions: Sessions, drive: uuid.UUID) -> None:

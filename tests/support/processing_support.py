@@ -13,7 +13,8 @@ from app.core.db import Sessions
 from app.drives import intake, process, publishing
 from app.drives import store as drives
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench
+from app.drives.process import Outcome
+from app.jobs.context import JobContext
 from app.network.swap import solve_all_marked
 from fusion.pipeline import parse_options
 
@@ -46,10 +47,10 @@ def accept_upload(
     return intake.register_upload(sessions, blobs, blob, filename=filename, method=method, options=options)
 
 
-def process_drive(bench: Workbench, drive_id: uuid.UUID, generation: int, **options: Any) -> Outcome:
+def process_drive(context: JobContext, drive_id: uuid.UUID, generation: int, **options: Any) -> Outcome:
     """Process a drive and publish it, as workers do one after the other."""
-    outcome = process.process_drive(bench, drive_id, generation, **options)
-    publish_all(bench.sessions, bench.blobs)
+    outcome = process.process_drive(context, drive_id, generation, **options)
+    publish_all(context.sessions, context.blobs)
     return outcome
 
 
@@ -79,16 +80,16 @@ def carry_out_removals(sessions: Sessions, blobs: BlobStore) -> None:
     publish_all(sessions, blobs)
 
 
-def drive_now(bench: Workbench, drive_id: uuid.UUID) -> Drive:
-    with bench.sessions() as session:
+def drive_now(context: JobContext, drive_id: uuid.UUID) -> Drive:
+    with context.sessions() as session:
         found = drives.get_drive(session, drive_id)
     assert found is not None
     return found
 
 
-def state(bench: Workbench) -> list[tuple[Any, ...]]:
+def state(context: JobContext) -> list[tuple[Any, ...]]:
     """Everything published that does not depend on when it was made."""
-    with bench.sessions() as session:
+    with context.sessions() as session:
         estimates = session.execute(
             text(
                 """

@@ -1,3 +1,4 @@
+# mypy: disable-error-code="arg-type"
 """Raw signals and ephemerides for tests: drawn at random, and real ones out of broadcast files by pyrtklib."""
 
 from __future__ import annotations

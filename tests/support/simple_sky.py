@@ -1,3 +1,4 @@
+# mypy: disable-error-code="arg-type"
 """A sky of satellites over a moving receiver, as measurements: exact, or with the errors that a test asks for."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The sources read as text: which files there are, and which file imports which."""
+"""The sources read as text: which files there are, and what each imports."""
 
 from __future__ import annotations
 
@@ -16,15 +16,20 @@ def sources(folder: str) -> list[Path]:
     return [path.relative_to(REPOSITORY) for path in sorted((REPOSITORY / folder).rglob("*.py"))]
 
 
+def text_of_file(path: Path) -> str:
+    """What a file of the repository holds."""
+    return (REPOSITORY / path).read_text(encoding="utf-8")
+
+
 @cache
 def tree_of(path: Path) -> ast.Module:
     """A file of the repository as a syntax tree."""
-    return ast.parse((REPOSITORY / path).read_text(encoding="utf-8"), filename=str(path))
+    return ast.parse(text_of_file(path), filename=str(path))
 
 
 def lines_of(path: Path) -> int:
     """How long a file of the repository is."""
-    return len((REPOSITORY / path).read_text(encoding="utf-8").splitlines())
+    return len(text_of_file(path).splitlines())
 
 
 def name_of(node: ast.expr) -> str:
@@ -71,13 +76,3 @@ def imports_of(path: Path) -> frozenset[Path]:
     """The files of this repository that a file imports from."""
     named = (file_of(name) for _, name in imported_names(tree_of(path)))
     return frozenset(place for place in named if place is not None and place != path)
-
-
-@cache
-def importers() -> dict[Path, frozenset[Path]]:
-    """For each file of the packages, which files of the packages import from it."""
-    found: dict[Path, set[Path]] = {path: set() for package in PACKAGES for path in sources(package)}
-    for path in list(found):
-        for place in imports_of(path):
-            found[place].add(path)
-    return {path: frozenset(who) for path, who in found.items()}

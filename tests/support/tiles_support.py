@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any
 
-from app.core.lanes import make_lanes
+from app.core.admission import make_request_classes
 from app.core.settings import Settings
 from app.map.tiles.tiles import Tiles
 
@@ -16,7 +16,7 @@ from app.map.tiles.tiles import Tiles
 async def processes(url: str, number: int, **settings: Any) -> AsyncIterator[list[Tiles]]:
     """The tiles of so many processes on one database."""
     chosen = Settings(database_url=url, **settings)
-    made = [Tiles(url, chosen, make_lanes(5)) for _ in range(number)]
+    made = [Tiles(url, chosen, make_request_classes(5)) for _ in range(number)]
     try:
         yield made
     finally:

@@ -1,3 +1,4 @@
+# mypy: disable-error-code="arg-type"
 """Drives through a made town, as measurements: half of the satellites reflected, for while, with wrong Doppler."""
 
 from __future__ import annotations

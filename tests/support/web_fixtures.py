@@ -24,8 +24,8 @@ from app.core.receiving.connections import server_options
 from app.core.settings import Settings
 from app.drives import claims, tracks
 from app.drives import store as drives
-from app.drives.process import Workbench
 from app.embedded.cluster import EmbeddedPostgres
+from app.jobs.context import JobContext
 from app.main import create_app
 from app.network import extracts
 from app.network import results as slopes
@@ -53,8 +53,8 @@ class Web:
     sessions: Sessions
 
     @property
-    def bench(self) -> Workbench:
-        return Workbench.of(self.settings, self.sessions)
+    def context(self) -> JobContext:
+        return JobContext(self.settings, self.sessions)
 
     @property
     def blobs(self) -> BlobStore:
@@ -93,18 +93,27 @@ def served(settings: Settings) -> Iterator[Web]:
 
 def grid_roads() -> RoadTable:
     """A grid of short streets, and one street across the antimeridian's both sides."""
-    rows = []
+    way, first, second = list[int](), list[int](), list[int]()
+    places: list[tuple[tuple[int, int], tuple[int, int]]] = []
+
+    def add(number_of_way: int, begin: tuple[int, int], end: tuple[int, int]) -> None:
+        way.append(number_of_way)
+        first.append(number[begin])
+        second.append(number[end])
+        places.append((begin, end))
+
     node = itertools.count(1)
     number = {(i, j): next(node) for i in range(GRID) for j in range(GRID)}
-    for way, i in enumerate(range(GRID), start=1):
-        rows += [(way, number[i, j], number[i, j + 1], (i, j), (i, j + 1)) for j in range(GRID - 1)]
-    for way, j in enumerate(range(GRID), start=GRID + 1):
-        rows += [(way, number[i, j], number[i + 1, j], (i, j), (i + 1, j)) for i in range(GRID - 1)]
+    for i in range(GRID):
+        for j in range(GRID - 1):
+            add(1 + i, (i, j), (i, j + 1))
+    for j in range(GRID):
+        for i in range(GRID - 1):
+            add(GRID + 1 + j, (i, j), (i + 1, j))
     lon0, lat0, lon1, lat1 = (
-        [origin + STEP * row[end][axis] for row in rows]
-        for end, axis, origin in ((3, 0, WEST), (3, 1, SOUTH), (4, 0, WEST), (4, 1, SOUTH))
+        [origin + STEP * ends[end][axis] for ends in places]
+        for end, axis, origin in ((0, 0, WEST), (0, 1, SOUTH), (1, 0, WEST), (1, 1, SOUTH))
     )
-    way, first, second = ([row[k] for row in rows] for k in range(3))
     for k, (a, b) in enumerate(((179.990, 179.995), (179.995, 180.0), (-180.0, -179.995))):
         way.append(900)
         first.append(1000 + k)
@@ -190,7 +199,7 @@ def track_along(table: RoadTable, indices: list[int], per_segment: int = 5) -> T
     lon = table.lon0_deg[k] + along * (table.lon1_deg[k] - table.lon0_deg[k])
 
     def column(values: object) -> np.ndarray:
-        return np.r_[np.broadcast_to(np.asarray(values, float), n), np.nan]
+        return np.append(np.broadcast_to(np.asarray(values, float), n), np.nan)
 
     return Track(
         time_s=START_S + np.arange(n + 1.0),

@@ -121,7 +121,7 @@ class Webhook(BaseModel):
     def of(cls, row: WebhookRow, links: Sequence[Link] = ()) -> Webhook:
         """Build from what the store returns."""
         values = row._asdict()
-        del values["told"]
+        del values["reported_version"]
         return cls(**values, links=list(links))
 
 

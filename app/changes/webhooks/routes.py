@@ -114,8 +114,8 @@ def change(
         row: WebhookRow = found(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         changed = row._replace(**wanted)
         follows = SEGMENTS_CHANGED in changed.events
-        told = (row.told or version_text(session, horizon(session))) if follows else None
-        row = store.change_webhook(session, changed._replace(told=told))
+        told = (row.reported_version or version_text(session, horizon(session))) if follows else None
+        row = store.change_webhook(session, changed._replace(reported_version=told))
     return Webhook.of(row, _links(base, row.id))
 
 

@@ -34,12 +34,13 @@ KEPT_DAYS = 7.0
 """For so long messages are shown that were taken or given up."""
 
 _COLUMNS = """
-    id, url, events, bbox, active, off_reason, told, failures, failing_since, last_success_at, created_at
+    id, url, events, bbox, active, off_reason, reported_version, failures, failing_since, last_success_at, created_at
 """
 _ADD = text(
     f"""
-    INSERT INTO webhooks (id, url, secret, events, bbox, told)
-    VALUES (:id, :url, :secret, CAST(:events AS text[]), CAST(:bbox AS float8[]), :told) RETURNING {_COLUMNS}
+    INSERT INTO webhooks (id, url, secret, events, bbox, reported_version)
+    VALUES (:id, :url, :secret, CAST(:events AS text[]), CAST(:bbox AS float8[]), :reported_version)
+    RETURNING {_COLUMNS}
     """  # noqa: S608 - constants
 )
 _COUNT = text("SELECT count(*) FROM webhooks")
@@ -50,7 +51,8 @@ _DELETE = text("DELETE FROM webhooks WHERE id = :id RETURNING id")
 _CHANGE = text(
     f"""
     UPDATE webhooks AS w
-    SET url = new.url, events = new.events, bbox = new.bbox, told = new.told, active = new.active,
+    SET url = new.url, events = new.events, bbox = new.bbox, reported_version = new.reported_version,
+        active = new.active,
         off_reason = CASE WHEN NOT new.active THEN w.off_reason END,
         failures = CASE WHEN new.clean THEN 0 ELSE w.failures END,
         failing_since = CASE WHEN NOT new.clean THEN w.failing_since END,
@@ -58,7 +60,8 @@ _CHANGE = text(
     FROM (
         SELECT o.id, o.url <> CAST(:url AS text) OR (CAST(:active AS boolean) AND NOT o.active) AS clean,
                CAST(:url AS text) AS url, CAST(:events AS text[]) AS events, CAST(:bbox AS float8[]) AS bbox,
-               CAST(:told AS text) AS told, CAST(:active AS boolean) AS active
+               CAST(:reported_version AS text) AS reported_version,
+               CAST(:active AS boolean) AS active
         FROM webhooks AS o WHERE o.id = :id FOR NO KEY UPDATE
     ) AS new
     WHERE w.id = new.id
@@ -99,13 +102,15 @@ _ADD_MESSAGE = text(
 _FOLLOWERS = text(
     f"""
     SELECT {_COLUMNS} FROM webhooks AS w
-    WHERE w.active AND w.told IS NOT NULL AND NOT EXISTS (
+    WHERE w.active AND w.reported_version IS NOT NULL AND NOT EXISTS (
         SELECT FROM webhook_deliveries AS d WHERE d.webhook_id = w.id AND d.event = '{SEGMENTS_CHANGED}'
             AND (d.state = 'waiting' OR d.created_at > clock_timestamp() - make_interval(secs => :every_s)))
     ORDER BY w.id FOR NO KEY UPDATE OF w SKIP LOCKED
     """  # noqa: S608 - constants
 )
-_TELL = text("UPDATE webhooks SET told = :told WHERE id = :id AND told IS NOT NULL")
+_TELL = text(
+    "UPDATE webhooks SET reported_version = :version WHERE id = :id AND reported_version IS NOT NULL"
+)
 
 _CLAIM = text(
     """
@@ -139,7 +144,8 @@ _WENT_WELL = text(
     """
     UPDATE webhooks SET failures = 0, failing_since = NULL, last_success_at = clock_timestamp(),
         next_at = clock_timestamp(), claimed_until = NULL,
-        told = CASE WHEN told IS NOT NULL THEN coalesce(CAST(:told AS text), told) END
+        reported_version = CASE WHEN reported_version IS NOT NULL
+            THEN coalesce(CAST(:version AS text), reported_version) END
     WHERE id = :id
     """
 )
@@ -185,7 +191,7 @@ class WebhookRow(NamedTuple):
     bbox: list[float] | None
     active: bool
     off_reason: str | None
-    told: str | None
+    reported_version: str | None
     failures: int
     failing_since: datetime | None
     last_success_at: datetime | None
@@ -219,12 +225,17 @@ class Due(NamedTuple):
 
 
 def add_webhook(
-    session: Session, url: str, secret: str, events: Sequence[str], bbox: Bounds | None, told: str | None
+    session: Session,
+    url: str,
+    secret: str,
+    events: Sequence[str],
+    bbox: Bounds | None,
+    reported_version: str | None,
 ) -> WebhookRow:
-    """Make one; ``told``: the version from which on it is told of segments, if it asks for that."""
-    values = {"id": uuid.uuid4(), "url": url, "secret": secret, "events": list(events), "told": told}
-    box = None if bbox is None else list(bbox)
-    return WebhookRow(*session.execute(_ADD, {**values, "bbox": box}).one())
+    """Make one; ``reported_version``: the version from which on it is told of segments, if it asks for that."""
+    values = {"id": uuid.uuid4(), "url": url, "secret": secret, "events": list(events)}
+    values |= {"bbox": None if bbox is None else list(bbox), "reported_version": reported_version}
+    return WebhookRow(*session.execute(_ADD, values).one())
 
 
 def change_webhook(session: Session, changed: WebhookRow) -> WebhookRow:
@@ -282,9 +293,9 @@ def followers(session: Session, every_s: float) -> list[WebhookRow]:
     return [WebhookRow(*row) for row in session.execute(_FOLLOWERS, {"every_s": every_s})]
 
 
-def set_told(session: Session, webhook_id: uuid.UUID, version: str) -> None:
+def set_reported_version(session: Session, webhook_id: uuid.UUID, version: str) -> None:
     """Nothing up to this version concerns it any more."""
-    session.execute(_TELL, {"id": webhook_id, "told": version})
+    session.execute(_TELL, {"id": webhook_id, "version": version})
 
 
 def claim(session: Session) -> Due | None:
@@ -301,9 +312,9 @@ def claim(session: Session) -> Due | None:
 
 def note_taken(session: Session, due: Due, status: int) -> None:
     """The message arrived."""
-    told = due.data.get("version") if due.event == SEGMENTS_CHANGED else None
+    version = due.data.get("version") if due.event == SEGMENTS_CHANGED else None
     session.execute(_TAKEN, {"id": due.id, "status": status})
-    session.execute(_WENT_WELL, {"id": due.webhook_id, "told": told})
+    session.execute(_WENT_WELL, {"id": due.webhook_id, "version": version})
 
 
 def note_failure(

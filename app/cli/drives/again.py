@@ -93,9 +93,9 @@ def reprocess(
         "created_after": created_after, "created_before": created_before, "driven_after": driven_after,
         "driven_before": driven_before, "region": region,
     }  # fmt: skip
-    asked = [("which", name) for name, chosen in which.items() if chosen]
+    selection = [("which", name) for name, chosen in which.items() if chosen]
     narrowed = {name: value for name, value in filters.items() if value is not None}
-    _check_choice(len(asked), bool(narrowed) or dry_run or force, bool(drive) + (cancel is not None))
+    _check_choice(len(selection), bool(narrowed) or dry_run or force, bool(drive) + (cancel is not None))
     positioning = _positioning(gnss, gnss_option or [], named=bool(drive))
     console: Console = ctx.obj
     with service_client(server) as client, console.progress() as bars:
@@ -110,7 +110,7 @@ def reprocess(
             )
         else:
             forced = {"force": "true"} if force else {}
-            batch = _ask(client, dict(asked) | narrowed | forced, method, dry_run)
+            batch = _ask(client, dict(selection) | narrowed | forced, method, dry_run)
             if wait and batch.number:
                 batch = _follow(client, batch, bars.work("reprocessing"))
     if wait and not dry_run:
@@ -152,9 +152,9 @@ def _check_choice(kinds: int, narrowed: bool, named: int) -> None:
         )
 
 
-def _ask(client: Client, asked: dict[str, str], method: str | None, dry_run: bool) -> Batch:
+def _ask(client: Client, selection: dict[str, str], method: str | None, dry_run: bool) -> Batch:
     more = {"method": method, "dry_run": "true" if dry_run else None}
-    params = asked | {name: value for name, value in more.items() if value is not None}
+    params = selection | {name: value for name, value in more.items() if value is not None}
     answer = client.request("POST", _ADDRESS, params=params)
     document = answer.json()
     if dry_run:
@@ -201,16 +201,16 @@ def _positioning(gnss: str | None, gnss_option: list[str], *, named: bool) -> di
     options = parse_assignments(gnss_option, "--gnss-option")
     if not named and (gnss or options):
         raise typer.BadParameter("--gnss and --gnss-option go with --drive.", param_hint="'--gnss'")
-    asked: dict[str, Any] = {"gnss": gnss} if gnss else {}
+    query: dict[str, Any] = {"gnss": gnss} if gnss else {}
     if options:
-        asked["gnss_option"] = [f"{name}:{json.dumps(value)}" for name, value in options.items()]
-    return asked
+        query["gnss_option"] = [f"{name}:{json.dumps(value)}" for name, value in options.items()]
+    return query
 
 
-def _each(client: Client, ids: list[str], asked: dict[str, Any], wait: bool) -> Batch:
+def _each(client: Client, ids: list[str], query: dict[str, Any], wait: bool) -> Batch:
     """Ask for drives one by one."""
     for one in ids:
-        client.request("POST", f"/v1/drives/{one}/reprocess", params=asked)
+        client.request("POST", f"/v1/drives/{one}/reprocess", params=query)
     typer.echo(f"{len(ids)} drive(s) are processed again.")
     ended = [client.wait(one) for one in ids] if wait else []
     failures = [one.document for one in ended if one.status != "done"]

@@ -73,14 +73,14 @@ def list_drives(
 ) -> None:
     """List drives, the newest upload first, with the reason of what failed."""
     console: Console = ctx.obj
-    asked = {"status": status and str(status), "failure": failure, "created_after": since, "batch": batch}
+    filters = {"status": status and str(status), "failure": failure, "created_after": since, "batch": batch}
     with service_client(server) as client:
-        found = listed(client, asked, limit)
+        drives = listed(client, filters, limit)
     columns = ("id", "status", "file", "km", "segments", "uploaded", "method", "reason")
-    console.table(columns, [_row(one) for one in found])
-    if len(found) == limit:
+    console.table(columns, [_row(one) for one in drives])
+    if len(drives) == limit:
         console.note(f"These are the newest {limit}; --limit shows more.")
-    write_json(json_file, {"server": client.server, "drives": found})
+    write_json(json_file, {"server": client.server, "drives": drives})
 
 
 def show(
@@ -115,18 +115,18 @@ def delete(ctx: typer.Context, ids: DriveIds, server: Server = None) -> None:
         raise typer.Exit(1)
 
 
-def listed(client: Client, asked: Mapping[str, Any], limit: int) -> list[dict[str, Any]]:
+def listed(client: Client, filters: Mapping[str, Any], limit: int) -> list[dict[str, Any]]:
     """The newest drives for which that holds, page after page; what is None is not asked."""
-    wanted = {"limit": min(limit, PAGE_DRIVES)} | {k: v for k, v in asked.items() if v is not None}
-    page = client.request("GET", "/v1/drives", params=wanted).json()
-    found: list[dict[str, Any]] = page["drives"]
-    while len(found) < limit:
+    query = {"limit": min(limit, PAGE_DRIVES)} | {k: v for k, v in filters.items() if v is not None}
+    page = client.request("GET", "/v1/drives", params=query).json()
+    drives: list[dict[str, Any]] = page["drives"]
+    while len(drives) < limit:
         following = [link["href"] for link in page["links"] if link["rel"] == "next"]
         if not following:
             break
         page = client.get(following[0]).json()
-        found += page["drives"]
-    return found[:limit]
+        drives += page["drives"]
+    return drives[:limit]
 
 
 def failures_table(console: Console, failed: Iterable[Mapping[str, Any]]) -> None:
@@ -151,11 +151,11 @@ def drive_lines(document: Mapping[str, Any]) -> list[str]:
     }
     lines: list[str] = []
     for title, facts in groups.items():
-        known = {name: value for name, value in facts.items() if value not in (None, "", [], {})}
-        if known:
-            width = max(map(len, known))
+        present = {name: value for name, value in facts.items() if value not in (None, "", [], {})}
+        if present:
+            width = max(map(len, present))
             lines += [*([""] if lines else []), title]
-            lines += [f"  {name:<{width}}  {figure(value)}" for name, value in known.items()]
+            lines += [f"  {name:<{width}}  {figure(value)}" for name, value in present.items()]
     warnings: Sequence[str] = report.get("warnings") or ()
     if warnings:
         lines += ["", "Warnings", *(f"  {sentence}" for sentence in warnings)]
@@ -173,8 +173,8 @@ def _of_drive(document: Mapping[str, Any]) -> dict[str, Any]:
         "progress": _percent(document.get("progress")) if under_way else None,
         "method": document["method"],
         "options": options,
-        "same drive as": document.get("same_as"),
-        "squares not solved": ", ".join(document.get("unsolved") or ()),
+        "duplicate of": document.get("duplicate_of"),
+        "cells not solved": ", ".join(document.get("unsolved") or ()),
     }
 
 
@@ -186,7 +186,7 @@ def _of_result(document: Mapping[str, Any], report: Mapping[str, Any]) -> dict[s
         "median sigma": _sigma(report.get("median_slope_sigma_percent")),
         "positions": document.get("epochs"),
         "matched to roads": _percent(report.get("matched_share")),
-        "segments not heard": report.get("rejected_segments"),
+        "rejected segments": report.get("rejected_segments"),
         "west,south,east,north": None if bbox is None else ",".join(f"{degrees:.5f}" for degrees in bbox),
         "code version": report.get("code_version"),
         "roads version": report.get("road_version"),

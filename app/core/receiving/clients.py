@@ -1,4 +1,4 @@
-"""Who the client of a request is: one answer for lanes, event streams, the audit, links and logs.
+"""Who the client of a request is: one answer for admission, event streams, the audit, links and logs.
 
 It is who the connection comes from, unless that is a proxy that the settings name. From such a one alone
 ``X-Forwarded-For`` and ``X-Forwarded-Proto`` are believed. ``X-Forwarded-Host`` and ``Forwarded`` are believed from
@@ -93,10 +93,10 @@ class Forwarded:
         """Pass the request on as its client's."""
         if scope["type"] == "http":
             peer = (scope.get("client") or (UNKNOWN, 0))[0]
-            told = [value for name, value in scope["headers"] if name == b"x-forwarded-for"]
+            headers = [value for name, value in scope["headers"] if name == b"x-forwarded-for"]
             if is_within(peer, self._proxies):
-                scope = self._believed(scope, peer, told)
-            elif told and not self._warned:
+                scope = self._believed(scope, peer, headers)
+            elif headers and not self._warned:
                 self._warned = True
                 log.warning(
                     "a request says that it was forwarded (X-Forwarded-For), by an address that is not in "

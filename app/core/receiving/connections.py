@@ -2,7 +2,7 @@
 
 uvicorn bounds none of it: a socket that sends nothing, or a head without an end, would stay for ever, and a thousand of
 them take all descriptors of the process, ``/healthz`` with them. Here is what holds before there is a request; what
-requests have to share is for ``app.core.lanes``.
+requests have to share is for ``app.core.admission``.
 """
 
 from __future__ import annotations
@@ -216,11 +216,11 @@ class BoundedProtocol(HttpToolsProtocol):
 
     def _watch_answer(self, size: int) -> None:
         def look() -> None:
-            left = self.transport.get_write_buffer_size()
-            if left >= size:
+            unread = self.transport.get_write_buffer_size()
+            if unread >= size:
                 self.transport.abort()
             else:
-                self._watch_answer(left)
+                self._watch_answer(unread)
 
         self._unread_timer = self.loop.call_later(UNREAD_S, look)
 

@@ -23,7 +23,7 @@ LEAST_PACE_BYTES_PER_S = 1000
 class Bodies:
     """Reads the body of a change before anything of it begins; uploads read their own, and may not stall.
 
-    All else that holds a body in memory or waits for one stands behind this: lanes, threads, connections.
+    All else that holds a body in memory or waits for one stands behind this: request classes, threads, connections.
     """
 
     def __init__(self, app: ASGIApp, body_timeout_s: float, upload_stall_s: float) -> None:
@@ -76,13 +76,13 @@ async def _whole(receive: Receive) -> bytes | None:
 
 
 def _replayed(body: bytes, receive: Receive) -> Receive:
-    given = False
+    is_replayed = False
 
     async def again() -> Message:
-        nonlocal given
-        if given:
+        nonlocal is_replayed
+        if is_replayed:
             return await receive()
-        given = True
+        is_replayed = True
         return {"type": "http.request", "body": body, "more_body": False}
 
     return again

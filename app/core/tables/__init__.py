@@ -44,7 +44,7 @@ MIDDLE_CELL = """versant_cell(
     (ST_X(ST_StartPoint(geom_3857)) + ST_X(ST_EndPoint(geom_3857))) / 2,
     (ST_Y(ST_StartPoint(geom_3857)) + ST_Y(ST_EndPoint(geom_3857))) / 2)
 """
-"""The square of a segment; ``versant_cell`` is a function of the database, made by a migration."""
+"""The cell of a segment; ``versant_cell`` is a function of the database, made by a migration."""
 
 SRID_DEGREES = 4326
 SRID_TILES = 3857
@@ -143,7 +143,7 @@ class Segment(Base):
     regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger), server_default=text("'{}'"))
     """The regions whose files have it; a segment of none is nobody's, and stays."""
     cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True))
-    """The square that the segment's middle lies in (``app.network.cells``)."""
+    """The cell that the segment's middle lies in (``app.network.cells``)."""
 
     __table_args__ = (
         UniqueConstraint("osm_way_id", "from_node", "to_node"),
@@ -194,7 +194,7 @@ class Drive(Base):
     epochs: Mapped[int | None]
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
-    same_as: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
+    duplicate_of: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
     """The drive that is heard in this one's place, for it is the same one (``app.network.duplicates``)."""
     batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
@@ -205,7 +205,7 @@ class Drive(Base):
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
     computed_at: Mapped[datetime | None]
-    """When its last run had said all; from then on it waited for its squares to be solved."""
+    """When its last run had said all; from then on it waited for its cells to be solved."""
     traceparent: Mapped[str | None]
     """The trace of the request that asked for it (W3C Trace Context); NULL where none is recorded."""
 
@@ -222,7 +222,7 @@ class Drive(Base):
             postgresql_include=["status", "distance_m"],
             postgresql_where=text("finished_at IS NOT NULL"),
         ),
-        Index("ix_drives_same_as", "same_as", postgresql_where=text("same_as IS NOT NULL")),
+        Index("ix_drives_duplicate_of", "duplicate_of", postgresql_where=text("duplicate_of IS NOT NULL")),
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
         Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
         Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
@@ -244,7 +244,7 @@ class Provenance(Base):
     code_version: Mapped[str]
     road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
     road_state: Mapped[int | None] = mapped_column(BigInteger)
-    """Of the squares that the run took its roads from, the highest (``Cell.road_state``); NULL of older runs."""
+    """Of the cells that the run took its roads from, the highest (``Cell.road_state``); NULL of older runs."""
     dem_version_id: Mapped[int | None] = mapped_column(ForeignKey("dem_versions.id"))
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
 

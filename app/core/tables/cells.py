@@ -1,4 +1,4 @@
-"""The tables by which the map is solved and numbered square by square; the others are in ``app.core.tables``."""
+"""The tables by which the map is solved and numbered cell by cell; the others are in ``app.core.tables``."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from app.core.tables import Base
 
 
 class Cell(Base):
-    """A square of the map, a tile of zoom 14: what is shown of it, numbered (``app.network.cells``)."""
+    """A cell of the map, a tile of zoom 14: what is shown of it, numbered (``app.network.cells``)."""
 
     __tablename__ = "cells"
 
     id: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
     """x in the upper bits, y in the lower 14."""
     version: Mapped[int] = mapped_column(BigInteger, server_default="0")
-    """Raised when, and only when, anything that is shown of the square changes."""
+    """Raised when, and only when, anything that is shown of the cell changes."""
     changed_at: Mapped[datetime] = mapped_column(server_default=func.now())
     unsettled_since: Mapped[datetime | None]
     """Since when something near has changed that only a solution of a wider window takes into account."""
     driven: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
-    """Number and length, m, of the driven segments of each class whose middle lies in the square."""
+    """Number and length, m, of the driven segments of each class whose middle lies in the cell."""
 
     road_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
-    """Which step of which import changed the roads that meet the square last (``app.network.road_states``)."""
+    """Which step of which import changed the roads that meet the cell last (``app.network.road_states``)."""
     course_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
     """The same of changes that a drive would notice: roads that came, went, or lie elsewhere."""
 
     drawn_version: Mapped[int] = mapped_column(BigInteger, server_default="0")
-    """Raised when what low zooms draw of the square changes, which follows ``version`` (``app.map.drawn``). What is
-    drawn of a greater square raises it of any square inside."""
+    """Raised when what low zooms draw of the cell changes, which follows ``version`` (``app.map.derived``). What is
+    drawn of a greater cell raises it of any cell inside."""
     changed_xid: Mapped[int] = mapped_column(BigInteger, server_default="0", index=True)
     """The transaction that raised either of the two last; a trigger writes it (``SegmentChange.xid``)."""
 
@@ -48,7 +48,7 @@ class Cell(Base):
 
 
 class NetworkMark(Base):
-    """What waits to be solved in a square, since one drive came or went or since something else changed there."""
+    """What waits to be solved in a cell, since one drive came or went or since something else changed there."""
 
     __tablename__ = "network_marks"
 

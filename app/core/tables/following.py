@@ -47,7 +47,7 @@ class Webhook(Base):
     active: Mapped[bool] = mapped_column(server_default=text("true"))
     off_reason: Mapped[str | None]
     """Why the service switched it off; NULL where it did not."""
-    told: Mapped[str | None]
+    reported_version: Mapped[str | None]
     """The version of the map up to which changes of segments were told and taken; NULL: it does not ask for them."""
     failures: Mapped[int] = mapped_column(server_default="0")
     """In a row."""

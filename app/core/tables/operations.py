@@ -5,53 +5,39 @@ Described as the others are (``app.core.tables``).
 
 from __future__ import annotations
 
-import uuid
 from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import BigInteger, CheckConstraint, Identity, Index, SmallInteger, func, text
+from sqlalchemy import BigInteger, Identity, Index, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from app.core.tables import Base
+from app.core.tables.requests import RequestColumns, request_constraints
+
+OPERATION_STATUSES = ("queued", "running", "planned", "done", "failed", "cancelled")
 
 
-class Operation(Base):
+class Operation(RequestColumns, Base):
     """Something that the operator asked for and a worker does: an import, a removal, a settling."""
 
     __tablename__ = "operations"
 
-    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
     kind: Mapped[str]
     subject: Mapped[str]
     """What it is done with, for people: the name of a file, region or raster."""
     request: Mapped[dict[str, Any]]
-    status: Mapped[str]
-    progress: Mapped[float] = mapped_column(server_default="0")
-    stage: Mapped[str | None]
-    run: Mapped[int] = mapped_column(server_default="0")
-    """Counts the runs of a worker; one that holds an older number says no more of it."""
-    yields: Mapped[int] = mapped_column(SmallInteger, server_default="0")
-    """How often it went back into the queue to let others go first."""
     state: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
     """What a later run has to know of the former ones: whether anything was changed yet, how far it came."""
     approved: Mapped[bool] = mapped_column(server_default=text("false"))
     """Its plan is to be carried out."""
     plan: Mapped[dict[str, Any] | None]
     result: Mapped[dict[str, Any] | None]
-    failure_kind: Mapped[str | None]
-    failure_reason: Mapped[str | None]
     blob_key: Mapped[str | None]
     """The file that came with it, as long as it is wanted."""
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    started_at: Mapped[datetime | None]
     planned_at: Mapped[datetime | None]
-    finished_at: Mapped[datetime | None]
 
     __table_args__ = (
-        CheckConstraint(
-            "status IN ('queued', 'running', 'planned', 'done', 'failed', 'cancelled')", name="status"
-        ),
-        CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
+        *request_constraints(OPERATION_STATUSES),
         Index("ix_operations_created_at_id", "created_at", "id"),
         Index("ix_operations_status", "status"),
     )

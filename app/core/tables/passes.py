@@ -11,7 +11,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from app.core.tables import Base
 
-PARTITION = "drive_passes_of_"
+PARTITION_PREFIX = "drive_passes_of_"
 """How the names of the parts of ``drive_passes`` begin: rows go by a hash of their region."""
 
 
@@ -27,12 +27,12 @@ class DrivePass(Base):
     segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"))
     entered_s: Mapped[float]
     """When the drive came to the segment, Unix seconds."""
-    summed_weight: Mapped[float | None]
-    """NULL: the pass is read as it is. Else it is in a sum of its segment (``PassSum``), so many times; 0: rejected."""
+    condensed_weight: Mapped[float | None]
+    """NULL: the pass is recent and read as it is. Else the weight with which it is condensed; 0: it was rejected."""
     sequence: Mapped[int]
     """Its place among the drive's passes, in the order of driving."""
-    region: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
-    """The tile of zoom 6 that the segment's square lies in: ``versant_region(cell)``."""
+    partition: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    """The tile of zoom 6 that the segment's cell lies in: ``versant_partition(cell)``."""
     factor: Mapped[bytes]
 
     __table_args__ = (
@@ -41,25 +41,25 @@ class DrivePass(Base):
             "ix_drive_passes_segment_id_entered_s",
             "segment_id",
             "entered_s",
-            postgresql_include=["drive_id", "region"],
+            postgresql_include=["drive_id", "partition"],
         ),
         # What is still read over a segment, however many passes there were.
-        Index("ix_drive_passes_unsummed", "segment_id", postgresql_where=text("summed_weight IS NULL")),
-        {"postgresql_partition_by": "HASH (region)"},
+        Index("ix_drive_passes_recent", "segment_id", postgresql_where=text("condensed_weight IS NULL")),
+        {"postgresql_partition_by": "HASH (partition)"},
     )
 
 
-class PassSum(Base):
+class CondensedPasses(Base):
     """Old passes over a segment added up (``fusion.network.condensed``): a segment's sum is that of its rows.
 
     Rows are only added, so that nobody waits for anybody; one that takes off what a drive had said is of turned signs.
     """
 
-    __tablename__ = "pass_sums"
+    __tablename__ = "condensed_passes"
 
     id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
     segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"), index=True)
-    said: Mapped[bytes]
+    evidence: Mapped[bytes]
 
 
 class RejectedPass(Base):
@@ -85,10 +85,10 @@ class DriveConstants(Base):
 
     drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
     passes: Mapped[int]
-    said: Mapped[bytes]
+    evidence: Mapped[bytes]
     measurements: Mapped[int]
     epoch_s: Mapped[bytes]
-    regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger))
+    partitions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger))
     """Where its passes are: all regions, so that nobody looks for them elsewhere."""
 
 

@@ -32,10 +32,10 @@ class Region(Base):
     """West, south, east, north of its roads, degrees, as its last import left them."""
 
 
-class AtticSegment(Base):
+class RetiredSegment(Base):
     """A road that was dropped or went elsewhere, as it was when something had been measured on it."""
 
-    __tablename__ = "attic_segments"
+    __tablename__ = "retired_segments"
 
     id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
     segment_id: Mapped[int] = mapped_column(BigInteger)
@@ -45,33 +45,33 @@ class AtticSegment(Base):
     to_node: Mapped[int] = mapped_column(BigInteger)
     geom: Mapped[WKBElement] = mapped_column(Geometry("LINESTRING", srid=SRID_DEGREES, spatial_index=False))
     length_m: Mapped[float]
-    kept_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
+    retired_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
 
 
 class _InAttic:
     """What a drive said of such a road, in one of its runs: that of the provenance of this number."""
 
     id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    attic_id: Mapped[int] = mapped_column(ForeignKey("attic_segments.id", ondelete="CASCADE"), index=True)
+    retired_id: Mapped[int] = mapped_column(ForeignKey("retired_segments.id", ondelete="CASCADE"), index=True)
     drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
     run: Mapped[int | None] = mapped_column(BigInteger)
     """No foreign key: a drive that was computed anew has another, and is computed once more if the road comes back."""
 
 
-class AtticPass(_InAttic, Base):
+class RetiredPass(_InAttic, Base):
     """A pass (``DrivePass``)."""
 
-    __tablename__ = "attic_passes"
+    __tablename__ = "retired_passes"
 
     sequence: Mapped[int]
     entered_s: Mapped[float]
     factor: Mapped[bytes]
 
 
-class AtticEstimate(_InAttic, Base):
+class RetiredEstimate(_InAttic, Base):
     """An estimate (``DriveSegment``)."""
 
-    __tablename__ = "attic_estimates"
+    __tablename__ = "retired_estimates"
 
     slope_percent: Mapped[float]
     slope_sigma_percent: Mapped[float]

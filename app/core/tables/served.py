@@ -43,7 +43,7 @@ class SegmentChange(Base):
 
 
 class Way(Base):
-    """Consecutive segments of one OpenStreetMap way, as one; derived from them by workers (``app.map.ways``)."""
+    """Consecutive segments of one OpenStreetMap way, as one; derived from them by workers (``app.map.derived``)."""
 
     __tablename__ = "ways"
 
@@ -83,15 +83,15 @@ class Way(Base):
 
 
 class DrawnPiece(Base):
-    """A stretch of road as low zooms draw it, derived square by square (``app.map.drawn``).
+    """A stretch of road as low zooms draw it, derived cell by cell (``app.map.derived``).
 
-    A square of a level is a tile two zooms below it: of 12 a tile of zoom 14, of 6 one of zoom 8, as ``x << zoom | y``.
+    A cell of a level is a tile two zooms below it: of 12 a tile of zoom 14, of 6 one of zoom 8, as ``x << zoom | y``.
     """
 
     __tablename__ = "drawn_pieces"
 
     level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
-    square: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    cell: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     segment_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
     """One of its segments, which no other piece of the level has."""
     rank: Mapped[int] = mapped_column(SmallInteger)
@@ -144,11 +144,11 @@ class DerivedSegment(Base):
     cell: Mapped[int]
 
 
-class SquareToDraw(Base):
-    """A square of a level whose pieces are to be derived anew."""
+class CellToDraw(Base):
+    """A cell of a level whose pieces are to be derived anew."""
 
-    __tablename__ = "squares_to_draw"
+    __tablename__ = "cells_to_draw"
 
     level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
-    square: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    cell: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     since: Mapped[datetime] = mapped_column(server_default=func.now())

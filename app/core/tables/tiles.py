@@ -33,7 +33,7 @@ class StoredTile(Base):
 
 
 class TileEpoch(Base):
-    """One row. What else makes tiles new than versions of squares: a restored database, squares that were deleted."""
+    """One row. What else makes tiles new than versions of cells: a restored database, cells that were deleted."""
 
     __tablename__ = "tile_epoch"
 

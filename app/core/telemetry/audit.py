@@ -69,7 +69,7 @@ def note(session: Session, origin: str, action: str, subject: object, **detail: 
 
     Rows outlast what they tell of, so none holds the name of an uploaded file or a place: a box is told as ``true``.
     """
-    known: Mapping[str, Any] = {
+    shown: Mapping[str, Any] = {
         name: name in PLACES or value
         for name, value in detail.items()
         if value is not None and name not in NAMES
@@ -77,7 +77,7 @@ def note(session: Session, origin: str, action: str, subject: object, **detail: 
     values = {
         "action": action,
         "subject": reason_text(str(subject))[:LONGEST_SUBJECT],
-        "detail": json.dumps(plain_json(known)),
+        "detail": json.dumps(plain_json(shown)),
         "origin": plain_text(origin),
     }
     session.execute(_ADD, values)

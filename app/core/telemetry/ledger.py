@@ -82,8 +82,8 @@ class Ledger:
             if totals == self._written:
                 return
             with self._sessions.begin() as session:
-                known = self._id is not None and self._update(session, totals)
-                if not known:  # the row was added up with those of others, as it stood
+                is_updated = self._id is not None and self._update(session, totals)
+                if not is_updated:  # the row was added up with those of others, as it stood
                     since = {key: self._since.get(key, 0.0) + t for key, t in self._written.items()}
                     self._since, self._written = {**self._since, **since}, {}
                     totals = growth(now, self._since)

@@ -50,8 +50,8 @@ _BARE = re.compile(r"[\w.:/@+-]+")
 @contextmanager
 def about(**ids: object) -> Iterator[None]:
     """Every line that is logged within the block, in whatever thread it starts, names these ids; None: not this one."""
-    known = {name: str(value) for name, value in ids.items() if value is not None}
-    token = _IDS.set({**_IDS.get(), **known})
+    texts = {name: str(value) for name, value in ids.items() if value is not None}
+    token = _IDS.set({**_IDS.get(), **texts})
     try:
         yield
     finally:

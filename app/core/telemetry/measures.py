@@ -59,12 +59,12 @@ class Measure:
 
     def series(self, totals: Mapping[str, float]) -> dict[tuple[str, ...], dict[str, float]]:
         """The parts of each combination of labels that was counted."""
-        found: dict[tuple[str, ...], dict[str, float]] = {}
+        series: dict[tuple[str, ...], dict[str, float]] = {}
         for key, total in sorted(totals.items()):
             name, *values, part = json.loads(key)
             if name == self.name and len(values) == len(self.labels):
-                found.setdefault(tuple(values), {})[part] = total
-        return found
+                series.setdefault(tuple(values), {})[part] = total
+        return series
 
     def cumulative(self, parts: Mapping[str, float]) -> tuple[list[tuple[str, float]], float]:
         """A histogram's buckets as Prometheus has them, each with all below it; and the sum of the durations."""
@@ -114,18 +114,21 @@ QUEUED_S = Measure(
 )
 STAGE_S = Measure(
     "versant_drive_stage_seconds",
-    "Stages of the runs of drives; `publishing` is the wait for the squares to be solved.",
+    "Stages of the runs of drives; `publishing` is the wait for the cells to be solved.",
     ("stage", "method"),
     LONG_S,
 )
 SOLVE_S = Measure(
     "versant_solve_seconds",
-    "Solutions of squares of the map from the look at the database to the swap: `marked` for drives, `settled` in "
+    "Solutions of cells of the map from the look at the database to the swap: `marked` for drives, `settled` in "
     "the background.",
     ("kind",),
     LONG_S,
 )
-SQUARES_SOLVED = Measure("versant_squares_solved_total", "Squares in these solutions.", ("kind",))
+CELLS_SOLVED = Measure("versant_cells_solved_total", "Cells in these solutions.", ("kind",))
+SQUARES_SOLVED = Measure(
+    "versant_squares_solved_total", "Former name of versant_cells_solved_total.", ("kind",)
+)
 SWAP_CONFLICTS = Measure(
     "versant_swap_conflicts_total",
     "Solutions found out of date when they were to be written, and made again.",
@@ -149,6 +152,7 @@ MEASURES = (
     QUEUED_S,
     STAGE_S,
     SOLVE_S,
+    CELLS_SOLVED,
     SQUARES_SOLVED,
     SWAP_CONFLICTS,
     LOCK_WAIT_S,

@@ -65,15 +65,15 @@ class RequestLog:
             try:
                 await self.app(scope, receive, watched)
             finally:
-                told = self._told(scope, status)
-                span.name(f"{scope['method']} {told['route']}")
-                span.note(**told, request=number)
+                facts = self._told(scope, status)
+                span.name(f"{scope['method']} {facts['route']}")
+                span.note(**facts, request=number)
                 span.failed(status >= 500)
                 tell(
                     logger,
                     "request",
                     level=_level(scope["path"], status),
-                    **told,
+                    **facts,
                     seconds=time.perf_counter() - started,
                     bytes=sent,
                 )
@@ -93,15 +93,15 @@ class RequestLog:
         }
 
 
-def request_id(asked: str | None) -> str:
+def request_id(sent: str | None) -> str:
     """The number that was sent, or a new one where none was that could be one."""
-    return asked if asked and _ACCEPTED_ID.fullmatch(asked) else uuid.uuid4().hex
+    return sent if sent and _ACCEPTED_ID.fullmatch(sent) else uuid.uuid4().hex
 
 
 def names_of(query: bytes) -> str | None:
     """The names of a query's parameters, without their values; None: there are none."""
-    asked = parse_qsl(query.decode("latin-1"), keep_blank_values=True)
-    names = {name if _NAME.fullmatch(name) else "?" for name, _ in asked}  # a place may be written as a name
+    pairs = parse_qsl(query.decode("latin-1"), keep_blank_values=True)
+    names = {name if _NAME.fullmatch(name) else "?" for name, _ in pairs}  # a place may be written as a name
     return ",".join(sorted(names))[:LONGEST_PATH] or None
 
 

@@ -119,13 +119,13 @@ class _Tracer:
         with self._tracer.start_as_current_span(
             name, context, kind, record_exception=False, set_status_on_exception=False
         ) as made:
-            told = _Told(made)
-            told.note(**facts)
+            reported = _Told(made)
+            reported.note(**facts)
             try:
-                yield told
+                yield reported
             except BaseException as error:
-                told.note(error=type(error).__name__)
-                told.failed()
+                reported.note(error=type(error).__name__)
+                reported.failed()
                 raise
 
     def traceparent(self) -> str | None:

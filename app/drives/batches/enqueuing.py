@@ -7,8 +7,8 @@ Knows no HTTP; its SQL is ``store``'s.
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable
+from functools import partial
 
 from sqlalchemy.orm import Session
 
@@ -20,6 +20,7 @@ from app.drives.batches import store
 from app.drives.batches.documents import Selection, Which
 from app.drives.batches.touched import queue_touched
 from app.drives.method_choice import check_options
+from app.jobs.requests.pieces import do_pieces
 
 ENQUEUE_FOR_S = 10.0
 """How long a request enqueues (or takes out) by itself; the rest is a worker's."""
@@ -108,27 +109,22 @@ def tend(sessions: Sessions) -> bool:
 
 def give_jobs(sessions: Sessions) -> int:
     """Put drives that wait without a job into the queue, behind uploads; returns how many."""
-    count, pieces, last = 0, 0, None
-    while True:
-        with sessions.begin() as session:
-            last = store.adopt_piece(session, last)
-        if last is None:
-            return count
-        count, pieces = count + last.drives, pieces + 1
-        if last.drives == store.PIECE_DRIVES:
-            _keep_statistics(sessions, pieces)
+    count, last = 0, None
+
+    def piece(session: Session) -> bool:
+        nonlocal count, last
+        last = store.adopt_piece(session, last)
+        count += 0 if last is None else last.drives
+        return last is not None
+
+    do_pieces(sessions, piece, between=partial(_keep_statistics, sessions))
+    return count
 
 
 def _go_on(sessions: Sessions, piece: _Piece, batch: int, for_s: float) -> bool:
     """Piece after piece until all is done or the time is up; whether there may be more."""
-    ends, more, pieces = time.monotonic() + for_s, True, 0
-    while more and (not pieces or time.monotonic() < ends):
-        with sessions.begin() as session:
-            more = piece(session, batch)
-        pieces += 1
-        if more:
-            _keep_statistics(sessions, pieces)
-    return more
+    between = partial(_keep_statistics, sessions)
+    return do_pieces(sessions, lambda session: piece(session, batch), for_s=for_s, between=between)
 
 
 def _keep_statistics(sessions: Sessions, pieces: int) -> None:

@@ -15,23 +15,21 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.core.errors import BadQueryError, BadRequestError
+from app.core.errors import BadRequestError
 from app.core.http import BaseUrl, Link, Service, ServiceDep, link, problems
-from app.core.query import parse_bbox, refuse_unknown
+from app.core.query import refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
-from app.drives.batches import enqueuing
 from app.drives.batches import removing_store as store
 from app.drives.batches.documents import BatchRequest, Selection, Which
 from app.drives.batches.removing_store import Meant, Sums
-from app.drives.method_choice import default_method
-from app.drives.progress import never
-from app.jobs.task import Interrupted, Task, Work
-from app.roads.regions import known_region
-from fusion.errors import RoadsError
+from app.drives.batches.routes import chosen
+from app.jobs.requests.pieces import do_pieces, never
+from app.jobs.task import Task, Work
 
 MOST_IDS = 500
 """In one request: as many as an address has room for."""
@@ -158,15 +156,16 @@ def _remove(
     sessions: Sessions, meant: Meant, asked_at: datetime, should_stop: Callable[[], bool] = never
 ) -> int:
     count, last = 0, None
-    while True:
-        if should_stop():
-            raise Interrupted
-        with sessions.begin() as session:
-            drives, place = store.remove_piece(session, meant, asked_at, last)
-        count, last = count + drives, place
-        if place is None:
-            tell(logger, "drives cancelled", drives=count, reason="their removal was asked for")
-            return count
+
+    def piece(session: Session) -> bool:
+        nonlocal count, last
+        drives, last = store.remove_piece(session, meant, asked_at, last)
+        count += drives
+        return last is not None
+
+    do_pieces(sessions, piece, should_stop=should_stop)
+    tell(logger, "drives cancelled", drives=count, reason="their removal was asked for")
+    return count
 
 
 def _meant(service: Service, asked: RemovalRequest) -> Meant:
@@ -177,22 +176,9 @@ def _meant(service: Service, asked: RemovalRequest) -> Meant:
         raise BadRequestError(
             "Which drives? Name some (ids), or a filter; which=all means all of them.", field="which"
         )
-    try:
-        box = parse_bbox(asked.bbox)
-    except BadQueryError as error:  # the OGC's status is not this route's
-        raise BadRequestError(str(error), field="bbox") from error
     # Also those whose log cannot be used: of these one wants to be rid.
-    selection = Selection(**filters, which=asked.which or Which.ALL, bbox=box, force=True)
-    method = asked.method
-    if method is None and selection.which is Which.OTHER:
-        method = default_method(service.settings)
-    enqueuing.check(selection, method)
-    if selection.region is not None:
-        with service.reading() as session:
-            try:
-                known_region(session, selection.region)
-            except RoadsError as error:
-                raise BadRequestError(str(error), field="region") from error
+    filters |= {"which": asked.which or Which.ALL, "force": True}
+    selection, method = chosen(service, filters, asked.bbox, asked.method)
     return Meant(selection, method, ids)
 
 

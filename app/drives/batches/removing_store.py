@@ -14,9 +14,9 @@ from sqlalchemy.orm import Session
 
 from app.drives.batches.documents import Selection
 from app.drives.batches.selection import conditions
-from app.drives.queue import BEHIND, REMOVE_DRIVE
+from app.drives.queue import BEHIND, REMOVE_DRIVE, jobs_behind
 from app.drives.store import CANCELLED, forget
-from app.jobs.task import QUEUE, Kind, add_job
+from app.jobs.task import Kind, add_job
 
 REMOVE_DRIVES = Kind("remove_drives", BEHIND // 2)
 ONE_AT_A_TIME = "remove_drives"
@@ -46,11 +46,7 @@ _REMOVE = f"""
         RETURNING d.id, d.generation, d.created_at
     ), last AS (SELECT created_at, id FROM gone ORDER BY created_at DESC, id DESC LIMIT 1),
     deferred AS (
-        SELECT coalesce(cardinality(procrastinate_defer_jobs_v1(array_agg(
-            CAST(ROW('{QUEUE}', '{REMOVE_DRIVE.name}', {BEHIND}, NULL, NULL,
-                     jsonb_build_object('drive_id', id, 'generation', generation), NULL)
-                 AS procrastinate_job_to_defer_v1) ORDER BY created_at, id))), 0) AS drives
-        FROM gone)
+        SELECT {jobs_behind(REMOVE_DRIVE.name)} AS drives FROM gone)
     SELECT ARRAY(SELECT id FROM gone) AS ids, deferred.drives, last.created_at, last.id
     FROM deferred LEFT JOIN last ON true
 """  # noqa: S608 - constants

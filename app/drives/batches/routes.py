@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from sqlalchemy.orm import Session
 
 from app.core.errors import BadQueryError, BadRequestError
 from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems
@@ -50,13 +50,8 @@ def reprocess_drives(
     and answers 200.
     """
     refuse_unknown(request, BatchRequest.model_fields, BadRequestError)
-    selection, method = _selection(asked), asked.method
-    if selection.region is not None:
-        with service.reading() as session:
-            _check_region(session, selection.region)
-    if method is None and selection.which is Which.OTHER:
-        method = default_method(service.settings)
-    enqueuing.check(selection, method)
+    filters = asked.model_dump(exclude={"method", "dry_run", "bbox"})
+    selection, method = chosen(service, filters, asked.bbox, asked.method)
     with service.reading() as session:
         skipped, before = count_skipped(session, selection, method), standing(session)
         count = count_selected(session, selection, method) if asked.dry_run else 0
@@ -127,20 +122,27 @@ def _seen(service: Service, base: str, number: int | None) -> Batch:
     return seen.model_copy(update={"links": [link(address, "self")]})
 
 
-def _check_region(session: Session, name: str) -> None:
-    try:
-        known_region(session, name)
-    except RoadsError as error:
-        raise BadRequestError(str(error), field="region") from error
+def chosen(
+    service: Service, filters: Mapping[str, Any], bbox: str | None, method: str | None
+) -> tuple[Selection, str | None]:
+    """The drives that a request names, and the method: the service's default where that is needed and none is named.
 
-
-def _selection(asked: BatchRequest) -> Selection:
+    ``BadRequestError`` for what cannot be meant, ``UnknownNameError`` for a method that there is not.
+    """
     try:
-        box = parse_bbox(asked.bbox)
+        selection = Selection(**filters, bbox=parse_bbox(bbox))
     except BadQueryError as error:  # the OGC's status is not this route's
         raise BadRequestError(str(error), field="bbox") from error
-    filters = asked.model_dump(exclude={"method", "dry_run", "bbox"})
-    return Selection(**filters, bbox=box)
+    if selection.region is not None:
+        with service.reading() as session:
+            try:
+                known_region(session, selection.region)
+            except RoadsError as error:
+                raise BadRequestError(str(error), field="region") from error
+    if method is None and selection.which is Which.OTHER:
+        method = default_method(service.settings)
+    enqueuing.check(selection, method)
+    return selection, method
 
 
 def _address(base: str, number: int) -> str:

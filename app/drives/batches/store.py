@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 from app.drives.batches.documents import Batch, BatchState, Selection
 from app.drives.batches.notes import Standing
 from app.drives.batches.selection import conditions, includes_hopeless
-from app.drives.queue import JOBS_BEHIND, TASK
+from app.drives.queue import TASK, jobs_behind
 from app.drives.store import ANEW
 
 PIECE_DRIVES = 1000
@@ -77,7 +77,7 @@ _ENQUEUE = """
         FROM chosen WHERE d.id = chosen.id
         RETURNING d.id, d.generation, d.created_at
     ), last AS (SELECT created_at, id FROM asked ORDER BY created_at DESC, id DESC LIMIT 1),
-    deferred AS (SELECT coalesce(cardinality({jobs}), 0) AS drives FROM asked)
+    deferred AS (SELECT {jobs} AS drives FROM asked)
     UPDATE batches AS b
     SET drives = b.drives + deferred.drives, after_created_at = coalesce(last.created_at, b.after_created_at),
         after_id = coalesce(last.id, b.after_id),
@@ -179,7 +179,7 @@ _ADOPT = text(
     ), named AS (
         UPDATE drives AS d SET batch_id = coalesce(:batch, (SELECT id FROM made)), before_batch = NULL
         FROM waiting WHERE d.id = waiting.id RETURNING d.id, d.generation, d.created_at, d.batch_id
-    ), deferred AS (SELECT coalesce(cardinality({JOBS_BEHIND}), 0) AS drives FROM named)
+    ), deferred AS (SELECT {jobs_behind(TASK)} AS drives FROM named)
     SELECT deferred.drives, named.batch_id, named.created_at, named.id FROM deferred, named
     ORDER BY named.created_at DESC, named.id DESC LIMIT 1
     """  # noqa: S608 - constants
@@ -218,7 +218,9 @@ def enqueue_piece(session: Session, batch: int) -> bool:
         return False
     where, values = conditions(Selection.model_validate(held.selection), held.method)
     selected = _SELECTED + where + (_AFTER if held.after_id else "")
-    statement = text(_ENQUEUE.format(selected=selected, anew=ANEW, jobs=JOBS_BEHIND, before=BEFORE_BATCH))
+    statement = text(
+        _ENQUEUE.format(selected=selected, anew=ANEW, jobs=jobs_behind(TASK), before=BEFORE_BATCH)
+    )
     whole = {**held._mapping, **values, "batch": batch, "piece": PIECE_DRIVES, "traceparent": None}
     return bool(session.execute(statement, whole).scalar_one())
 

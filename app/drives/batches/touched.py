@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.drives.batches.store import BEFORE_BATCH, PIECE_DRIVES
-from app.drives.queue import JOBS_BEHIND
+from app.drives.queue import TASK, jobs_behind
 from app.drives.store import ANEW
 from app.network.locks import roads_change
 
@@ -41,7 +41,7 @@ _QUEUE = text(
         SET {ANEW}, batch_id = made.id, before_batch = {BEFORE_BATCH}
         FROM ended, made WHERE d.id = ended.id AND ended.wanted
         RETURNING d.id, d.generation, d.created_at
-    ), deferred AS (SELECT coalesce(cardinality({JOBS_BEHIND}), 0) AS drives FROM asked)
+    ), deferred AS (SELECT {jobs_behind(TASK)} AS drives FROM asked)
     SELECT (SELECT count(*) FROM ended) AS looked_at, deferred.drives FROM deferred
     """  # noqa: S608 - constants
 )

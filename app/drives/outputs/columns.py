@@ -22,23 +22,23 @@ def numbers(values: Floats, digits: int) -> list[float | None]:
     power = 10.0**digits
     with np.errstate(invalid="ignore", over="ignore"):
         near = np.where(np.abs(values) >= WHOLE, values, np.round(values * power) / power + 0.0)
-    known = np.isfinite(values)
-    if known.all():
+    finite = np.isfinite(values)
+    if finite.all():
         return list(near.tolist())
     column = near.astype(object)
-    column[~known] = None
+    column[~finite] = None
     return list(column)
 
 
 def time_texts(time_s: Floats) -> list[str | None]:
     """RFC 3339 of Unix seconds, to the millisecond; None for NaN."""
-    known = np.isfinite(time_s)
-    whole = np.floor(np.where(known, time_s, 0.0))
-    micros = whole.astype(np.int64) * 1_000_000 + np.round(
-        (np.where(known, time_s, 0.0) - whole) * 1e6
+    finite = np.isfinite(time_s)
+    seconds = np.floor(np.where(finite, time_s, 0.0))
+    micros = seconds.astype(np.int64) * 1_000_000 + np.round(
+        (np.where(finite, time_s, 0.0) - seconds) * 1e6
     ).astype(np.int64)
     texts = np.datetime_as_string(micros.astype("M8[us]").astype("M8[ms]"), unit="ms", timezone="UTC")
-    return [text if there else None for text, there in zip(texts.tolist(), known.tolist(), strict=True)]
+    return [text if there else None for text, there in zip(texts.tolist(), finite.tolist(), strict=True)]
 
 
 def csv_chunks(columns: Mapping[str, Sequence[Any]]) -> Iterator[str]:

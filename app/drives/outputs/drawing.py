@@ -12,8 +12,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from threading import Lock
 
+from app.core.admission import RequestClass
 from app.core.errors import NotReadyError
-from app.core.lanes import Lane
 from app.drives.outputs import drawing_process
 from app.drives.outputs.profile import Profile
 from fusion.types import DrawnMeasurements
@@ -27,7 +27,7 @@ class Drawing:
     """The process, and the queue before it."""
 
     def __init__(self, most_waiting: int) -> None:
-        self.lane = Lane(1, most_waiting, LONGEST_WAIT_S)
+        self.request_class = RequestClass(1, most_waiting, LONGEST_WAIT_S)
         """Hold its place from before what is drawn is read: only one at a time is in memory."""
         self._lock = Lock()
         self._process: subprocess.Popen[bytes] | None = None
@@ -56,9 +56,9 @@ class Drawing:
         with self._lock:
             self._stop()
 
-    def _asked(self, wanted: tuple[Profile, str, DrawnMeasurements | None, str | None]) -> bytes:
+    def _asked(self, picture: tuple[Profile, str, DrawnMeasurements | None, str | None]) -> bytes:
         pipe = self._pipe or self._start()
-        pipe.send(wanted)
+        pipe.send(picture)
         if not pipe.poll(LONGEST_S):
             self._stop()
             raise NotReadyError(f"The picture took more than {LONGEST_S:g} s. Ask for the profile as JSON.")

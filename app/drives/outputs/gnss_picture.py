@@ -96,7 +96,7 @@ def _draw_sky(figure: Figure, axes: PolarAxes, measured: Measurements, solution:
 
 def _name_satellites(axes: PolarAxes, measured: Measurements) -> None:
     """Beside the last place of each satellite, at the corner of it that is farthest from names already there."""
-    taken: list[tuple[float, float]] = []
+    labelled: list[tuple[float, float]] = []
     for k, name in enumerate(measured.names):
         rows = np.flatnonzero((measured.satellite == k) & np.isfinite(measured.elevation_rad))
         if not len(rows):
@@ -104,9 +104,11 @@ def _name_satellites(axes: PolarAxes, measured: Measurements) -> None:
         turn, out = measured.azimuth_rad[rows[-1]], 90 - np.degrees(measured.elevation_rad[rows[-1]])
         x, y = out * np.sin(turn), out * np.cos(turn)
         places = [(x + right * _ASIDE, y + up * _ABOVE) for right in (1, -1) for up in (1, -1)]
-        clear = [min((np.hypot(px - a, 2 * (py - b)) for a, b in taken), default=99.0) for px, py in places]
+        clear = [
+            min((np.hypot(px - a, 2 * (py - b)) for a, b in labelled), default=99.0) for px, py in places
+        ]
         best = int(np.argmax(np.minimum(clear, _CLEAR)))
-        taken.append(places[best])
+        labelled.append(places[best])
         right, up = (1, 1, -1, -1)[best], (1, -1, 1, -1)[best]
         axes.annotate(
             name, (turn, out), (3 * right, 3 * up), textcoords="offset points", fontsize=8, color=SEGMENT,
@@ -204,13 +206,13 @@ def _by_epoch(measured: Measurements, value: Floats) -> tuple[Floats, Floats]:
 
 def _top(series: list[Floats]) -> float:
     """The upper end of an axis that single wild values do not stretch."""
-    known = np.concatenate([s[np.isfinite(s)] for s in series])
-    return max(LEAST_RANGE_M, 1.15 * float(np.quantile(known, 0.99))) if len(known) else LEAST_RANGE_M
+    finite = np.concatenate([s[np.isfinite(s)] for s in series])
+    return max(LEAST_RANGE_M, 1.15 * float(np.quantile(finite, 0.99))) if len(finite) else LEAST_RANGE_M
 
 
 def _reach(residual_m: Floats) -> float:
-    known = np.abs(residual_m[np.isfinite(residual_m)])
-    return max(LEAST_RANGE_M, float(np.quantile(known, 0.95))) if len(known) else LEAST_RANGE_M
+    finite = np.abs(residual_m[np.isfinite(residual_m)])
+    return max(LEAST_RANGE_M, float(np.quantile(finite, 0.95))) if len(finite) else LEAST_RANGE_M
 
 
 def _minutes(measured: Measurements) -> Floats:
@@ -224,5 +226,5 @@ def _thinned(rows: Any) -> Any:
 def _summary(measured: Measurements, solution: Solution) -> str:
     solved, epochs = int(solution.solved.sum()), len(measured)
     predicted = int(np.sum(solution.predicted & solution.solved))
-    found = f"{solved} of {epochs} epochs with a position, {predicted} by the motion alone"
-    return f"{found}; {len(measured.names)} satellites"
+    positions = f"{solved} of {epochs} epochs with a position, {predicted} by the motion alone"
+    return f"{positions}; {len(measured.names)} satellites"

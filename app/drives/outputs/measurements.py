@@ -37,8 +37,8 @@ def measurements_json(
         is_height = bool(measurements.is_height[mine[0]])
         shift_m = datum_shift_m(profile, along_m[mine], value) if is_height else None
         if points is not None:
-            kept = thinned(points, along_m[mine], (value,), none, none)
-            mine, value = mine[kept], value[kept]
+            rows = thinned(points, along_m[mine], (value,), none, none)
+            mine, value = mine[rows], value[rows]
         sensors.append(
             {
                 "name": name,

@@ -113,29 +113,29 @@ def build_profile(
     ``roads`` says which segments are bridges and tunnels, and which way the vehicle went over one that holds but
     one epoch.
     """
-    known = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
-    segment = segment_id[known]
-    along_m = track.distance_m[known]
+    placed = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
+    segment = segment_id[placed]
+    along_m = track.distance_m[placed]
     driven = _Driven.of(segment, slopes, roads or {})
     forward = _directions(segment, along_m)
-    forward = np.where(forward == 0, driven.headed(track.heading_rad[known]), forward)
+    forward = np.where(forward == 0, driven.headed(track.heading_rad[placed]), forward)
     signs = np.where(forward == 0, np.nan, forward)
     grade, sigma = _grade_percent(track)
     return Profile(
-        time_s=track.time_s[known],
-        lon_deg=track.lon_deg[known],
-        lat_deg=track.lat_deg[known],
-        distance_m=_driven_m(track.lat_deg[known], track.lon_deg[known]),
-        alt_m=track.alt_m[known],
-        alt_sigma_m=track.alt_sigma_m[known],
+        time_s=track.time_s[placed],
+        lon_deg=track.lon_deg[placed],
+        lat_deg=track.lat_deg[placed],
+        distance_m=_driven_m(track.lat_deg[placed], track.lon_deg[placed]),
+        alt_m=track.alt_m[placed],
+        alt_sigma_m=track.alt_sigma_m[placed],
         slope_percent=driven.of_each("slope_percent") * signs,
         slope_sigma_percent=driven.of_each("slope_sigma_percent"),
-        grade_percent=grade[known],
-        grade_sigma_percent=sigma[known],
+        grade_percent=grade[placed],
+        grade_sigma_percent=sigma[placed],
         segment_id=segment,
         forward=forward,
-        gap=(np.diff(track.time_s[known], prepend=-np.inf) > PAUSE_S) | track.after_outage[known],
-        has_gnss=track.has_gnss[known],
+        gap=(np.diff(track.time_s[placed], prepend=-np.inf) > PAUSE_S) | track.after_outage[placed],
+        has_gnss=track.has_gnss[placed],
         bridge=driven.of_each("bridge") > 0,
         tunnel=driven.of_each("tunnel") > 0,
         dem_height_m=driven.dem_height_m(along_m),
@@ -166,11 +166,11 @@ class _Driven:
     ) -> _Driven:
         """What the two know of the segments of these epochs."""
         each, row = np.unique(segment, return_inverse=True)
-        said = [slopes.get(int(s), (math.nan, math.nan)) for s in each]
+        estimates = [slopes.get(int(s), (math.nan, math.nan)) for s in each]
         facts = [roads.get(int(s), _UNKNOWN) for s in each]
-        slope, sigma = np.array(said, float).reshape(-1, 2).T
-        known = [(f.bearing_rad, f.bridge, f.tunnel, f.length_m, len(f.dem_heights_m)) for f in facts]
-        bearing, bridge, tunnel, length, knots = np.array(known, float).reshape(-1, 5).T
+        slope, sigma = np.array(estimates, float).reshape(-1, 2).T
+        properties = [(f.bearing_rad, f.bridge, f.tunnel, f.length_m, len(f.dem_heights_m)) for f in facts]
+        bearing, bridge, tunnel, length, knots = np.array(properties, float).reshape(-1, 5).T
         heights = np.fromiter((h for f in facts for h in f.dem_heights_m), float)
         return cls(row, slope, sigma, bearing, bridge, tunnel, length, knots.astype(np.int64), heights)
 
@@ -188,16 +188,16 @@ class _Driven:
         """The elevation model's height at each epoch, at a distance from its segment's from_node."""
         heights = np.full(len(self.row), np.nan)
         share = np.clip(along_m / self.length_m[self.row], 0.0, 1.0)
-        known = np.flatnonzero(np.isfinite(share) & (self.knots[self.row] > 1))
-        row = self.row[known]
-        at = share[known] * (self.knots[row] - 1)
+        usable = np.flatnonzero(np.isfinite(share) & (self.knots[self.row] > 1))
+        row = self.row[usable]
+        at = share[usable] * (self.knots[row] - 1)
         before = np.minimum(at.astype(np.int64), self.knots[row] - 2)
         first = np.cumsum(self.knots)[row] - self.knots[row] + before
         rest = at - before
         start, end = self.knots_m[first], self.knots_m[first + 1]
         # Of a place at a knot no other one speaks: next to what the model does not know it does know this.
         between = start + rest * (end - start)
-        heights[known] = np.where(rest <= 0, start, np.where(rest >= 1, end, between))
+        heights[usable] = np.where(rest <= 0, start, np.where(rest >= 1, end, between))
         return heights
 
 
@@ -213,12 +213,12 @@ def _directions(segment: Ints, distance_m: Floats) -> Ints:
     if not len(segment):
         return out
     run = np.cumsum(np.diff(segment, prepend=segment[0]) != 0)
-    known = np.flatnonzero(np.isfinite(distance_m) & (segment >= 0))
-    if not len(known):
+    placed = np.flatnonzero(np.isfinite(distance_m) & (segment >= 0))
+    if not len(placed):
         return out
-    begins = np.diff(run[known], prepend=-1) != 0
-    first = known[begins]
-    last = known[np.r_[np.flatnonzero(begins)[1:], len(known)] - 1]
+    begins = np.diff(run[placed], prepend=-1) != 0
+    first = placed[begins]
+    last = placed[np.r_[np.flatnonzero(begins)[1:], len(placed)] - 1]
     moved = np.zeros(run[-1] + 1, np.int64)
     moved[run[first]] = np.sign(distance_m[last] - distance_m[first])
     return np.asarray(moved[run])

@@ -70,8 +70,8 @@ def dots_of(profile: Profile, measurements: DrawnMeasurements) -> Iterator[Dots]
             value, label = value + moved, label + (f", moved by {moved:+.0f} m" if moved else "")
         else:
             value = 100 * value
-        kept = slice(None, None, -(-len(mine) // MOST_DOTS))
-        yield Dots(label, colour, is_height, where[kept], value[kept])
+        thinning = slice(None, None, -(-len(mine) // MOST_DOTS))
+        yield Dots(label, colour, is_height, where[thinning], value[thinning])
 
 
 def placed_m(profile: Profile, time_s: Floats) -> Floats:
@@ -90,11 +90,11 @@ def placed_m(profile: Profile, time_s: Floats) -> Floats:
 
 def datum_shift_m(profile: Profile, distance_m: Floats, height_m: Floats) -> float:
     """What to add to heights that refer to something else than the estimate does; 0 where they agree roughly."""
-    known = np.isfinite(profile.alt_m)
-    if not known.any():
+    finite = np.isfinite(profile.alt_m)
+    if not finite.any():
         return 0.0
     shift = float(
-        np.median(np.interp(distance_m, profile.distance_m[known], profile.alt_m[known]) - height_m)
+        np.median(np.interp(distance_m, profile.distance_m[finite], profile.alt_m[finite]) - height_m)
     )
     return shift if abs(shift) > OTHER_DATUM_M else 0.0
 
@@ -112,9 +112,9 @@ class Steps:
 def steps_of(profile: Profile) -> Steps:
     """One step for each stay on a segment with a slope."""
     first, _, from_m, to_m = _runs(profile, profile.segment_id)
-    known = np.isfinite(profile.slope_percent[first])
+    estimated = np.isfinite(profile.slope_percent[first])
     columns = (from_m, to_m, profile.slope_percent[first], profile.slope_sigma_percent[first])
-    return Steps(*(column[known] for column in columns))
+    return Steps(*(column[estimated] for column in columns))
 
 
 def apart(profile: Profile, steps: Steps) -> Mask:
@@ -123,10 +123,10 @@ def apart(profile: Profile, steps: Steps) -> Mask:
     The line is the grade at each place along the drive; a step is the slope of its whole segment. False where the
     line, or a step's sigma, is not known.
     """
-    known = np.isfinite(profile.grade_percent)
-    if known.sum() < 2 or not len(steps.slope_percent):
+    estimated = np.isfinite(profile.grade_percent)
+    if estimated.sum() < 2 or not len(steps.slope_percent):
         return np.zeros(len(steps.slope_percent), np.bool_)
-    at, grade = profile.distance_m[known], profile.grade_percent[known]
+    at, grade = profile.distance_m[estimated], profile.grade_percent[estimated]
     climbed = np.concatenate([[0.0], np.cumsum(np.diff(at) * (grade[1:] + grade[:-1]) / 2)])
     length = steps.to_m - steps.from_m
     rise = np.interp(steps.to_m, at, climbed) - np.interp(steps.from_m, at, climbed)
@@ -151,8 +151,8 @@ def datum_words(report: Mapping[str, Any]) -> str:
 def stretches(profile: Profile, mask: Mask, least_s: float = 0.0) -> Floats:
     """(from_m, to_m) of each run of epochs in ``mask`` that lasts ``least_s``, shape (k, 2)."""
     first, last, from_m, to_m = _runs(profile, mask)
-    chosen = mask[first] & (profile.time_s[last] - profile.time_s[first] >= least_s)
-    return np.column_stack([from_m, to_m])[chosen]
+    is_long = mask[first] & (profile.time_s[last] - profile.time_s[first] >= least_s)
+    return np.column_stack([from_m, to_m])[is_long]
 
 
 def interruptions(profile: Profile) -> Floats:
@@ -172,10 +172,10 @@ def limits(value: Floats, sigma: Floats, least: float, behind: Floats) -> tuple[
     The band widens the axis by at most the estimates' own range (or ``least``) on either side, the measurements
     ``behind`` by at most ``MORE_SHARE`` of what there is then. None if nothing is estimated.
     """
-    known = np.isfinite(value)
-    if not known.any():
+    finite = np.isfinite(value)
+    if not finite.any():
         return None
-    value, half = value[known], NORMAL_95 * np.nan_to_num(sigma[known])
+    value, half = value[finite], NORMAL_95 * np.nan_to_num(sigma[finite])
     low, high = float(value.min()), float(value.max())
     room = max(high - low, least)
     bottom = max(min(low, float(np.quantile(value - half, 0.02))), low - room)

@@ -113,8 +113,8 @@ def profile_figure(
 
 def printable(text: str, most: int = 90) -> str:
     """A file's name, which is anyone's text, as a title: no mathtext, no control characters, no missing glyph."""
-    kept = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in text)
-    return kept[:most].replace("$", r"\$")
+    shown = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in text)
+    return shown[:most].replace("$", r"\$")
 
 
 def _notes(profile: Profile, datum: str | None) -> list[str]:

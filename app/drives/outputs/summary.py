@@ -20,8 +20,8 @@ def summary(name: str, report: Mapping[str, Any]) -> str:
         _sigma(report.get("median_slope_sigma_percent")),
         _terrain(report),
     ]
-    said = ", ".join(part for part in parts if part)
-    return f"{name}: {said}." if said else f"{name}: processed."
+    facts = ", ".join(part for part in parts if part)
+    return f"{name}: {facts}." if facts else f"{name}: processed."
 
 
 def _length(distance_m: float | None) -> str:

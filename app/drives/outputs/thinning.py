@@ -38,20 +38,20 @@ def thinned(
     n = len(along_m)
     if n <= points:
         return np.arange(n)
-    kept = _with_before(starts)
-    kept[[0, -1]] = True
-    with_outages = kept | _with_before(np.diff(outage, prepend=outage[:1]))
+    stays = _with_before(starts)
+    stays[[0, -1]] = True
+    with_outages = stays | _with_before(np.diff(outage, prepend=outage[:1]))
     if np.count_nonzero(with_outages) <= points // 2:
-        kept = with_outages
-    left = max(points - int(np.count_nonzero(kept)), 0)
+        stays = with_outages
+    spare = max(points - int(np.count_nonzero(stays)), 0)
     least = 2 * len(peaks)  # of one stretch; a map's line has what is left beside it
-    for_place = 0 if place is None else max(min(left // 2, left - least), 0)
+    for_place = 0 if place is None else max(min(spare // 2, spare - least), 0)
     if place is not None and for_place:
-        kept[_bends(_stretches(along_m, for_place), *place)] = True
-    stretch = _stretches(along_m, max((left - for_place) // max(least, 1), 1))
+        stays[_bends(_stretches(along_m, for_place), *place)] = True
+    stretch = _stretches(along_m, max((spare - for_place) // max(least, 1), 1))
     for values in peaks:
-        kept[_extremes(stretch, values)] = True
-    return np.flatnonzero(kept)
+        stays[_extremes(stretch, values)] = True
+    return np.flatnonzero(stays)
 
 
 def _with_before(starts: Bools) -> Bools:
@@ -63,18 +63,18 @@ def _with_before(starts: Bools) -> Bools:
 
 def _stretches(along_m: Floats, count: int) -> Ints:
     """The number of each row's stretch, of ``count`` of equal length; never falls."""
-    whole = float(along_m[-1] - along_m[0])
-    if not whole > 0:
+    length = float(along_m[-1] - along_m[0])
+    if not length > 0:
         return np.asarray(np.arange(len(along_m)) * count // len(along_m))
-    share = (along_m - along_m[0]) / whole
+    share = (along_m - along_m[0]) / length
     return np.asarray(np.minimum((share * count).astype(np.int64), count - 1))
 
 
 def _extremes(stretch: Ints, values: Floats) -> Ints:
     """The row of the lowest and of the highest known value of each stretch, the first of equals."""
-    known = np.flatnonzero(np.isfinite(values))
-    lowest = known[np.lexsort((values[known], stretch[known]))]
-    highest = known[np.lexsort((-values[known], stretch[known]))]
+    finite = np.flatnonzero(np.isfinite(values))
+    lowest = finite[np.lexsort((values[finite], stretch[finite]))]
+    highest = finite[np.lexsort((-values[finite], stretch[finite]))]
     return np.concatenate([_first_of_each(stretch, lowest), _first_of_each(stretch, highest)])
 
 

@@ -52,7 +52,7 @@ def point_feature(track: Track, segment_id: Ints, epoch: int) -> dict[str, Any]:
     """An epoch as a Point Feature; its geometry is null where the position is unknown."""
     lon = rounded(float(track.lon_deg[epoch]), COORDINATE_DIGITS)
     lat = rounded(float(track.lat_deg[epoch]), COORDINATE_DIGITS)
-    known = lon is not None and lat is not None
+    placed = lon is not None and lat is not None
     segment = int(segment_id[epoch])
     properties: dict[str, Any] = {"time": time_text(float(track.time_s[epoch]))}
     for name in _COLUMNS:
@@ -67,7 +67,7 @@ def point_feature(track: Track, segment_id: Ints, epoch: int) -> dict[str, Any]:
     }
     if segment < 0:
         properties["distance_m"] = None
-    geometry = {"type": "Point", "coordinates": [lon, lat]} if known else None
+    geometry = {"type": "Point", "coordinates": [lon, lat]} if placed else None
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
@@ -77,10 +77,10 @@ def time_text(time_s: float) -> str | None:
 
 
 def _pieces(track: Track) -> list[list[list[float]]]:
-    known = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
-    lon = np.round(track.lon_deg[known], COORDINATE_DIGITS)
-    lat = np.round(track.lat_deg[known], COORDINATE_DIGITS)
-    cuts = np.flatnonzero((np.diff(track.time_s[known]) > PAUSE_S) | track.after_outage[known][1:]) + 1
+    placed = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
+    lon = np.round(track.lon_deg[placed], COORDINATE_DIGITS)
+    lat = np.round(track.lat_deg[placed], COORDINATE_DIGITS)
+    cuts = np.flatnonzero((np.diff(track.time_s[placed]) > PAUSE_S) | track.after_outage[placed][1:]) + 1
     return [piece.tolist() for piece in np.split(np.column_stack([lon, lat]), cuts)]
 
 

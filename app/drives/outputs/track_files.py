@@ -93,8 +93,8 @@ def _point(
 
 def _placed(track: Track) -> Ints:
     """The epochs of which a place and a time are known."""
-    known = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg) & np.isfinite(track.time_s)
-    return np.flatnonzero(known)
+    placed = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg) & np.isfinite(track.time_s)
+    return np.flatnonzero(placed)
 
 
 def _text(words: str) -> str:

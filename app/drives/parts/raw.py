@@ -9,9 +9,9 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
+from app.core.admission import PARTS
 from app.core.errors import STATUS_KINDS, NotFoundError
 from app.core.http import JSON, Service, ServiceDep, etag_matches, found, problems
-from app.core.lanes import PARTS
 from app.core.problems import problem_response
 from app.core.text import columns_text, dumps
 from app.drives import store as drives
@@ -56,7 +56,7 @@ async def drive_measurements(
 
     `points` is of each sensor. Methods that tell of no measurements have none.
     """
-    async with service.lanes[PARTS].place():
+    async with service.request_classes[PARTS].place():
         text = await run_in_threadpool(_measurements_text, service, drive_id, points)
     return Response(text, media_type=JSON)
 
@@ -87,8 +87,8 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         part = part_of(request.headers.get("range"), request.headers.get("if-range"), etag, size)
     except NoSuchRangeError:
         detail = f"The file has {size} bytes, and the range {request.headers['range'][:80]!r} begins beyond its end."
-        said = {"Content-Range": f"bytes */{size}", "ETag": etag}
-        return problem_response(request, STATUS_KINDS[416], detail, headers=said)
+        range_headers = {"Content-Range": f"bytes */{size}", "ETag": etag}
+        return problem_response(request, STATUS_KINDS[416], detail, headers=range_headers)
     file = _opened(service, drive)
     headers = shared | {
         "Content-Disposition": attachment(_name(drive, file)),

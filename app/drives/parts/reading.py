@@ -8,24 +8,36 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated
 from urllib.parse import quote
 
+import numpy as np
 from fastapi import Query
+from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.db import fetch_binary
 from app.core.errors import NotAcceptableError, NotFoundError
 from app.core.http import JSON, found, preferred
 from app.core.text import GEO_JSON
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
-from app.drives.outputs.profile import Profile, build_profile
+from app.drives.outputs.profile import Profile, RoadFacts, build_profile
 from app.drives.outputs.thinning import LEAST, MOST
-from app.drives.parts import store
 from app.drives.tracks import StoredTrack
+from fusion.types import Ints
 
 CSV = "text/csv"
 BLOCK_BYTES = 256 * 1024
 LONGEST_NAME = 200
 _NOT_PLAIN = re.compile(r'[^ -~]|["\\/%]')
+
+_ROADS = """
+    SELECT id, ST_X(ST_StartPoint(geom)), ST_Y(ST_StartPoint(geom)), ST_X(ST_EndPoint(geom)),
+           ST_Y(ST_EndPoint(geom)), bridge, tunnel, length_m, dem_heights_m
+    FROM segments WHERE id = ANY(%(ids)s::bigint[])
+"""
+_SLOPES = text(
+    "SELECT segment_id, slope_percent, slope_sigma_percent FROM drive_segments WHERE drive_id = :drive_id"
+)
 
 PointsQuery = Annotated[
     int | None,
@@ -49,15 +61,34 @@ def drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, Store
     return drive, stored
 
 
+def road_facts(session: Session, segment_id: Ints) -> dict[int, RoadFacts]:
+    """The facts of the segments of these epochs, by id; -1 is none, and one that an import dropped has none."""
+    ids = np.unique(segment_id[segment_id >= 0])
+    return {
+        number: RoadFacts.between(
+            (lon0, lat0), (lon1, lat1), bridge=bridge, tunnel=tunnel, length_m=length_m, dem_heights_m=heights
+        )
+        for number, lon0, lat0, lon1, lat1, bridge, tunnel, length_m, heights in fetch_binary(
+            session, _ROADS, {"ids": ids}
+        )
+    }
+
+
+def own_slopes(session: Session, drive_id: uuid.UUID) -> dict[int, tuple[float, float]]:
+    """Slope and sigma of each segment from a drive alone, percent, from_node -> to_node."""
+    rows = session.execute(_SLOPES, {"drive_id": drive_id})
+    return {row.segment_id: (row.slope_percent, row.slope_sigma_percent) for row in rows}
+
+
 def profile_of(session: Session, stored: StoredTrack, slopes: Mapping[int, tuple[float, float]]) -> Profile:
     """The profile of a track with these slopes, and what the map knows of the roads that it is on."""
-    facts = store.road_facts(session, stored.segment_id)
+    facts = road_facts(session, stored.segment_id)
     return build_profile(stored.track, stored.segment_id, slopes, facts)
 
 
 def drive_profile(session: Session, drive_id: uuid.UUID, stored: StoredTrack) -> Profile:
     """The profile of a drive's track with its own slopes."""
-    return profile_of(session, stored, store.own_slopes(session, drive_id))
+    return profile_of(session, stored, own_slopes(session, drive_id))
 
 
 def form_of(f: str | None, accept: str | None, forms: Mapping[str, str]) -> str:
@@ -85,10 +116,10 @@ def attachment(name: str) -> str:
     """
     name = re.sub(r"[\x00-\x1f\x7f]", "_", name.replace("\\", "/").rsplit("/", 1)[-1]).strip(" .")
     name = name[-LONGEST_NAME:] or "file"
-    told = f'attachment; filename="{_NOT_PLAIN.sub("_", name)}"'
+    header = f'attachment; filename="{_NOT_PLAIN.sub("_", name)}"'
     if _NOT_PLAIN.search(name) is None:
-        return told
-    return f"{told}; filename*=UTF-8''{quote(name.encode('utf-8', 'replace'), safe='')}"
+        return header
+    return f"{header}; filename*=UTF-8''{quote(name.encode('utf-8', 'replace'), safe='')}"
 
 
 def stem_of(filename: str) -> str:

@@ -11,6 +11,7 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
+from app.core.admission import PARTS
 from app.core.http import (
     JSON,
     BaseUrl,
@@ -24,7 +25,6 @@ from app.core.http import (
     with_query,
 )
 from app.core.http import link_documents as documents
-from app.core.lanes import PARTS
 from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON, columns_text
 from app.drives import store as drives
@@ -170,12 +170,12 @@ async def get_profile(
     """
     form = form_of(f, request.headers.get("accept"), PROFILES)
     if form != "png":
-        async with service.lanes[PARTS].place():
+        async with service.request_classes[PARTS].place():
             return await run_in_threadpool(_profile_text, service, drive_id, form, points)
     picture = await run_in_threadpool(_kept_picture, service, drive_id)
     if picture is None:
         drawing: Drawing = request.app.state.drawing
-        async with drawing.lane.place():
+        async with drawing.request_class.place():
             picture = await run_in_threadpool(_picture, service, drawing, drive_id)
     return Response(picture, media_type=PNG, headers={"Vary": "Accept"})
 
@@ -223,11 +223,11 @@ def drive_segments(
     form = form_of(f, request.headers.get("accept"), ESTIMATES)
     place = None if after is None else parse_cursor(after, MAX_ID)
     size = min(limit or service.settings.items_limit_max, service.settings.items_limit_max)
-    whole = limit is None and (f is not None or form == "csv")
+    at_once = limit is None and (f is not None or form == "csv")
     with service.reading() as session:
         drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
-        rows = drive_segment_rows(session, drive_id, limit=None if whole else size + 1, after=place)
-    shown = rows if whole else rows[:size]
+        rows = drive_segment_rows(session, drive_id, limit=None if at_once else size + 1, after=place)
+    shown = rows if at_once else rows[:size]
     here = f"{drive_address(base, drive)}/segments"
     links = [link(with_query(here, limit=limit, after=after, f=f), "self", GEO_JSON)]
     if len(rows) > len(shown):
@@ -238,7 +238,7 @@ def drive_segments(
     if form == "csv":
         headers = as_file(f"{stem_of(drive.filename)}-segments.csv")
         return StreamingResponse(in_blocks(estimates_csv(shown)), media_type=CSV, headers=headers)
-    if whole:
+    if at_once:
         return StreamingResponse(
             in_blocks(collection_chunks(members, shown)), media_type=GEO_JSON, headers=vary
         )
@@ -266,8 +266,8 @@ def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
 
 def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
     # Whoever waited for the same picture finds it.
-    if kept := _kept_picture(service, drive_id):
-        return kept
+    if drawn := _kept_picture(service, drive_id):
+        return drawn
     with service.reading() as session:
         drive, stored = drive_and_track(session, drive_id)
         profile = drive_profile(session, drive_id, stored)

@@ -14,6 +14,7 @@ from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables.trials import TRIAL_STATUSES
 from app.core.text import GEO_JSON, Moment
 from app.drives.documents import EXAMPLE_DRIVE, Failure
+from app.jobs.requests.store import Request
 
 KEPT = timedelta(days=7)
 """After its end a trial is forgotten."""
@@ -41,7 +42,7 @@ TRIAL_EXAMPLE: dict[str, Any] = {
 TrialStatus = StrEnum("TrialStatus", {name.upper(): name for name in TRIAL_STATUSES})  # type: ignore[misc]
 
 
-class Trial(BaseModel):
+class Trial(Request):
     """A drive computed by another method or with other options, for a look at it."""
 
     model_config = ConfigDict(
@@ -50,7 +51,6 @@ class Trial(BaseModel):
         json_schema_extra={"examples": [TRIAL_EXAMPLE]},
     )
 
-    id: uuid.UUID
     drive_id: uuid.UUID
     method: str = Field(description="The estimator asked for.")
     options: dict[str, Any] = Field(description="The options asked for.")
@@ -66,7 +66,6 @@ class Trial(BaseModel):
     links: list[Link] = Field(default_factory=list)
 
     # The service's own, in no document.
-    run: int = Field(exclude=True)
     blob_key: str = Field(exclude=True)
 
     @classmethod

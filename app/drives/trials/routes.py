@@ -12,10 +12,10 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from app.core.admission import PARTS
 from app.core.errors import NotDoneError, NotFoundError
 from app.core.http import JSON, BaseUrl, Service, ServiceDep, found, geojson_answer, link, problems
 from app.core.http import link_documents as documents
-from app.core.lanes import PARTS
 from app.core.text import GEO_JSON, columns_text, dumps
 from app.drives import store as drives
 from app.drives import tracks
@@ -66,6 +66,7 @@ from app.drives.trials.documents import (
     trial_address,
 )
 from app.drives.trials.results import beside_the_map, decode_slopes
+from app.drives.trials.store import trials
 from app.map.attribution import attribution
 from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import segments_by_id
@@ -135,7 +136,7 @@ def list_trials(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Tria
     """All of them, the newest first."""
     with service.reading() as session:
         found(drives.get_drive(session, drive_id), "drive", drive_id)
-        listed = store.list_trials(session, drive_id)
+        listed = trials.page(session, drive_id=drive_id)
     return TrialList(trials=[linked(base, trial) for trial in listed])
 
 
@@ -181,7 +182,7 @@ async def trial_profile(
 ) -> Response:
     """As `/v1/drives/{drive_id}/profile`, with the trial's heights, grades and slopes. 409 until it is done."""
     form = form_of(f, request.headers.get("accept"), PROFILES)
-    async with service.lanes[PARTS].place():
+    async with service.request_classes[PARTS].place():
         return await run_in_threadpool(_profile_answer, service, drive_id, trial_id, form, points)
 
 
@@ -201,7 +202,7 @@ async def trial_measurements(
     drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
 ) -> Response:
     """As `/v1/drives/{drive_id}/measurements`: what is taken off each depends on the method. 409 until it is done."""
-    async with service.lanes[PARTS].place():
+    async with service.request_classes[PARTS].place():
         return await run_in_threadpool(_measurements_answer, service, drive_id, trial_id, points)
 
 
@@ -285,7 +286,7 @@ def _ids(trial: Trial) -> dict[str, str]:
 
 def _found(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
     trial: Trial = found(
-        store.get_trial(session, drive_id, trial_id), f"trial of drive {drive_id} called", trial_id
+        trials.get(session, trial_id, drive_id=drive_id), f"trial of drive {drive_id} called", trial_id
     )
     return trial
 

@@ -16,7 +16,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.map.drawn.levels import BLOCK, FINEST
+from app.map.derived.levels import BLOCK, FINEST
 
 # Any constant that no other user of this database takes.
 _DERIVE = 0x5653_4456  # "VSDV"
@@ -37,7 +37,7 @@ _LOOK = text(
     SELECT m.*, m.brought OR coalesce((SELECT max(xid) FROM segment_changes) >= m.beyond, false) AS elsewhere,
            coalesce((SELECT c.xid FROM segment_changes AS c WHERE (c.xid, c.segment_id) > (m.xid, m.segment_id)
                      ORDER BY c.xid, c.segment_id LIMIT 1) < m.horizon, false) AS changes,
-           (SELECT min(since) < clock_timestamp() - make_interval(secs => :long_s) FROM squares_to_draw) AS waits_long
+           (SELECT min(since) < clock_timestamp() - make_interval(secs => :long_s) FROM cells_to_draw) AS waits_long
     FROM moment AS m
     """
 )
@@ -78,28 +78,26 @@ _FROM_THE_START = text("UPDATE derived_upto SET xid = 0, segment_id = 0")
 
 _TO_DRAW = text(
     """
-    INSERT INTO squares_to_draw (level, square, since)
+    INSERT INTO cells_to_draw (level, cell, since)
     SELECT :level, square, clock_timestamp() FROM unnest(CAST(:squares AS integer[])) AS square
-    ON CONFLICT (level, square) DO NOTHING
+    ON CONFLICT (level, cell) DO NOTHING
     """
 )
-_IS_DRAWN = text(
-    "DELETE FROM squares_to_draw WHERE level = :level AND square = ANY(CAST(:squares AS integer[]))"
-)
+_IS_DRAWN = text("DELETE FROM cells_to_draw WHERE level = :level AND cell = ANY(CAST(:squares AS integer[]))")
 
 # The finest first, for others are made of them; but none waits for ever while changes come.
 _NEXT = text(
     """
-    SELECT level, square FROM squares_to_draw
+    SELECT level, cell FROM cells_to_draw
     ORDER BY level < :block AND since < clock_timestamp() - make_interval(secs => :long_s) DESC, level DESC, since,
-             square
+             cell
     LIMIT 1
     """
 )
 _WAITING_IN = text(
     """
-    SELECT square FROM squares_to_draw
-    WHERE level = :level AND square = ANY(CAST(:squares AS integer[])) ORDER BY square
+    SELECT cell FROM cells_to_draw
+    WHERE level = :level AND cell = ANY(CAST(:squares AS integer[])) ORDER BY cell
     """
 )
 
@@ -203,7 +201,7 @@ def ask_to_draw(session: Session, level: int, squares: Collection[int]) -> None:
 def next_square(session: Session, long_s: float) -> tuple[int, int] | None:
     """The level and the square that is to be drawn next."""
     row = session.execute(_NEXT, {"block": BLOCK, "long_s": long_s}).one_or_none()
-    return None if row is None else (row.level, row.square)
+    return None if row is None else (row.level, row.cell)
 
 
 def waiting_among(session: Session, level: int, squares: Collection[int]) -> list[int]:

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.core.text import LENGTH_DIGITS, SLOPE_DIGITS
-from app.map.segment import COLUMNS, HEIGHT_DATUM, SHARE_DIGITS, Column
+from app.map.segment import HEIGHT_DATUM, Column, Segment, Way
 
 GEOMETRY = "geometry"
 """By this name filters know the line."""
@@ -179,30 +178,6 @@ def _properties(columns: Mapping[str, Column]) -> dict[str, Property]:
     return made
 
 
-_WAY_COLUMNS: Mapping[str, Column] = {
-    "id": Column("w.id", "int64"),
-    "osm_way_id": Column("w.osm_way_id", "int64"),
-    "from_node": Column("w.from_node", "int64"),
-    "to_node": Column("w.to_node", "int64"),
-    "segments": Column("w.segments", "int32"),
-    "length_m": Column("w.length_m", "double", LENGTH_DIGITS),
-    "highway": Column("w.highway", "string"),
-    "name": Column("w.name", "string"),
-    "oneway": Column("w.oneway", "int16"),
-    "bridge": Column("w.bridge", "bool"),
-    "tunnel": Column("w.tunnel", "bool"),
-    "slope_percent": Column("w.slope_percent", "double", SLOPE_DIGITS),
-    "slope_sigma_percent": Column("w.slope_sigma_percent", "double", SLOPE_DIGITS),
-    "drives": Column("w.drives", "int32"),
-    "observations": Column("w.observations", "int32"),
-    "dem_slope_percent": Column("w.dem_slope_percent", "double", SLOPE_DIGITS),
-    "updated_at": Column("w.updated_at", "timestamp[ms, tz=UTC]"),
-    "measured_share": Column("w.measured_share", "double", SHARE_DIGITS),
-    "steepest_percent": Column("w.steepest_percent", "double", SLOPE_DIGITS),
-    "steepest_from_m": Column("w.steepest_from_m", "double", LENGTH_DIGITS),
-    "steepest_to_m": Column("w.steepest_to_m", "double", LENGTH_DIGITS),
-}
-
 _JOINED = "segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id"
 # Without the offset the planner would make a join of it.
 _LOOKED_UP = (
@@ -220,7 +195,7 @@ SEGMENTS = Collection(
         f"deviation height_sigma_m, above {HEIGHT_DATUM}; steepest_percent is the mean grade over the steepest 20 m "
         "inside, from steepest_from_m to steepest_to_m; driven_share is how much of the segment was driven, 0 to 1."
     ),
-    properties=_properties(COLUMNS),
+    properties=_properties(Segment.columns),
     source=f"{_JOINED} AND a.drives > 0",
     source_with_gaps=_JOINED,
     table="segments AS s",
@@ -241,7 +216,7 @@ WAYS = Collection(
         "is the mean grade over the steepest 20 m, from steepest_from_m to steepest_to_m. A way is derived from its "
         "segments and follows them after a moment. Unknown is null."
     ),
-    properties=_properties(_WAY_COLUMNS),
+    properties=_properties(Way.columns),
     source="ways AS w",
     table="ways AS w",
     keys={"w": "w.id"},

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from app.map.slope_map import (
+from app.map.picture.slope_map import (
     ARROW_PERCENT,
     SURE_SIGMA_PERCENT,
     SURE_WIDTH_PT,
@@ -243,7 +243,7 @@ def _stepped(scale: ColourScale, shown: Shown) -> Expression:
 
 
 def _certainty() -> Expression:
-    """The share of its width that a line of this sigma has: that of ``app.map.slope_map.line_widths``."""
+    """The share of its width that a line of this sigma has: that of ``app.map.picture.slope_map.line_widths``."""
     return [
         "interpolate", ["linear"], ["ln", ["max", SIGMA, 1e-3]],
         math.log(SURE_SIGMA_PERCENT), 1, math.log(UNSURE_SIGMA_PERCENT), UNSURE_WIDTH_PT / SURE_WIDTH_PT,

@@ -18,9 +18,9 @@ from app.core.http import (
     REVALIDATE,
     BaseUrl,
     ServiceDep,
-    etag_matches,
     json_answer,
     problems,
+    unless_known,
 )
 from app.core.query import refuse_unknown
 from app.core.text import dumps
@@ -208,8 +208,4 @@ def _check_choice(name: str, value: str, known: Any) -> None:
 
 def _conditional(request: Request, content: bytes, media_type: str, caching: str) -> Response:
     etag = f'W/"{sha256(content).hexdigest()[:20]}"'
-    unchanged = etag_matches(request, etag)
-    response = Response(status_code=304) if unchanged else Response(content, media_type=media_type)
-    response.headers["ETag"] = etag
-    response.headers["Cache-Control"] = caching
-    return response
+    return unless_known(request, content, media_type, {"ETag": etag, "Cache-Control": caching})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from app.map.slope_map import DOUBT, UNSURE_SIGMA_PERCENT
+from app.map.picture.slope_map import DOUBT, UNSURE_SIGMA_PERCENT
 
 Expression = list[Any]
 

@@ -3,13 +3,67 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 from app.core.http import Link, Service, link, link_documents
-from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
+from app.core.settings import Settings
+from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution, attribution_html
 from app.map.coverage import cached_extent, dem_names
-from app.map.tiles.answers import MVT, QUAD
-from app.map.tiles.routes import ABOUT, lowest_zoom
+from app.map.tiles.front import MVT, QUAD
+from app.map.tiles.store import SEGMENTS, WAYS
+from app.map.tiles.tiles import WAYS_FROM_ZOOM
+
+FIELDS = {
+    "slope_percent": "Number; percent, positive uphill from from_node to to_node; absent: unknown",
+    "slope_sigma_percent": "Number; one standard deviation, percent; absent: unknown",
+    "drives": "Number; drives behind the slope",
+    "highway": "String; the road's class in OpenStreetMap",
+    "oneway": "Number; 1 along the way, -1 against it, 0 both",
+}
+SEGMENT_FIELDS = {
+    **FIELDS,
+    "bridge": "Boolean; true on a bridge, else absent; where single segments are drawn",
+    "tunnel": "Boolean; true in a tunnel, else absent; where single segments are drawn",
+    "dem_slope_percent": "Number; percent, by the elevation model alone; absent: unknown; where single segments are "
+    "drawn",
+}
+
+
+@dataclass(frozen=True)
+class About:
+    """What documents say of a layer."""
+
+    title: str
+    description: str
+    feature: str
+    """What one of them is."""
+    fields: dict[str, str]
+
+
+ABOUT = {
+    SEGMENTS: About(
+        "Versant road slopes",
+        "Slopes of road segments, measured by vehicles",
+        "Road segments",
+        SEGMENT_FIELDS,
+    ),
+    WAYS: About(
+        "Versant slopes of ways",
+        "Slopes of roads from junction to junction or as long as an OpenStreetMap way goes on, measured by vehicles",
+        "Consecutive segments of one OpenStreetMap way",
+        {
+            **FIELDS,
+            "steepest_percent": "Number; mean grade over the steepest 20 m, percent, signed; absent: unknown",
+        },
+    ),
+}
+
+
+def kinds(fields: dict[str, str]) -> dict[str, str]:
+    """What each field is, ``Number``, ``String`` or ``Boolean``: GDAL takes it for one only where no more is said."""
+    return {name: words.partition(";")[0] for name, words in fields.items()}
+
 
 CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
 WEB_MERCATOR = "http://www.opengis.net/def/crs/EPSG/0/3857"
@@ -163,3 +217,37 @@ def _column(z: int, longitude: float) -> int:
 def _row(z: int, latitude: float) -> int:
     bounded = math.radians(min(_EASE, max(-_EASE, latitude)))
     return min((1 << z) - 1, max(0, int((1 - math.asinh(math.tan(bounded)) / math.pi) / 2 * 2**z)))
+
+
+def tilejson(service: Service, base: str, layer: str) -> dict[str, Any]:
+    """The TileJSON 3 document of a layer's tiles."""
+    with service.reading() as session:
+        bounds = cached_extent(service, session)
+        names = dem_names(service, session)
+    about = ABOUT[layer]
+    zooms = {"minzoom": lowest_zoom(service.settings, layer), "maxzoom": service.settings.tile_max_zoom}
+    tiles = {SEGMENTS: "/tiles/{z}/{x}/{y}.mvt"}.get(
+        layer, f"/collections/{layer}/tiles/{QUAD}/{{z}}/{{y}}/{{x}}.mvt"
+    )
+    document: dict[str, Any] = {
+        "tilejson": "3.0.0",
+        "name": about.title,
+        "description": about.description,
+        "scheme": "xyz",
+        "tiles": [base + tiles],
+        "vector_layers": [
+            {"id": layer, "description": about.feature, "fields": kinds(about.fields), **zooms}
+        ],
+        "attribution": attribution_html(names),
+        **zooms,
+    }
+    if bounds is not None:
+        west, south, east, north = bounds
+        document["bounds"] = list(bounds)
+        document["center"] = [(west + east) / 2, (south + north) / 2, max(zooms["minzoom"], 12)]
+    return document
+
+
+def lowest_zoom(settings: Settings, layer: str) -> int:
+    """The lowest zoom at which a layer's tiles hold anything."""
+    return max(settings.tile_min_zoom, WAYS_FROM_ZOOM) if layer == WAYS else settings.tile_min_zoom

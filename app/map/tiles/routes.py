@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
+from app.core.admission import class_of_request
 from app.core.http import (
     REVALIDATE,
     BaseUrl,
-    Service,
     ServiceDep,
     etag_matches,
     geojson_answer,
@@ -21,73 +20,20 @@ from app.core.http import (
     problems,
     with_query,
 )
-from app.core.lanes import kind_of_request
-from app.core.settings import Settings
 from app.core.text import GEO_JSON
-from app.map.attribution import attribution, attribution_html
-from app.map.coverage import cached_extent, dem_names
+from app.map.attribution import attribution
+from app.map.coverage import dem_names
 from app.map.segment import HEIGHT_DATUM
 from app.map.segments import MAX_ID, SEGMENT_EXAMPLE
 from app.map.store import geojson_tile as geojson_rows
-from app.map.tiles.answers import DEEPEST_ZOOM, MVT, QUAD, answer, check_tile
-from app.map.tiles.store import SEGMENTS, WAYS, Address
-from app.map.tiles.tiles import WAYS_FROM_ZOOM
+from app.map.tiles.documents import SEGMENT_FIELDS, kinds, tilejson
+from app.map.tiles.front import DEEPEST_ZOOM, MVT, answer, check_tile
+from app.map.tiles.store import SEGMENTS, Address
 from app.network.cells import tile_tag
 from app.terrain.store import dem_version_id
 
 GEOJSON_SCHEMA = 3
 """Raise it whenever these tiles change without their data changing, so that caches notice."""
-FIELDS = {
-    "slope_percent": "Number; percent, positive uphill from from_node to to_node; absent: unknown",
-    "slope_sigma_percent": "Number; one standard deviation, percent; absent: unknown",
-    "drives": "Number; drives behind the slope",
-    "highway": "String; the road's class in OpenStreetMap",
-    "oneway": "Number; 1 along the way, -1 against it, 0 both",
-}
-SEGMENT_FIELDS = {
-    **FIELDS,
-    "bridge": "Boolean; true on a bridge, else absent; where single segments are drawn",
-    "tunnel": "Boolean; true in a tunnel, else absent; where single segments are drawn",
-    "dem_slope_percent": "Number; percent, by the elevation model alone; absent: unknown; where single segments are "
-    "drawn",
-}
-
-
-@dataclass(frozen=True)
-class About:
-    """What documents say of a layer."""
-
-    title: str
-    description: str
-    feature: str
-    """What one of them is."""
-    fields: dict[str, str]
-
-
-ABOUT = {
-    SEGMENTS: About(
-        "Versant road slopes",
-        "Slopes of road segments, measured by vehicles",
-        "Road segments",
-        SEGMENT_FIELDS,
-    ),
-    WAYS: About(
-        "Versant slopes of ways",
-        "Slopes of roads from junction to junction or as long as an OpenStreetMap way goes on, measured by vehicles",
-        "Consecutive segments of one OpenStreetMap way",
-        {
-            **FIELDS,
-            "steepest_percent": "Number; mean grade over the steepest 20 m, percent, signed; absent: unknown",
-        },
-    ),
-}
-
-
-def kinds(fields: dict[str, str]) -> dict[str, str]:
-    """What each field is, ``Number``, ``String`` or ``Boolean``: GDAL takes it for one only where no more is said."""
-    return {name: words.partition(";")[0] for name, words in fields.items()}
-
-
 EXAMPLE = {
     "tilejson": "3.0.0",
     "tiles": ["http://127.0.0.1:8000/tiles/{z}/{x}/{y}.mvt"],
@@ -133,9 +79,9 @@ async def mvt_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, ser
 
 async def vector_tile(request: Request, at: Address) -> Response:
     """The answer of a route to a request for a vector tile."""
-    # Addresses that have a lane got their place before the route (``app.core.lanes``).
-    in_lane = kind_of_request("GET", request.url.path) is not None
-    found = await answer(request.app.state.tiles, at, request.scope["headers"], in_lane=in_lane)
+    # Requests that have a class got their place before the route (``app.core.admission``).
+    is_admitted = class_of_request("GET", request.url.path) is not None
+    found = await answer(request.app.state.tiles, at, request.scope["headers"], is_admitted=is_admitted)
     response = Response(found.body, found.status)
     response.raw_headers = found.headers
     return response
@@ -207,37 +153,3 @@ def geojson_tile(
 def tile_json(service: ServiceDep, base: BaseUrl) -> dict[str, Any]:
     """What a map needs to know about the vector tiles."""
     return tilejson(service, base, SEGMENTS)
-
-
-def tilejson(service: Service, base: str, layer: str) -> dict[str, Any]:
-    """The TileJSON 3 document of a layer's tiles."""
-    with service.reading() as session:
-        bounds = cached_extent(service, session)
-        names = dem_names(service, session)
-    about = ABOUT[layer]
-    zooms = {"minzoom": lowest_zoom(service.settings, layer), "maxzoom": service.settings.tile_max_zoom}
-    tiles = {SEGMENTS: "/tiles/{z}/{x}/{y}.mvt"}.get(
-        layer, f"/collections/{layer}/tiles/{QUAD}/{{z}}/{{y}}/{{x}}.mvt"
-    )
-    document: dict[str, Any] = {
-        "tilejson": "3.0.0",
-        "name": about.title,
-        "description": about.description,
-        "scheme": "xyz",
-        "tiles": [base + tiles],
-        "vector_layers": [
-            {"id": layer, "description": about.feature, "fields": kinds(about.fields), **zooms}
-        ],
-        "attribution": attribution_html(names),
-        **zooms,
-    }
-    if bounds is not None:
-        west, south, east, north = bounds
-        document["bounds"] = list(bounds)
-        document["center"] = [(west + east) / 2, (south + north) / 2, max(zooms["minzoom"], 12)]
-    return document
-
-
-def lowest_zoom(settings: Settings, layer: str) -> int:
-    """The lowest zoom at which a layer's tiles hold anything."""
-    return max(settings.tile_min_zoom, WAYS_FROM_ZOOM) if layer == WAYS else settings.tile_min_zoom

@@ -17,7 +17,6 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds, fetch_binary, send_binary
 from app.map.store import FULL_ZOOM
 from app.map.tiles.connections import Connection
-from app.map.tiles.versions import Square
 
 SEGMENTS, WAYS = "segments", "ways"
 """The layers. A tile has one."""
@@ -139,7 +138,7 @@ _DROP = """
 
 # Who wrote the row is part of the epoch: what a dump brings back was written by another transaction.
 _EPOCH = "(SELECT epoch || CAST(xmin AS text) FROM tile_epoch)"
-_SQUARE = "c.id, c.version, c.drawn_version, CAST(extract(epoch FROM c.changed_at) * 1000000 AS bigint)"
+_CELL = "c.id, c.version, c.drawn_version, CAST(extract(epoch FROM c.changed_at) * 1000000 AS bigint)"
 _NOW = "CAST(pg_current_snapshot() AS text)"
 # Exact in whatever order transactions end: what the former look has not seen has a number that its snapshot does not
 # hold. Numbers that this server has not given out yet come from another one; all was read when that was noticed.
@@ -148,17 +147,21 @@ LOOK = b"versant_look"
 _LOOK = f"""
     PREPARE {LOOK.decode()} (bigint, pg_snapshot) AS
     SELECT {_EPOCH}, {_NOW},
-           (SELECT array_agg(ARRAY[{_SQUARE}]) FROM cells AS c
+           (SELECT array_agg(ARRAY[{_CELL}]) FROM cells AS c
             WHERE c.changed_xid >= $1
                 AND NOT pg_visible_in_snapshot(CAST(CAST(c.changed_xid AS text) AS xid8), $2)
                 AND c.changed_xid < CAST(CAST(pg_snapshot_xmax(pg_current_snapshot()) AS text) AS bigint))
 """  # noqa: S608 - constants
 _ALL = f"""
-    SELECT {_EPOCH}, {_NOW}, {_SQUARE} FROM (SELECT 1) AS always LEFT JOIN cells AS c ON true
+    SELECT {_EPOCH}, {_NOW}, {_CELL} FROM (SELECT 1) AS always LEFT JOIN cells AS c ON true
 """  # noqa: S608 - constants
 
 
 _NUMBER = re.compile(rb"-?\d+")
+
+
+CellVersion = tuple[int, int, int, int]
+"""Number, version, version of what is drawn from afar, time of the last change (microseconds)."""
 
 
 class Address(NamedTuple):
@@ -171,24 +174,24 @@ class Address(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What is new since a former look: in which epoch, the snapshot, and squares as they are now."""
+    """What is new since a former look: in which epoch, the snapshot, and cells as they are now."""
 
     epoch: str
     snapshot: str
-    squares: list[Square]
+    cells: list[CellVersion]
 
 
 def look_question(seen: str) -> list[bytes | None]:
-    """The parameters of a look (``LOOK``) at the squares that changed since the snapshot ``seen``."""
+    """The parameters of a look (``LOOK``) at the cells that changed since the snapshot ``seen``."""
     return [seen.partition(":")[0].encode(), seen.encode()]
 
 
 def look_answer(found: PGresult) -> Look:
     """What a look found."""
-    epoch, snapshot, squares = (found.get_value(0, k) or b"" for k in range(3))
-    if not squares:
+    epoch, snapshot, cells = (found.get_value(0, k) or b"" for k in range(3))
+    if not cells:
         return Look(epoch.decode(), snapshot.decode(), [])
-    numbers = [int(number) for number in _NUMBER.findall(squares)]
+    numbers = [int(number) for number in _NUMBER.findall(cells)]
     return Look(epoch.decode(), snapshot.decode(), list(zip(*(numbers[k::4] for k in range(4)), strict=True)))
 
 
@@ -198,7 +201,7 @@ async def prepare_looks(connection: Connection) -> None:
 
 
 async def look_at_all(connection: Connection) -> Look:
-    """All squares."""
+    """All cells."""
     cursor = await connection.execute(_ALL)
     rows: list[Any] = await cursor.fetchall()
     return Look(rows[0][0], rows[0][1], [row[2:] for row in rows if row[2] is not None])

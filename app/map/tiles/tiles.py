@@ -15,16 +15,15 @@ from time import monotonic
 
 import psycopg
 
+from app.core.admission import RequestClass, class_of_tile
 from app.core.db import Patience
 from app.core.errors import ServiceError
-from app.core.lanes import Lane, tile_lane
 from app.core.settings import Settings
 from app.core.telemetry.logs import tell
 from app.map.tiles import store
 from app.map.tiles.connections import Connection, Connections
 from app.map.tiles.store import SEGMENTS, WAYS, Address
-from app.map.tiles.versions import Versions
-from app.map.tiles.watch import Watch
+from app.map.tiles.watch import Versions, Watch
 
 TILE_SCHEMA = 6
 """Raise it whenever tiles change without their data changing, so that caches notice."""
@@ -98,13 +97,13 @@ class _Flight:
 class Tiles:
     """The vector tiles of one process. Lives as long as its event loop."""
 
-    def __init__(self, url: str, settings: Settings, lanes: Mapping[str, Lane]) -> None:
+    def __init__(self, url: str, settings: Settings, request_classes: Mapping[str, RequestClass]) -> None:
         patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
         self.settings = settings
         self.watch = Watch(Connections(url, patience, kept=1))
         self.built = 0
         """How many tiles this process has built."""
-        self._lanes = lanes
+        self._classes = request_classes
         self._builders = Connections(url, patience, kept=settings.db_pool_size)
         self._memory = _Memory(settings.tile_memory_bytes)
         self._serial = count()
@@ -122,22 +121,22 @@ class Tiles:
         tile = self._memory.get(at)
         return tile if tile is not None and tile.etag == etag else None
 
-    async def made(self, at: Address, *, in_lane: bool = False) -> Tile:
+    async def made(self, at: Address, *, is_admitted: bool = False) -> Tile:
         """The tile as it is now, with an ETag of its content; not kept. Raises as ``get`` does.
 
-        Ways follow their segments a moment later, each for its whole length: no square tells when they have.
+        Ways follow their segments a moment later, each for its whole length: no cell tells when they have.
         """
-        return await self.get(at, f"{next(self._serial)}", in_lane=in_lane)
+        return await self.get(at, f"{next(self._serial)}", is_admitted=is_admitted)
 
-    async def get(self, at: Address, etag: str, *, in_lane: bool = False) -> Tile:
+    async def get(self, at: Address, etag: str, *, is_admitted: bool = False) -> Tile:
         """The tile of this ETag, kept or built. Everybody who wants it meanwhile waits for the same one; the last one
-        who leaves ends what was begun for them. ``in_lane``: who asks has a place in the tile's lane already.
+        who leaves ends what was begun for them. ``is_admitted``: who asks has a place in its class already.
 
         Raises ``psycopg.OperationalError``, or ``BusyError`` where too many are being built.
         """
         flight = self._flights.get((at, etag))
         if flight is None:
-            flight = self._flights[at, etag] = _Flight(asyncio.create_task(self._fly(at, etag, in_lane)))
+            flight = self._flights[at, etag] = _Flight(asyncio.create_task(self._fly(at, etag, is_admitted)))
             flight.task.add_done_callback(lambda _: self._land(at, etag, flight))
         flight.waiting += 1
         try:
@@ -221,10 +220,10 @@ class Tiles:
         if flight.task.done() and not flight.task.cancelled():
             flight.task.exception()  # all who waited may have left
 
-    async def _fly(self, at: Address, etag: str, in_lane: bool) -> Tile:
+    async def _fly(self, at: Address, etag: str, is_admitted: bool) -> Tile:
         if self._is_further_out(at):
             return Tile(NOTHING if at.layer == WAYS else etag, b"")
-        async with nullcontext() if in_lane else self._lanes[tile_lane(at.z)].place():
+        async with nullcontext() if is_admitted else self._classes[class_of_tile(at.z)].place():
             body = await self._builders.run(lambda connection: self._fetch(connection, at, etag))
         if at.layer == WAYS:
             return (

@@ -1,17 +1,114 @@
-"""Looks after the versions of all squares: before every answer one look at what changed since the look before."""
+"""The versions of all cells in memory, and one look before every answer at what changed since the look before.
+
+A tile is as new as the cells that it shows (``app.network.cells``). ``Versions`` has the sum of their versions and the
+sum of the times of their last changes: equal sums are equal data, in every process and after every start, since a
+change raises a version. So it costs no query of a table whether a tile is new. Zooms further out than ``WIDE`` have
+sums that are kept up to date, cell by cell; nearer ones add up the few cells below them on demand.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import math
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import psycopg
 from psycopg.pq.abc import PGresult
 
+from app.core.db import Bounds
 from app.map.tiles import store
 from app.map.tiles.connections import Asker, Connection, Connections, end, is_broken
-from app.map.tiles.versions import Versions
+from app.map.tiles.store import CellVersion
+from app.network.cells import ZOOM, span
+
+WIDE = 12
+"""Tiles of lower zooms meet a hundred cells and more."""
+
+_SIDE = (1 << ZOOM) - 1
+_NOTHING = (0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Of the cells that a tile shows."""
+
+    version: int
+    drawn: int
+    changed_us: int
+
+    @property
+    def near(self) -> str:
+        """What tells any change of segments."""
+        return f"{self.version}.{self.changed_us:x}"
+
+    @property
+    def far(self) -> str:
+        """What tells any change of what is drawn from afar."""
+        return f"{self.drawn}d"
+
+
+@dataclass
+class Versions:
+    """Of all cells, as one look at the database found them."""
+
+    epoch: str = ""
+    _cells: dict[int, tuple[int, int, int]] = field(default_factory=dict)
+    _wide: list[dict[int, list[int]]] = field(default_factory=lambda: [{} for _ in range(WIDE)])
+    """By zoom and tile (x << zoom | y): the three sums."""
+
+    def put(self, cells: Iterable[CellVersion]) -> bool:
+        """These are so now, the others as before; whether anything is otherwise."""
+        changed = False
+        for number, *now in cells:
+            before = self._cells.get(number, _NOTHING)
+            version, drawn, changed_us = now
+            if before == (version, drawn, changed_us):
+                continue
+            changed = True
+            self._cells[number] = (version, drawn, changed_us)
+            more = (version - before[0], drawn - before[1], changed_us - before[2])
+            columns, rows = _reach(number >> ZOOM), _reach(number & _SIDE)
+            for z, sums_of in enumerate(self._wide):
+                for column in columns[z]:
+                    for row in rows[z]:
+                        sums = sums_of.setdefault(column << z | row, [0, 0, 0])
+                        sums[0] += more[0]
+                        sums[1] += more[1]
+                        sums[2] += more[2]
+        return changed
+
+    def of(self, z: int, x: int, y: int) -> Sums:
+        """The sums of the cells that a tile shows, its margin included."""
+        if z < WIDE:
+            return Sums(*self._wide[z].get(x << z | y, _NOTHING))
+        version = drawn = changed_us = 0
+        x0, x1 = span(z, x)
+        y0, y1 = span(z, y)
+        for column in range(x0 << ZOOM, (x1 << ZOOM) + 1, 1 << ZOOM):
+            for row in range(y0, y1 + 1):
+                cell = self._cells.get(column | row)
+                if cell is not None:
+                    version += cell[0]
+                    drawn += cell[1]
+                    changed_us += cell[2]
+        return Sums(version, drawn, changed_us)
+
+    def __len__(self) -> int:
+        return len(self._cells)
+
+
+@lru_cache(maxsize=20_000)
+def _reach(line: int) -> tuple[tuple[int, ...], ...]:
+    """By zoom, the columns, or rows, of tiles that show a column, or row, of cells."""
+    reach = []
+    for z in range(WIDE):
+        middle = line >> (ZOOM - z)
+        near = range(max(0, middle - 1), min((1 << z) - 1, middle + 1) + 1)
+        reach.append(tuple(tile for tile in near if span(z, tile)[0] <= line <= span(z, tile)[1]))
+    return tuple(reach)
 
 
 class Watch:
@@ -26,8 +123,10 @@ class Watch:
         self.versions = Versions()
         self.changes = 0
         """How many looks found anything new."""
-        self.heard: Callable[[list[int] | None], None] = lambda _: None
-        """Is told the numbers of squares that changed; None: it may be any."""
+        self._changed: tuple[int, int, int, int] | None = None
+        """First column and row, last column and row of cells that changed since ``take_box``."""
+        self._anything = False
+        """Any cell may have changed since."""
         self._connections = connections
         self._connection: Connection | None = None
         self._asker: Asker | None = None
@@ -47,6 +146,21 @@ class Watch:
             self._begin()
         await mine
         return self.versions
+
+    async def version(self) -> str:
+        """Of the map as of now; equal versions are equal tiles, in whatever process."""
+        versions = await self.look()
+        sums = versions.of(0, 0, 0)
+        return f"{versions.epoch}.{sums.near}.{sums.far}"
+
+    def take_box(self) -> Bounds | None:
+        """Where anything changed since this was called last, degrees; None: it may be anywhere.
+
+        For one caller: those who follow the map as it changes (``app.changes.live``).
+        """
+        changed, anything = self._changed, self._anything
+        self._changed, self._anything = None, False
+        return None if anything or changed is None else _bounds_deg(*changed)
 
     async def close(self) -> None:
         """Look no more."""
@@ -76,18 +190,23 @@ class Watch:
             self._end_look(answer)
 
     def _look_at(self, answer: PGresult) -> None:
-        found = store.look_answer(answer)
-        if found.epoch != self.versions.epoch or _lowest(found.snapshot) < _lowest(self._snapshot):
+        look = store.look_answer(answer)
+        if look.epoch != self.versions.epoch or _lowest(look.snapshot) < _lowest(self._snapshot):
             self._stop_asking()
             self._read_all()
             return
-        self._snapshot = found.snapshot
-        if found.squares:
-            changed = self.versions.put(found.squares)
-            self.changes += changed
-            if changed:
-                self.heard([square[0] for square in found.squares])
+        self._snapshot = look.snapshot
+        if look.cells and self.versions.put(look.cells):
+            self.changes += 1
+            self._extend_changed([cell[0] for cell in look.cells])
         self._end_look(None)
+
+    def _extend_changed(self, cells: Sequence[int]) -> None:
+        columns, rows = [cell >> ZOOM for cell in cells], [cell & _SIDE for cell in cells]
+        if self._changed is not None:
+            columns += self._changed[::2]
+            rows += self._changed[1::2]
+        self._changed = (min(columns), min(rows), max(columns), max(rows))
 
     def _end_look(self, error: BaseException | None) -> None:
         looking, self._looking = self._looking, []
@@ -119,21 +238,21 @@ class Watch:
         self._reading = asyncio.create_task(self._read())
 
     async def _read(self) -> None:
-        """Read the versions of all squares, on a new connection where there is none."""
+        """Read the versions of all cells, on a new connection where there is none."""
         try:
             if self._connection is None:
                 self._connection = await self._connections.connect()
                 await store.prepare_looks(self._connection)
-            found = await store.look_at_all(self._connection)
-            versions = Versions(found.epoch)
-            await asyncio.to_thread(versions.put, found.squares)
+            look = await store.look_at_all(self._connection)
+            versions = Versions(look.epoch)
+            await asyncio.to_thread(versions.put, look.cells)
         except Exception as error:  # whatever it is, somebody waits
             await self._disconnect()
             self._end_look(error)
             return
-        self.versions, self._snapshot = versions, found.snapshot
+        self.versions, self._snapshot = versions, look.snapshot
         self.changes += 1
-        self.heard(None)
+        self._anything = True
         self._asker = Asker(self._connection, store.LOOK, self._answered)
         self._end_look(None)
 
@@ -146,3 +265,15 @@ class Watch:
 def _lowest(snapshot: str) -> int:
     """The number of the oldest transaction that may have been running."""
     return int(snapshot.partition(":")[0])
+
+
+def _bounds_deg(left: int, top: int, right: int, bottom: int) -> Bounds:
+    """West, south, east, north of cells from a first column and row to a last one, both included."""
+
+    def longitude(column: int) -> float:
+        return float(column / (1 << ZOOM) * 360 - 180)
+
+    def latitude(row: int) -> float:
+        return math.degrees(math.atan(math.sinh(math.pi * (1 - 2 * row / (1 << ZOOM)))))
+
+    return longitude(left), latitude(bottom + 1), longitude(right + 1), latitude(top)

@@ -85,9 +85,9 @@ def attention(session: Session, free_bytes: int | None, least_bytes: int) -> lis
         *_workers(session),
         *_room(free_bytes, least_bytes),
         *_waits(session),
-        *_squares(session),
+        *_cells(session),
         *_failed(session),
-        *_asked(session),
+        *_operations(session),
     ]
     return sorted(rows, key=lambda row: (row["severity"] != "act", -(row["oldest_s"] or 0.0)))
 
@@ -138,7 +138,7 @@ def _waits(session: Session) -> list[dict[str, Any]]:
         rows.append(_row("wait", oldest_s > WAIT_ACT_S, what, "/drives?status=queued", count, oldest_s))
     count, oldest_s = session.execute(_REMOVALS, {"age_s": REMOVAL_S}).one()
     if count:
-        what = "Removed drives are not gone after a quarter of an hour: their squares wait to be solved."
+        what = "Removed drives are not gone after a quarter of an hour: their cells wait to be solved."
         rows.append(_row("removal", False, what, "/v1/admin/queue", count, oldest_s))
     behind_s = store.behind(session).behind_s
     if behind_s is not None and behind_s > BEHIND_S:
@@ -147,12 +147,12 @@ def _waits(session: Session) -> list[dict[str, Any]]:
     return rows
 
 
-def _squares(session: Session) -> list[dict[str, Any]]:
+def _cells(session: Session) -> list[dict[str, Any]]:
     count, oldest_s = session.execute(_UNSOLVED, {"patience": PATIENCE}).one()
     if not count:
         return []
-    what = "Squares of the map cannot be solved: what drives say there is not published. The list says what to do."
-    return [_row("square", True, what, "/v1/admin/stats", count, oldest_s)]
+    what = "Cells of the map cannot be solved, so slopes there are not published. The list says what to do."
+    return [_row("cell", True, what, "/v1/admin/stats", count, oldest_s)]
 
 
 def _failed(session: Session) -> list[dict[str, Any]]:
@@ -164,14 +164,14 @@ def _failed(session: Session) -> list[dict[str, Any]]:
     return rows
 
 
-def _asked(session: Session) -> list[dict[str, Any]]:
+def _operations(session: Session) -> list[dict[str, Any]]:
     rows = []
-    said = {
+    texts = {
         "planned": (True, "Operations are planned and wait to be approved or dropped."),
         "failed": (False, f"Operations of the last {FAILED_DAYS} days failed."),
     }
     for status, count, oldest_s in session.execute(_OPERATIONS, {"days": FAILED_DAYS}):
-        act, what = said[status]
+        act, what = texts[status]
         rows.append(_row(f"operation-{status}", act, what, "/v1/operations", count, oldest_s))
     count, oldest_s = session.execute(_WEBHOOKS).one()
     if count:

@@ -10,8 +10,8 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from app.core.telemetry import audit
-from app.map import figures
-from app.map.growth import growth
+from app.map.statistics import figures
+from app.map.statistics.growth import growth
 from app.ops.admin import flow, store
 from app.ops.admin.attention import FAILED_DAYS, attention
 from fusion.registry import Registry
@@ -20,8 +20,8 @@ Rows = list[dict[str, Any]]
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What of a query's parameters was asked for."""
+class Parameters:
+    """The parameters of a request that queries use."""
 
     days: int = 30
     free_bytes: int | None = None
@@ -31,7 +31,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Found:
+class Answer:
     """Rows, and of which moment they are; None: of this."""
 
     rows: Rows
@@ -46,7 +46,7 @@ class AdminQuery:
     title: str
     description: str
     columns: Mapping[str, str]
-    read: Callable[[Session, Asked], Found]
+    read: Callable[[Session, Parameters], Answer]
     kept: bool = False
     """Made by a worker every ten minutes while the map changes, since it takes a look at all of it."""
 
@@ -54,16 +54,16 @@ class AdminQuery:
 QUERIES: Registry[AdminQuery] = Registry("query")
 
 
-def _live(read: Callable[[Session, Asked], Rows]) -> Callable[[Session, Asked], Found]:
-    return lambda session, asked: Found(read(session, asked))
+def _live(read: Callable[[Session, Parameters], Rows]) -> Callable[[Session, Parameters], Answer]:
+    return lambda session, parameters: Answer(read(session, parameters))
 
 
-def _kept(name: str) -> Callable[[Session, Asked], Found]:
+def _kept(name: str) -> Callable[[Session, Parameters], Answer]:
     """From the table; before a worker has made them the first time they are made for who asks."""
 
-    def read(session: Session, _asked: Asked) -> Found:
+    def read(session: Session, _parameters: Parameters) -> Answer:
         there = figures.kept(session, name)
-        return Found(figures.make(session, name)) if there is None else Found(there.rows, there.made_at)
+        return Answer(figures.make(session, name)) if there is None else Answer(there.rows, there.made_at)
 
     return read
 
@@ -82,7 +82,7 @@ for _query in (
             "what": "A sentence",
             "link": "Where it is listed, below this service's address",
         },
-        _live(lambda session, asked: attention(session, asked.free_bytes, asked.least_bytes)),
+        _live(lambda session, parameters: attention(session, parameters.free_bytes, parameters.least_bytes)),
     ),
     AdminQuery(
         "drives",
@@ -95,14 +95,14 @@ for _query in (
             "km": "Length of all of them",
             "uploaded_bytes": "Size of their logs",
         },
-        _live(lambda session, asked: store.drives_by_day(session, asked.days)),
+        _live(lambda session, parameters: store.drives_by_day(session, parameters.days)),
     ),
     AdminQuery(
         "queue",
         "What waits and runs",
         "Depth of the queue and the longest wait, by what waits.",
         {"kind": "What", "jobs": "How many", "oldest_s": "Seconds since the first of them came, or began"},
-        _live(lambda session, _asked: store.queue(session)),
+        _live(lambda session, _parameters: store.queue(session)),
     ),
     AdminQuery(
         "failures",
@@ -116,7 +116,7 @@ for _query in (
             "latest_at": "When that was uploaded",
             "latest_drive": "Its id",
         },
-        _live(lambda session, asked: store.failures(session, asked.days)),
+        _live(lambda session, parameters: store.failures(session, parameters.days)),
     ),
     AdminQuery(
         "times",
@@ -130,11 +130,11 @@ for _query in (
             "waited_p95_s": "",
             "computed_p50_s": "By a worker",
             "computed_p95_s": "",
-            "published_p50_s": "Until its squares were solved",
+            "published_p50_s": "Until its cells were solved",
             "published_p95_s": "",
             "computed_p50_s_per_km": "Computing, for each kilometre driven",
         },
-        _live(lambda session, _asked: store.times(session)),
+        _live(lambda session, _parameters: store.times(session)),
     ),
     AdminQuery(
         "throughput",
@@ -148,9 +148,9 @@ for _query in (
             "km": "Length of those that were done",
             "waited_p50_s": "In the queue",
             "computed_p50_s": "By a worker",
-            "published_p50_s": "Until its squares were solved",
+            "published_p50_s": "Until its cells were solved",
         },
-        _live(lambda session, asked: flow.throughput(session, asked.days)),
+        _live(lambda session, parameters: flow.throughput(session, parameters.days)),
     ),
     AdminQuery(
         "growth",
@@ -163,7 +163,7 @@ for _query in (
             "driven_segments": "How many have a slope that a drive stands behind",
             "driven_km": "Their length",
         },
-        _live(lambda session, asked: growth(session, asked.days)),
+        _live(lambda session, parameters: growth(session, parameters.days)),
     ),
     AdminQuery(
         "coverage",
@@ -196,8 +196,8 @@ for _query in (
     AdminQuery(
         "disagreements",
         "Worst disagreements between drives",
-        "Segments on which drives are not heard since they contradict the others, the worst first: by how many are not "
-        "heard, times how far off the farthest is. A parallel road, a changed road, or a bad mount.",
+        "Segments on which drives are rejected because they contradict the others, the worst first: by how many are "
+        "rejected, times how far off the farthest is. The cause is a parallel road, a changed road, or a bad mount.",
         {
             "segment_id": "Number; /v1/segments/{id}/observations tells which drive says what",
             "osm_way_id": "Way in OpenStreetMap",
@@ -206,10 +206,11 @@ for _query in (
             "slope_percent": "Published",
             "slope_sigma_percent": "Its sigma",
             "drives": "Drives behind it",
-            "drives_unheard": "Drives that are not heard",
+            "drives_rejected": "Drives that are rejected",
             "lowest_percent": "The least that any drive says",
             "highest_percent": "The most",
             "farthest_sigmas": "How far from the published slope the farthest is, in its own sigmas",
+            "drives_unheard": "Deprecated: former name of drives_rejected",
         },
         _kept("disagreements"),
         kept=True,
@@ -249,7 +250,7 @@ for _query in (
         "Versions of everything",
         "What runs here, and on what.",
         {"what": "Of what", "version": "Which", "detail": "What is to be known of it"},
-        _live(lambda session, _asked: flow.versions(session)),
+        _live(lambda session, _parameters: flow.versions(session)),
     ),
     AdminQuery(
         "audit",
@@ -263,7 +264,7 @@ for _query in (
             "detail": "What else was said, as JSON",
             "origin": "Address and program of whoever asked",
         },
-        _live(lambda session, asked: [row._asdict() for row in audit.entries(session, asked.days)]),
+        _live(lambda session, parameters: [row._asdict() for row in audit.entries(session, parameters.days)]),
     ),
     AdminQuery(
         "storage",
@@ -276,7 +277,7 @@ for _query in (
             "table_bytes": "With what is kept out of line; of logs as they were uploaded",
             "index_bytes": "Of its indexes",
         },
-        _live(lambda session, _asked: store.storage(session)),
+        _live(lambda session, _parameters: store.storage(session)),
     ),
 ):
     QUERIES.add(_query.name, _query)

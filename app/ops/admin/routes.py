@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.core.errors import NotFoundError
 from app.core.http import BaseUrl, Link, ServiceDep, json_answer, link, preferred, problems
 from app.core.text import utc_text
-from app.ops.admin.queries import QUERIES, AdminQuery, Asked
+from app.ops.admin.queries import QUERIES, AdminQuery, Parameters
 
 JSON, CSV = "application/json", "text/csv"
 DIGITS = 6
@@ -107,15 +107,15 @@ def query(
     a look at all of it is made by a worker and kept, and `as_of` says of which moment it is.
     """
     if name not in QUERIES:
-        known = ", ".join(known for known, _ in QUERIES.items())
-        raise NotFoundError(f"There is no query {name[:60]!r}. There are: {known}.", field="name")
-    asked = QUERIES[name]
+        names = ", ".join(name for name, _ in QUERIES.items())
+        raise NotFoundError(f"There is no query {name[:60]!r}. There are: {names}.", field="name")
+    chosen = QUERIES[name]
     now = datetime.now(UTC)
     room = service.blobs.free_bytes(), service.settings.min_free_bytes
     with service.reading() as session:
-        found = asked.read(session, Asked(days, *room))
-    rows = [{column: _plain(row.get(column)) for column in asked.columns} for row in found.rows]
-    as_of = utc_text(found.as_of or now)
+        answer = chosen.read(session, Parameters(days, *room))
+    rows = [{column: _plain(row.get(column)) for column in chosen.columns} for row in answer.rows]
+    as_of = utc_text(answer.as_of or now)
     media_type = (
         {"json": JSON, "csv": CSV}.get(f or "")
         or preferred(request.headers.get("accept"), (JSON, CSV))
@@ -124,21 +124,23 @@ def query(
     headers = {"Cache-Control": "no-store", "Vary": "Accept"}
     if media_type == CSV:
         return Response(
-            _csv(asked, rows), media_type=CSV, headers={**headers, "Last-Modified": _http(found.as_of or now)}
+            _csv(chosen, rows),
+            media_type=CSV,
+            headers={**headers, "Last-Modified": _http(answer.as_of or now)},
         )
     document = {
-        "name": asked.name,
-        "title": asked.title,
+        "name": chosen.name,
+        "title": chosen.title,
         "as_of": as_of,
-        "columns": dict(asked.columns),
+        "columns": dict(chosen.columns),
         "rows": rows,
     }
     return JSONResponse(document, headers=headers)
 
 
-def _csv(asked: AdminQuery, rows: list[dict[str, Any]]) -> str:
+def _csv(query: AdminQuery, rows: list[dict[str, Any]]) -> str:
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(asked.columns), lineterminator="\n")
+    writer = csv.DictWriter(text, list(query.columns), lineterminator="\n")
     writer.writeheader()
     writer.writerows([{column: _cell(value) for column, value in row.items()} for row in rows])
     return text.getvalue()

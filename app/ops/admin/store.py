@@ -68,7 +68,7 @@ _QUEUE = text(
         WHERE d.status = 'queued' AND d.batch_id IS NOT NULL
         UNION ALL SELECT 'drive, running', d.started_at FROM drives AS d WHERE d.status = 'running'
         UNION ALL SELECT 'drive, being removed', d.finished_at FROM drives AS d WHERE d.status = 'cancelled'
-        UNION ALL SELECT 'square to be solved', made_at FROM (
+        UNION ALL SELECT 'cell to be solved', made_at FROM (
             SELECT cell, min(made_at) AS made_at FROM network_marks GROUP BY cell) AS m) AS waiting
     GROUP BY kind ORDER BY kind
     """

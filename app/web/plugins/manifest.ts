@@ -2,14 +2,13 @@
  * Writes `sources.json` beside what is built: SHA-256 of each source and of each built file. A test in Python compares
  * both with what is there (tests/app/web/test_built.py), so that nothing built is old or edited by hand.
  *
- * Sources are what the build reads: the pages, the guides with what they lead to, and how both are built. The types of the
- * API are none (they leave nothing behind), nor are tests.
+ * Sources are what the build reads: the pages, and how they are built. The types of the API are none (they leave nothing
+ * behind), nor are tests.
  */
 import { createHash } from "node:crypto";
 import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join, relative, resolve } from "node:path";
 import type { Plugin } from "vite";
-import { bundled } from "./guides.ts";
 
 export const MANIFEST = "sources.json";
 const FOLDERS = ["app/web/src", "app/web/plugins"];
@@ -46,10 +45,9 @@ export function manifest(repository: string): Plugin {
       folder = resolve(config.root, config.build.outDir);
     },
     closeBundle() {
-      const docs = bundled(join(repository, ".docs")).map((name) => `.docs/${name}`);
       const sources = [
         ...FOLDERS.flatMap((name) => below(join(repository, name))),
-        ...[...FILES, ...docs].map((name) => join(repository, name)),
+        ...FILES.map((name) => join(repository, name)),
       ];
       const kept = sources.filter((path) => !NO_SOURCE.test(relative(repository, path)));
       const told = { sources: digests(kept, repository), built: digests(below(folder), folder) };

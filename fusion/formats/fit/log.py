@@ -194,8 +194,8 @@ def _turned_on(file: FitFile) -> float:
         pairs["system_timestamp"] + np.nan_to_num(pairs["system_timestamp_ms"]) * 1e-3,
         camera["timestamp"] + np.nan_to_num(camera["timestamp_ms"]) * 1e-3,
     ])  # fmt: skip
-    known = (utc >= SYSTEM_TIME_S) & (system < SYSTEM_TIME_S)
-    return EPOCH_S + float(np.median((utc - system)[known])) if known.any() else float("nan")
+    both_clocks = (utc >= SYSTEM_TIME_S) & (system < SYSTEM_TIME_S)
+    return EPOCH_S + float(np.median((utc - system)[both_clocks])) if both_clocks.any() else float("nan")
 
 
 def _tables(parts: list[_Part], notes: Notes) -> tuple[dict[str, SensorTable], Floats]:
@@ -235,11 +235,11 @@ def _velocity(parts: list[_Part]) -> GnssVelocity:
     time_s = np.concatenate([p.camera_s for p in parts])
     columns = {name: np.concatenate([p.camera[name] for p in parts]) for name in parts[0].camera}
     north, east = ground_velocity(columns["enhanced_speed"], np.radians(columns["heading"]))
-    known = np.isfinite(columns["velocity_0"]) & np.isfinite(columns["velocity_1"])
+    has_vector = np.isfinite(columns["velocity_0"]) & np.isfinite(columns["velocity_1"])
     return GnssVelocity.assemble(
         time_s,
-        vel_n_mps=np.where(known, columns["velocity_1"], north),
-        vel_e_mps=np.where(known, columns["velocity_0"], east),
+        vel_n_mps=np.where(has_vector, columns["velocity_1"], north),
+        vel_e_mps=np.where(has_vector, columns["velocity_0"], east),
         vel_d_mps=-columns["velocity_2"],
     )
 

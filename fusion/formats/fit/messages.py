@@ -81,8 +81,8 @@ class FitFile:
 
     def first_word(self, message: str, name: str) -> str:
         """The first value of a named kind that the file has, or an empty string."""
-        said = (row.get(name) for row in self.words.get(message, ()))
-        return next((str(value) for value in said if value is not None), "")
+        values = (row.get(name) for row in self.words.get(message, ()))
+        return next((str(value) for value in values if value is not None), "")
 
 
 def read_files(data: Data, notes: Notes, progress: Progress) -> list[FitFile]:
@@ -208,13 +208,13 @@ def _names(message: str) -> list[str]:
 def _take(frame: Any, rows: dict[str, array[float]], out: FitFile) -> None:
     name = frame.name
     if name in COLUMNS:
-        found = _found(frame, COLUMNS[name])
-        if math.isnan(_number(found.get("timestamp"))):
+        values = _found(frame, COLUMNS[name])
+        if math.isnan(_number(values.get("timestamp"))):
             return
         if name not in SAMPLED:
-            rows[name].extend(_flat(name, found))
-        elif any(field in found for field in SAMPLED[name]):
-            rows[name].extend(_samples(name, found))
+            rows[name].extend(_flat(name, values))
+        elif any(field in values for field in SAMPLED[name]):
+            rows[name].extend(_samples(name, values))
         else:
             raw = UNCALIBRATED.get(name, "")
             count = len(_several(_found(frame, (raw,)).get(raw)))
@@ -223,40 +223,40 @@ def _take(frame: Any, rows: dict[str, array[float]], out: FitFile) -> None:
         out.words.setdefault(name, []).append(_found(frame, WORDS[name]))
 
 
-def _found(frame: Any, wanted: tuple[str, ...]) -> dict[str, Any]:
+def _found(frame: Any, names: tuple[str, ...]) -> dict[str, Any]:
     """Values by field. Developers' own fields may have any name and are left out.
 
     Where a message has a field itself and as a part of another, coarser one (altitude), the field itself counts.
     """
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for item in frame.fields:
-        known, defined = item.field, item.field_def
-        if known is None or item.value is None or (defined is not None and defined.is_dev):
+        profile_field, definition = item.field, item.field_def
+        if profile_field is None or item.value is None or (definition is not None and definition.is_dev):
             continue
-        name = known.name
-        if name in wanted and (defined is not None or name not in found):
-            found[name] = item.value
-    return found
+        name = profile_field.name
+        if name in names and (definition is not None or name not in values):
+            values[name] = item.value
+    return values
 
 
-def _flat(message: str, found: dict[str, Any]) -> list[float]:
+def _flat(message: str, values_of: dict[str, Any]) -> list[float]:
     """The numbers of a message's columns."""
     out = []
     for name in COLUMNS[message]:
         if name == VELOCITY:
-            values = _several(found.get(name))
+            values = _several(values_of.get(name))
             out += values if len(values) == 3 else [NAN] * 3
         else:
-            out.append(_number(found.get(name)))
+            out.append(_number(values_of.get(name)))
     return out
 
 
-def _samples(message: str, found: dict[str, Any]) -> list[float]:
+def _samples(message: str, values_of: dict[str, Any]) -> list[float]:
     """The numbers of a message's columns for each of its samples; what does not fit together is unknown."""
-    both = [_number(found.get("timestamp")), _number(found.get("timestamp_ms"))]
-    columns = [_several(found.get(name)) for name in SAMPLED[message]]
+    both = [_number(values_of.get("timestamp")), _number(values_of.get("timestamp_ms"))]
+    columns = [_several(values_of.get(name)) for name in SAMPLED[message]]
     count = max(map(len, columns))
-    offsets = _several(found.get("sample_time_offset"))
+    offsets = _several(values_of.get("sample_time_offset"))
     if not offsets and count == 1:
         offsets = [0.0]
     fitting = [column if len(column) == count else [NAN] * count for column in (offsets, *columns)]

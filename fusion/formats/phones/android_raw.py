@@ -125,8 +125,8 @@ class _Columns:
         """The carrier; where the phone does not state it, that of its system."""
         stated = self.positive("CarrierFrequencyHz")
         usual = np.full(len(system), np.nan)
-        for known, hz in _BAND_DEFAULT_HZ.items():
-            usual[system == known] = hz
+        for one_system, hz in _BAND_DEFAULT_HZ.items():
+            usual[system == one_system] = hz
         return np.where(np.isfinite(stated), stated, usual)
 
 
@@ -135,29 +135,29 @@ def _satellites(col: _Columns) -> tuple[Ints, Ints]:
     kind = col.ints("ConstellationType")
     system = np.where((kind >= 0) & (kind < len(_SYSTEM_OF)), _SYSTEM_OF[np.clip(kind, 0, 7)], -1)
     number = col.ints("Svid").copy()
-    for known, less in _LESS.items():
-        number[(system == known) & (number > less)] -= less
+    for one_system, less in _LESS.items():
+        number[(system == one_system) & (number > less)] -= less
     return system, number
 
 
 def _usable(col: _Columns, system: Ints, number: Ints, table: Table, notes: Notes) -> Bools:
     state = col.ints("State")
-    known = np.ones(len(table), bool)
+    complete = np.ones(len(table), bool)
     for name in _NEEDED:
         value = col.ints(name)
-        known &= (value > -_HUGE) & (value < _HUGE)
-    told = np.where(system == GLONASS, _GLO_TOD_DECODED | _GLO_TOD_KNOWN, _TOW_DECODED | _TOW_KNOWN)
+        complete &= (value > -_HUGE) & (value < _HUGE)
+    time_decoded = np.where(system == GLONASS, _GLO_TOD_DECODED | _GLO_TOD_KNOWN, _TOW_DECODED | _TOW_KNOWN)
     carrier = col.positive("CarrierFrequencyHz")
     with np.errstate(invalid="ignore"):
         elsewhere = (carrier < _L1_HZ[0]) | (carrier > _L1_HZ[1])
     faults = (
-        ("raw measurements with numbers missing", ~known),
+        ("raw measurements with numbers missing", ~complete),
         ("raw measurements on other bands than L1", elsewhere),
         ("raw measurements of other systems, or GLONASS ones without a slot",
          (system < 0) | (number < 1) | (number > _MOST_SATELLITES)),
         ("raw measurements without code lock", (state & _LOCKED) == 0),
         ("raw measurements whose time of transmission is not known",
-         ((state & told) == 0) | ((state & _MSEC_AMBIGUOUS) != 0)),
+         ((state & time_decoded) == 0) | ((state & _MSEC_AMBIGUOUS) != 0)),
     )  # fmt: skip
     good = np.ones(len(table), bool)
     for reason, bad in faults:

@@ -129,7 +129,7 @@ class GnssLoggerFormat:
 
 def _fixes(lines: LogLines, notes: Notes) -> dict[str, SensorTable]:
     """Positions and velocities: the satellite receiver's own if there are any."""
-    names = tuple(name for known in _FIX.values() for name in known)
+    names = tuple(name for variants in _FIX.values() for name in variants)
     for provider in _PROVIDERS:
         table = lines.table("Fix", names, notes, provider)
         if table is not None and len(table):
@@ -143,7 +143,7 @@ def _fixes(lines: LogLines, notes: Notes) -> dict[str, SensorTable]:
 
 
 def _positions(table: Table, notes: Notes) -> dict[str, SensorTable]:
-    col = {ours: _first_known(table, known) for ours, known in _FIX.items()}
+    col = {ours: _first_known(table, variants) for ours, variants in _FIX.items()}
     time_s = col["time_ms"] / 1000.0
     good = usable_positions(time_s, col["lat_deg"], col["lon_deg"], notes, table.place)
     time_s, col = time_s[good], {name: column[good] for name, column in col.items()}
@@ -162,8 +162,8 @@ def _positions(table: Table, notes: Notes) -> dict[str, SensorTable]:
 
 
 def _first_known(table: Table, names: tuple[str, ...]) -> Floats:
-    known = [table.columns[name] for name in names if name in table.columns]
-    return known[0].astype(float) if known else np.full(len(table), np.nan)
+    present = [table.columns[name] for name in names if name in table.columns]
+    return present[0].astype(float) if present else np.full(len(table), np.nan)
 
 
 def _axes(lines: LogLines, kinds: tuple[tuple[str, str], ...], notes: Notes) -> ThreeAxes:
@@ -195,11 +195,11 @@ def _sensor_times(table: Table, notes: Notes) -> Floats:
     with np.errstate(invalid="ignore"):
         utc_s = np.where((utc_s > MIN_TIME_S) & (utc_s < MAX_TIME_S), utc_s, np.nan)
         late = utc_s - even_s
-    known = np.isfinite(late)
-    if known.mean() < 0.5:
+    has_both = np.isfinite(late)
+    if has_both.mean() < 0.5:
         time_s = utc_s
     else:
-        time_s = even_s + float(np.median(late[known]))
+        time_s = even_s + float(np.median(late[has_both]))
         with np.errstate(invalid="ignore"):
             time_s = np.where(np.abs(time_s - utc_s) < _MOST_APART_S, time_s, utc_s)
     notes.skip("sensor lines without a time", int((~np.isfinite(time_s)).sum()))

@@ -52,12 +52,12 @@ class LogLines:
 
     def header(self, kind: str) -> list[str]:
         """The names of the columns of a kind; empty if the text does not say them."""
-        found = re.search(rf"(?m)^# ?{kind},([^\r\n]*)".encode(), self._text)
+        match = re.search(rf"(?m)^# ?{kind},([^\r\n]*)".encode(), self._text)
         return (
-            [name.strip() for name in found.group(1).decode("ascii", "replace").split(",")] if found else []
+            [name.strip() for name in match.group(1).decode("ascii", "replace").split(",")] if match else []
         )
 
-    def table(self, kind: str, wanted: tuple[str, ...], notes: Notes, first_cell: str = "") -> Table | None:
+    def table(self, kind: str, names: tuple[str, ...], notes: Notes, first_cell: str = "") -> Table | None:
         """The wanted columns of the lines of a kind, or those with that first cell; None without a header.
 
         Lines with another number of cells than most are left out, and so counted.
@@ -80,7 +80,7 @@ class LogLines:
             rows = [row for row, count in zip(rows, cells, strict=True) if count == usual]
         body = b"\n".join(rows).replace(b"\r", b"?") + b"\n"  # one in mid-line would end it
         # the first cell is the kind itself
-        places = {name: header.index(name) + 1 for name in wanted if name in header[:usual]}
+        places = {name: header.index(name) + 1 for name in names if name in header[:usual]}
         return Table(_columns(body, usual + 1, places, len(rows)) if rows else {}, line[cells == usual])
 
 
@@ -120,11 +120,11 @@ def _convert(body: bytes, width: int, places: dict[str, int], *, typed: bool) ->
     )  # fmt: skip
 
 
-def _number(cell: bytes, whole: bool) -> float | int:
+def _number(cell: bytes, is_whole: bool) -> float | int:
     try:
-        if not whole:
+        if not is_whole:
             return float(cell)
         value = int(cell)
     except ValueError:
-        return ABSENT if whole else np.nan
+        return ABSENT if is_whole else np.nan
     return value if abs(value) < 1 << 62 else ABSENT

@@ -71,9 +71,9 @@ def in_vehicle_axes(log: DriveLog) -> DriveLog:
     up = _up(force)
     changes = _changes(log)
     level = {sign: _axes(sign * up) for sign in (1, -1)}
-    found = {sign: _forward(force, sign, axes, changes) for sign, axes in level.items()}
-    sign, certain = _sign(device, up, found, changes)
-    forward = found[sign]
+    candidates = {sign: _forward(force, sign, axes, changes) for sign, axes in level.items()}
+    sign, certain = _sign(device, up, candidates, changes)
+    forward = candidates[sign]
     if not forward.clear:
         log = _warned(
             log,
@@ -186,9 +186,9 @@ def _changes(log: DriveLog) -> _Changes:
         turn = -(np.remainder(np.diff(course) + np.pi, 2 * np.pi) - np.pi) / lasted
     fast = np.minimum(speed[1:], speed[:-1]) > _SLOWEST_MPS
     turn = np.where(fast, turn, 0.0)
-    left = 0.5 * (speed[1:] + speed[:-1]) * turn
+    leftward = 0.5 * (speed[1:] + speed[:-1]) * turn
     keep = (lasted > 0.05) & (lasted < _LONGEST_STEP_S) & (np.maximum(speed[1:], speed[:-1]) > 0.5)
-    return _Changes(time[:-1], time[1:], forward + 1j * left, turn).take(keep)
+    return _Changes(time[:-1], time[1:], forward + 1j * leftward, turn).take(keep)
 
 
 def _integrals(time_s: Floats, value: Floats) -> Floats:
@@ -229,8 +229,8 @@ def _forward(force: ThreeAxes, sign: int, axes: Floats, changes: _Changes) -> _F
     best = NOT_CLEAR
     for lag_s in _LAGS_S:
         level = _mean_over(force.time_s, integral, changes.begin_s + lag_s, changes.end_s + lag_s)
-        found = _regression(cause, _centred(level[:, 0] + 1j * level[:, 1], block), block)
-        best = max(best, found, key=lambda one: one.explained)
+        candidate = _regression(cause, _centred(level[:, 0] + 1j * level[:, 1], block), block)
+        best = max(best, candidate, key=lambda one: one.explained)
     return best
 
 
@@ -251,28 +251,28 @@ def _regression(
     both = np.conj(cause) * effect
     product = np.bincount(block, both.real) + 1j * np.bincount(block, both.imag)
     power = np.bincount(block, np.abs(cause) ** 2)
-    seen = np.bincount(block, np.abs(effect) ** 2)
+    effect_power = np.bincount(block, np.abs(effect) ** 2)
     blocks = len(power)
     total, weight = product.sum(), float(power.sum())
-    if blocks < _LEAST_BLOCKS or weight <= 0 or float(seen.sum()) <= 0:
+    if blocks < _LEAST_BLOCKS or weight <= 0 or float(effect_power.sum()) <= 0:
         return NOT_CLEAR
     factor = total / weight
     without = total - product
     turned = np.angle(without * np.conj(total))
     sigma = float(np.sqrt((blocks - 1) / blocks * np.sum((turned - turned.mean()) ** 2)))
-    explained = float(abs(total) ** 2 / (weight * seen.sum()))
+    explained = float(abs(total) ** 2 / (weight * effect_power.sum()))
     clear = sigma < np.radians(_WORST_FORWARD_DEG) and _SCALE[0] < abs(factor) < _SCALE[1]
     return _Forward(float(np.angle(factor)), sigma, explained, clear=clear)
 
 
 def _sign(
-    device: DeviceMotion, up: Floats, found: dict[int, _Forward], changes: _Changes
+    device: DeviceMotion, up: Floats, candidates: dict[int, _Forward], changes: _Changes
 ) -> tuple[int, bool]:
     """The sign with which the device states forces, and whether that is certain: by its gyroscope, or by bends."""
     alike = _turns_alike(device.rate, up, changes)
     if abs(alike) > _ALIKE:
         return (1 if alike > 0 else -1), True
-    ahead = found[1].explained - found[-1].explained
+    ahead = candidates[1].explained - candidates[-1].explained
     return (1 if ahead >= 0 else -1), abs(ahead) > _CLEARLY
 
 

@@ -144,8 +144,8 @@ def _columns(text: bytes, notes: Notes, progress: Progress) -> tuple[dict[str, F
 
 def _understood(header: list[str], schema: Schema) -> Known:
     """The columns by their names; what else the app writes is no reason for a word."""
-    known = known_columns(header, schema.columns, {}, loose=False)
-    return Known(known.cells, (), ())
+    columns = known_columns(header, schema.columns, {}, loose=False)
+    return Known(columns.cells, (), ())
 
 
 def _place(blocks: list[Block], row: int) -> str:
@@ -192,7 +192,7 @@ def _sane(time_s: Floats, notes: Notes) -> Floats:
 
 
 def _pressure(time_s: Floats, pressure: Floats, notes: Notes) -> Pressure:
-    known = pressure[np.isfinite(pressure)]
-    in_kpa = len(known) and float(np.median(known)) < _LARGEST_KPA
+    measured = pressure[np.isfinite(pressure)]
+    in_kpa = len(measured) and float(np.median(measured)) < _LARGEST_KPA
     pascals = pressure * (1000.0 if in_kpa else 100.0)
     return Pressure.assemble(_sane(time_s, notes), None, pressure_pa=pascals)

@@ -106,11 +106,11 @@ def _spread_dates(clock: Floats, day: Floats, notes: Notes) -> Floats:
 
 def _unwrapped(clock: Floats) -> Floats:
     """Times of day made continuous over midnight."""
-    known = np.flatnonzero(np.isfinite(clock))
-    step = np.diff(clock[known])
+    timed = np.flatnonzero(np.isfinite(clock))
+    step = np.diff(clock[timed])
     turns = np.cumsum(np.where(step < -DAY_S / 2, 1, np.where(step > DAY_S / 2, -1, 0)))
     out = np.full(len(clock), np.nan)
-    out[known] = clock[known] + DAY_S * np.append(0, turns)[: len(known)]
+    out[timed] = clock[timed] + DAY_S * np.append(0, turns)[: len(timed)]
     return out
 
 
@@ -118,8 +118,8 @@ def _marks(times: dict[str, Floats], offsets: dict[str, Ints]) -> Marks:
     """The first sentence of each epoch."""
     offset = np.concatenate([offsets[n] for n in times])
     time_s = np.concatenate(list(times.values()))
-    known = np.isfinite(time_s)
-    offset, time_s = offset[known], time_s[known]
+    timed = np.isfinite(time_s)
+    offset, time_s = offset[timed], time_s[timed]
     order = np.argsort(offset, kind="stable")
     offset, time_s = offset[order], time_s[order]
     first = np.diff(time_s, prepend=-np.inf) != 0

@@ -51,18 +51,18 @@ def checked_sentences(text: bytes, notes: Notes, place: Place) -> list[tuple[byt
 
     If no sentence at all has a checksum they are taken as they are; otherwise one without is a torn one.
     """
-    found = [(m.start(1), m.end(1), m.group(2)) for m in SENTENCE.finditer(text)]
-    summed = [(a, b, int(c, 16)) for a, b, c in found if c]
+    matches = [(m.start(1), m.end(1), m.group(2)) for m in SENTENCE.finditer(text)]
+    summed = [(a, b, int(c, 16)) for a, b, c in matches if c]
     if not summed:
-        if found:
+        if matches:
             notes.warn("No NMEA sentence has a checksum: damage to them cannot be noticed.")
-        return [(text[a:b], a - 1) for a, b, _ in found]
+        return [(text[a:b], a - 1) for a, b, _ in matches]
     start, end, want = (np.array(c) for c in zip(*summed, strict=True))
     running = np.concatenate([[0], np.bitwise_xor.accumulate(np.frombuffer(text, np.uint8))]).astype(np.uint8)
     right = (running[end] ^ running[start]) == want
     for reason, wrong in (
         (WRONG_CHECKSUM, start[~right].tolist()),
-        ("NMEA sentences cut short", [a for a, _, c in found if not c]),
+        ("NMEA sentences cut short", [a for a, _, c in matches if not c]),
     ):
         if wrong:
             notes.skip(reason, len(wrong), place(wrong[0] - 1))
@@ -137,8 +137,8 @@ def _gst(c: list[bytes]) -> tuple[float, ...]:
 
 def _zda(c: list[bytes]) -> tuple[float, ...]:
     day, month, year = (_number(_get(c, i)) for i in (1, 2, 3))
-    known = isfinite(day + month + year)
-    return _time_of_day(_get(c, 0)), _day(day, month, year) if known else NAN
+    dated = isfinite(day + month + year)
+    return _time_of_day(_get(c, 0)), _day(day, month, year) if dated else NAN
 
 
 PARSERS: dict[str, Callable[[list[bytes]], tuple[float, ...]]] = {

@@ -79,8 +79,8 @@ def _count_broken(frames: Frames, notes: Notes, where: Place) -> None:
     ):
         if len(offset):
             # for the end of a UBX file there is a warning of its own, see _warn_of_cut
-            said = offset is frames.truncated and len(frames)
-            notes.skip(reason, len(offset), "" if said else where(int(offset[0])))
+            reported = offset is frames.truncated and len(frames)
+            notes.skip(reason, len(offset), "" if reported else where(int(offset[0])))
 
 
 def _warn_of_cut(data: Data, frames: Frames, notes: Notes, where: Place) -> None:

@@ -80,8 +80,8 @@ def _before(marks: Marks, offset: Ints) -> Floats:
 def _runs(tick: Ints, offset: Ints, marks: Marks, hz: float) -> tuple[Floats, Ints]:
     """The counter with its wraps added back, and the number of the run that each sample belongs to."""
     at = np.searchsorted(marks.offset, offset)
-    known = np.concatenate([[-np.inf], marks.time_s, [np.inf]])
-    previous, following = known[at], known[at + 1]
+    mark_s = np.concatenate([[-np.inf], marks.time_s, [np.inf]])
+    previous, following = mark_s[at], mark_s[at + 1]
     least = np.maximum(previous[1:] - following[:-1], 0.0) - STEP_TOLERANCE_S
     most = following[1:] - previous[:-1] + STEP_TOLERANCE_S
     step = np.diff(tick).astype(float)

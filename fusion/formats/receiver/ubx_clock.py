@@ -69,8 +69,8 @@ class WeekClock:
         use = use[np.argsort(evidence.offset[use], kind="stable")]
         self._offset, self._utc_s = evidence.offset[use], evidence.utc_s[use]
         difference = self._utc_s - evidence.itow_s[use]
-        whole = np.round(difference)
-        self._difference = np.where(np.abs(difference - whole) < 0.05, whole, difference)
+        whole_ms = np.round(difference)
+        self._difference = np.where(np.abs(difference - whole_ms) < 0.05, whole_ms, difference)
         if best == 1:
             notes.warn(
                 "The receiver never declared its date valid: the dates of this log are taken on trust."

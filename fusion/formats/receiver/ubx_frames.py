@@ -83,11 +83,11 @@ def _try_candidates(piece: NDArray[np.uint8], limit: int) -> tuple[Ints, Ints, N
     start = np.flatnonzero((piece[:-1] == SYNC[0]) & (piece[1:] == SYNC[1]))
     start = start[start < limit]
     length = np.full(len(start), -1, np.int64)
-    whole = start + 6 <= len(piece)
-    at = start[whole]
-    length[whole] = piece[at + 4].astype(np.int64) | piece[at + 5].astype(np.int64) << 8
+    complete = start + 6 <= len(piece)
+    at = start[complete]
+    length[complete] = piece[at + 4].astype(np.int64) | piece[at + 5].astype(np.int64) << 8
     state = np.full(len(start), -1, np.int8)
-    inside = whole & (start + length + OVERHEAD_BYTES <= len(piece))
+    inside = complete & (start + length + OVERHEAD_BYTES <= len(piece))
     if inside.any():
         first, last = start[inside] + 2, start[inside] + 6 + length[inside]
         s1 = np.concatenate([np.zeros(1, np.uint8), np.cumsum(piece, dtype=np.uint8)])

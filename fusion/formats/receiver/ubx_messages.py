@@ -107,8 +107,8 @@ def decode(data: Data, frames: Frames, name: str) -> tuple[Records, Ints, int]:
     """All messages of one type: records (n,), byte offsets (n,), and how many were too short to read."""
     kind, dtype = TYPES[name]
     mine = frames.kind == kind
-    whole = mine & (frames.length >= dtype.itemsize)
-    start = frames.start[whole]
+    complete = mine & (frames.length >= dtype.itemsize)
+    start = frames.start[complete]
     return gather(data, start + 6, dtype), start, int(np.count_nonzero(mine) - len(start))
 
 

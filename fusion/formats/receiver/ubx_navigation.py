@@ -117,8 +117,8 @@ def utc_evidence(stream: Stream) -> Evidence:
     if not parts:
         return Evidence(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64))
     offset, itow_s, utc_s, trust = (np.concatenate(c) for c in zip(*parts, strict=True))
-    told = np.isfinite(utc_s) & (trust > 0)
-    return Evidence(offset[told], itow_s[told], utc_s[told], trust[told])
+    trusted = np.isfinite(utc_s) & (trust > 0)
+    return Evidence(offset[trusted], itow_s[trusted], utc_s[trusted], trust[trusted])
 
 
 def _borrowed(stream: Stream, marks: Marks) -> Evidence:

@@ -64,16 +64,16 @@ def epochs(messages: Messages) -> tuple[Records, Ints] | None:
 def _beside(itow: Ints, offset: Ints, records: Records, at: Ints) -> tuple[Ints, Ints]:
     """(which positions have, which of the records is) the record of the same epoch, just before or behind."""
     behind = np.searchsorted(at, offset)
-    found = np.full(len(itow), -1)
+    row = np.full(len(itow), -1)
     for candidate in (behind, behind - 1):
         k = np.clip(candidate, 0, len(at) - 1)
-        found = np.where((found < 0) & (records["iTOW"][k] == itow), k, found)
-    here = np.flatnonzero(found >= 0)
-    return here, found[here]
+        row = np.where((row < 0) & (records["iTOW"][k] == itow), k, row)
+    here = np.flatnonzero(row >= 0)
+    return here, row[here]
 
 
 def week_utc_seconds(records: Records) -> Floats:
     """Unix seconds of NAV-SOL by its week and the leap seconds of that date; NaN where week or time are not set."""
     gps_s = records["week"] * WEEK_S + records["iTOW"] * 1e-3
-    known = (records["flags"] & WEEK_AND_TIME_SET == WEEK_AND_TIME_SET) & (records["week"] > 0)
-    return np.where(known & (gps_s + GPS_EPOCH_S < MAX_TIME_S), unix_from_gps(gps_s), np.nan)
+    time_set = (records["flags"] & WEEK_AND_TIME_SET == WEEK_AND_TIME_SET) & (records["week"] > 0)
+    return np.where(time_set & (gps_s + GPS_EPOCH_S < MAX_TIME_S), unix_from_gps(gps_s), np.nan)

@@ -62,8 +62,8 @@ REPEATED = "RXM-RAWX epochs at the time of another"
 def utc_of(records: Records) -> Floats:
     """Unix seconds of the epochs by the receiver's leap seconds where it knows them; NaN without week or time."""
     gps_s = _gps_s(records)
-    said = GPS_EPOCH_S + gps_s - records["leapS"]
-    return np.where(records["recStat"] & LEAP_KNOWN == 1, said, unix_from_gps(gps_s))
+    stated_s = GPS_EPOCH_S + gps_s - records["leapS"]
+    return np.where(records["recStat"] & LEAP_KNOWN == 1, stated_s, unix_from_gps(gps_s))
 
 
 def _gps_s(records: Records) -> Floats:
@@ -76,8 +76,8 @@ def _gps_s(records: Records) -> Floats:
 def epoch_marks(records: Records, offset: Ints) -> Marks:
     """Where in the file which time (UTC) was, by the epochs that have one."""
     utc_s = utc_of(records)
-    told = (utc_s > MIN_TIME_S) & (utc_s < MAX_TIME_S)
-    return Marks(offset[told], utc_s[told])
+    possible = (utc_s > MIN_TIME_S) & (utc_s < MAX_TIME_S)
+    return Marks(offset[possible], utc_s[possible])
 
 
 def read_signals(
@@ -100,8 +100,8 @@ def read_signals(
     rows = gather(data, np.repeat(offset + head_bytes, count) + MEASUREMENT.itemsize * ordinal, MEASUREMENT)
     signal = np.where(np.repeat(records["version"] == 0, count), 0, rows["sigId"])
     system = SYSTEM_OF[rows["gnssId"]]
-    wanted = (system >= 0) & _IS_L1[system, signal]
-    rows, system, gps_s = rows[wanted], system[wanted], np.repeat(gps_s, count)[wanted]
+    on_l1 = (system >= 0) & _IS_L1[system, signal]
+    rows, system, gps_s = rows[on_l1], system[on_l1], np.repeat(gps_s, count)[on_l1]
     good = _sound(rows, system, notes)
     return _assemble(rows[good], system[good], gps_s[good])
 
@@ -111,14 +111,14 @@ def _usable(
 ) -> tuple[Records, Ints]:
     """Whole messages at a possible time; the others are counted and said."""
     length = frames.length[np.searchsorted(frames.start, offset)]
-    whole = length == TYPES[RAWX][1].itemsize + MEASUREMENT.itemsize * records["numMeas"].astype(np.int64)
+    complete = length == TYPES[RAWX][1].itemsize + MEASUREMENT.itemsize * records["numMeas"].astype(np.int64)
     no_week = records["week"] == 0
     no_time = np.isnan(_gps_s(records))
     good = np.ones(len(records), bool)
-    for reason, bad in ((WRONG_LENGTH, ~whole), (NO_WEEK, no_week), (NO_TIME, no_time)):
+    for reason, bad in ((WRONG_LENGTH, ~complete), (NO_WEEK, no_week), (NO_TIME, no_time)):
         at = np.flatnonzero(bad & good)
-        said = f"{place(int(offset[at[0]]))}: week {int(records['week'][at[0]])}" if len(at) else ""
-        notes.skip(reason, len(at), said, position=True)
+        example = f"{place(int(offset[at[0]]))}: week {int(records['week'][at[0]])}" if len(at) else ""
+        notes.skip(reason, len(at), example, position=True)
         good &= ~bad
     return records[good], offset[good]
 
@@ -126,13 +126,13 @@ def _usable(
 def _sound(rows: Records, system: Ints, notes: Notes) -> Bools:
     """Measurements that can be true, counting the others."""
     number, range_m = rows["svId"].astype(np.int64), rows["prMes"]
-    known = (number > 0) & (number <= LAST_NUMBER[system])
-    known &= (system != GLONASS) | (rows["freqId"] <= 13)
+    numbered = (number > 0) & (number <= LAST_NUMBER[system])
+    numbered &= (system != GLONASS) | (rows["freqId"] <= 13)
     good = np.ones(len(rows), bool)
     with np.errstate(invalid="ignore"):
         possible = (range_m > 0) & (range_m < _MOST_M)
     valid = rows["trkStat"] & PSEUDORANGE_VALID == 1
-    for reason, fits in ((NO_SATELLITE, known), (NOT_VALID, valid), (NO_RANGE, possible)):
+    for reason, fits in ((NO_SATELLITE, numbered), (NOT_VALID, valid), (NO_RANGE, possible)):
         notes.skip(reason, int(np.count_nonzero(good & ~fits)))
         good &= fits
     return good

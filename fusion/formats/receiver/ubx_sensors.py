@@ -60,10 +60,10 @@ class SensorStatus:
         """Which readings, by their types and byte offsets, the next status of their sensor calls faulty."""
         spoilt = np.zeros(len(offset), np.bool_)
         for number in np.unique(self.data_type[self.faulty]):
-            mine, asked = np.flatnonzero(self.data_type == number), np.flatnonzero(data_type == number)
-            following = np.searchsorted(self.offset[mine], offset[asked])
-            told = following < len(mine)
-            spoilt[asked[told]] = self.faulty[mine[following[told]]]
+            mine, theirs = np.flatnonzero(self.data_type == number), np.flatnonzero(data_type == number)
+            following = np.searchsorted(self.offset[mine], offset[theirs])
+            has_next = following < len(mine)
+            spoilt[theirs[has_next]] = self.faulty[mine[following[has_next]]]
         return spoilt
 
     def tell(self, data_types: tuple[int, ...], sensor: str, notes: Notes) -> None:
@@ -163,10 +163,10 @@ def measurements(data: Data, frames: Frames) -> list[Samples]:
         ids.append(np.repeat(records["id"].astype(np.int64), words)[flat])
     if not parts:
         return []
-    whole, sensor = _concatenate(parts), np.concatenate(ids)
-    order = np.lexsort((whole.offset, sensor))
+    samples, sensor = _concatenate(parts), np.concatenate(ids)
+    order = np.lexsort((samples.offset, sensor))
     edges = np.flatnonzero(np.diff(sensor[order])) + 1
-    return [_take(whole, piece) for piece in np.split(order, edges) if len(piece)]
+    return [_take(samples, piece) for piece in np.split(order, edges) if len(piece)]
 
 
 def raw_samples(data: Data, frames: Frames) -> Samples:
@@ -182,8 +182,8 @@ def raw_samples(data: Data, frames: Frames) -> Samples:
         parts.append(
             Samples(block["tag"].astype(np.int64), word & 0xFFFFFF, word >> 24, np.repeat(start, words))
         )
-    whole = _concatenate(parts)
-    return _take(whole, np.argsort(whole.offset, kind="stable"))
+    records = _concatenate(parts)
+    return _take(records, np.argsort(records.offset, kind="stable"))
 
 
 def _take(samples: Samples, index: Ints) -> Samples:

@@ -69,16 +69,16 @@ def read_subframes(stream: Stream, marks: Marks, notes: Notes) -> Navigation:
     if not len(marks.time_s):
         notes.skip(NO_EPOCH, len(records))
         return Navigation()
-    known = _known(stream, records, offset, notes)
-    records, offset = records[known], offset[known]
+    readable = _readable(stream, records, offset, notes)
+    records, offset = records[readable], offset[readable]
     system, number = SYSTEM_OF[records["gnssId"]], records["svId"].astype(np.int64)
     near_s = gps_from_unix(_nearest_mark(marks, offset))
 
-    def pages(wanted: int) -> Pages:
-        mine = (system == wanted) & np.isin(records["sigId"], _SIGNALS[wanted])
-        words = np.dtype([("word", "<u4", (_WORDS[wanted],))])
+    def pages(kind: int) -> Pages:
+        mine = (system == kind) & np.isin(records["sigId"], _SIGNALS[kind])
+        words = np.dtype([("word", "<u4", (_WORDS[kind],))])
         content = gather(stream.data, offset[mine] + 6 + records.itemsize, words)["word"]
-        used = 32 if wanted in (GALILEO, GLONASS) else 30
+        used = 32 if kind in (GALILEO, GLONASS) else 30
         channel = records["freqId"][mine].astype(np.int64) - 7
         return Pages(number[mine], bits_of(content, used), near_s[mine], channel)
 
@@ -90,17 +90,17 @@ def read_subframes(stream: Stream, marks: Marks, notes: Notes) -> Navigation:
     return Navigation(_sound_and_once(kepler, notes), states, klobuchar)
 
 
-def _known(stream: Stream, records: Records, offset: Ints, notes: Notes) -> Bools:
+def _readable(stream: Stream, records: Records, offset: Ints, notes: Notes) -> Bools:
     """Which messages are whole, and of a satellite whose system is read here; wrong ones are counted."""
     words = records["numWords"].astype(np.int64)
     length = stream.frames.length[np.searchsorted(stream.frames.start, offset)]
     system, number = SYSTEM_OF[records["gnssId"]], records["svId"].astype(np.int64)
-    whole = (length == records.itemsize + 4 * words) & (words >= np.array(_FEWEST_WORDS)[system])
-    notes.skip(WRONG_LENGTH, int(np.count_nonzero(~whole)))
-    known = (number > 0) & (number <= LAST_NUMBER[system])
-    mine = whole & (system >= 0)
-    notes.skip(UNKNOWN_SATELLITE, int(np.count_nonzero(mine & ~known)))
-    return np.asarray(mine & known)
+    complete = (length == records.itemsize + 4 * words) & (words >= np.array(_FEWEST_WORDS)[system])
+    notes.skip(WRONG_LENGTH, int(np.count_nonzero(~complete)))
+    numbered = (number > 0) & (number <= LAST_NUMBER[system])
+    mine = complete & (system >= 0)
+    notes.skip(UNKNOWN_SATELLITE, int(np.count_nonzero(mine & ~numbered)))
+    return np.asarray(mine & numbered)
 
 
 def _nearest_mark(marks: Marks, offset: Ints) -> Floats:

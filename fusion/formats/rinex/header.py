@@ -58,8 +58,8 @@ class Header:
         elif label == "SYS / SCALE FACTOR":
             self._take_factor(content)
         elif label == "GLONASS SLOT / FRQ #":
-            found = re.findall(r"R\s?(\d{1,2})\s+([+-]?\d{1,2})", content)
-            self.channel.update((int(slot), int(channel)) for slot, channel in found)
+            matches = re.findall(r"R\s?(\d{1,2})\s+([+-]?\d{1,2})", content)
+            self.channel.update((int(slot), int(channel)) for slot, channel in matches)
         elif label == "TIME OF FIRST OBS":
             scale = content[48:51].strip().upper()
             self.time_scale = scale if scale in _SCALES else self.time_scale

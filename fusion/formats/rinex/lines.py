@@ -120,12 +120,12 @@ def number(text: Text, at: int, stop: int) -> float:
 @compiled
 def _digits(text: Text, at: int, stop: int) -> tuple[int, int, int]:
     """Read digits with a point among them: where they end, their whole number (-1 if there are none), power of ten."""
-    found, mantissa, power, pointed = 0, 0, 0, False
+    digits, mantissa, power, pointed = 0, 0, 0, False
     while at < stop:
         c = text[at]
         if _ZERO <= c <= _NINE:
-            found += 1
-            if found <= _MOST_DIGITS:
+            digits += 1
+            if digits <= _MOST_DIGITS:
                 mantissa = mantissa * 10 + (c - _ZERO)
                 power -= pointed
             else:
@@ -135,7 +135,7 @@ def _digits(text: Text, at: int, stop: int) -> tuple[int, int, int]:
         else:
             break
         at += 1
-    return at, mantissa if found else -1, power
+    return at, mantissa if digits else -1, power
 
 
 @compiled
@@ -143,12 +143,12 @@ def _exponent(text: Text, at: int, stop: int) -> int:
     """The exponent behind its letter; beyond ``_LARGEST_EXPONENT`` if it is none."""
     for letter in _EXPONENT_LETTERS:
         if text[at] == letter:
-            return _whole(text, at + 1, stop)
+            return _whole_number(text, at + 1, stop)
     return _LARGEST_EXPONENT + 1
 
 
 @compiled
-def _whole(text: Text, at: int, stop: int) -> int:
+def _whole_number(text: Text, at: int, stop: int) -> int:
     """A whole number with its sign; beyond ``_LARGEST_EXPONENT`` if there is none."""
     if at >= stop:
         return _LARGEST_EXPONENT + 1
@@ -156,14 +156,14 @@ def _whole(text: Text, at: int, stop: int) -> int:
     if negative or text[at] == _PLUS:
         at += 1
     value = 0
-    found = False
+    has_digit = False
     while at < stop:
         if not _ZERO <= text[at] <= _NINE or value > _LARGEST_EXPONENT:
             return _LARGEST_EXPONENT + 1
         value = value * 10 + (text[at] - _ZERO)
-        found = True
+        has_digit = True
         at += 1
-    if not found or value > _LARGEST_EXPONENT:
+    if not has_digit or value > _LARGEST_EXPONENT:
         return _LARGEST_EXPONENT + 1
     return -value if negative else value
 

@@ -65,13 +65,13 @@ def read_navigation(lines: Lines, header: Header, notes: Notes) -> Navigation:
     if header.version >= 4:
         ionosphere = ionosphere_4(lines, header) or ionosphere
     return Navigation(
-        _kepler(_whole(records.take(~other & ~is_glonass), _KEPLER_LINES, notes), notes),
-        _glonass(_whole(records.take(is_glonass), _GLONASS_LINES, notes), notes),
+        _kepler(_complete(records.take(~other & ~is_glonass), _KEPLER_LINES, notes), notes),
+        _glonass(_complete(records.take(is_glonass), _GLONASS_LINES, notes), notes),
         ionosphere,
     )
 
 
-def _whole(records: Records, least: int, notes: Notes) -> Records:
+def _complete(records: Records, least: int, notes: Notes) -> Records:
     """Those that have all their lines."""
     short = records.count < least
     if short.any():
@@ -159,9 +159,9 @@ def _healthy(records: Records, is_fnav: Bools) -> Bools:
 def _doubled(kepler: KeplerEphemerides, is_fnav: Bools) -> Bools:
     """Records of Galileo's F/NAV beside which there is one of I/NAV for the same satellite and time."""
     better = (kepler.system == GALILEO) & ~is_fnav
-    known = set(zip(kepler.number[better].tolist(), kepler.toe_s[better].tolist(), strict=True))
+    better_ones = set(zip(kepler.number[better].tolist(), kepler.toe_s[better].tolist(), strict=True))
     rows = zip(is_fnav.tolist(), kepler.number.tolist(), kepler.toe_s.tolist(), strict=True)
-    return np.array([fnav and (number, toe) in known for fnav, number, toe in rows], bool)
+    return np.array([fnav and (number, toe) in better_ones for fnav, number, toe in rows], bool)
 
 
 def _without(kepler: KeplerEphemerides, drop: Bools) -> KeplerEphemerides:

@@ -121,10 +121,10 @@ def _walk(lines: Lines, header: Header, notes: Notes) -> _Rows:
             f"This RINEX file has over {MOST_EVENTS} headers in mid-file. Export it again without them.",
             where=f"line {rows.state[LINE] + 1}",
         )
-    found = rows.state[ROWS]
+    row_count = rows.state[ROWS]
     rows.epoch_line = rows.epoch_line[: rows.state[EPOCHS]]
     for name in ("line", "epoch", "name", "part"):
-        setattr(rows, name, getattr(rows, name)[:found])
+        setattr(rows, name, getattr(rows, name)[:row_count])
     if header.version >= 3:
         rows.name = lines.start[rows.line]
     notes.skip("lines of no epoch", int(rows.state[STRAY]))
@@ -173,9 +173,9 @@ def _epochs(lines: Lines, header: Header, rows: _Rows, notes: Notes) -> tuple[Fl
             "epochs at no possible time", len(bad), f"line {line + 1}: {lines.line(line)[:30].strip()!r}",
             position=True,
         )  # fmt: skip
-    kept = seconds[good]
-    backwards = int(np.count_nonzero(np.diff(kept) < 0))
-    repeated = len(kept) - len(np.unique(kept)) if len(kept) else 0
+    good_s = seconds[good]
+    backwards = int(np.count_nonzero(np.diff(good_s) < 0))
+    repeated = len(good_s) - len(np.unique(good_s)) if len(good_s) else 0
     if backwards:
         notes.repaired["epochs out of order"] += backwards
         notes.warn(f"{backwards} of the epochs stand before an earlier one: they were sorted by time.")

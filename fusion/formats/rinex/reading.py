@@ -29,14 +29,14 @@ def read_file(data: Data, progress: Progress, navigation: Navigation) -> DriveLo
     progress("read observations", 0.1)
     if header.is_observations:
         return _observations(lines, header, notes, progress, navigation)
-    found = read_navigation(lines, header, notes)
+    kepler_and_glonass = read_navigation(lines, header, notes)
     progress("read navigation data", 1.0)
-    if not len(found):
+    if not len(kepler_and_glonass):
         raise EmptyLogError(
             "This RINEX navigation file holds no usable ephemeris of GPS, GLONASS, Galileo, BeiDou or QZSS. "
             "Upload another one of the same day."
         )
-    return build_log(NAME, DESCRIPTION, notes, {}, raw=RawGnss(navigation=found), part=True)
+    return build_log(NAME, DESCRIPTION, notes, {}, raw=RawGnss(navigation=kepler_and_glonass), part=True)
 
 
 def _observations(

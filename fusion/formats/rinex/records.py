@@ -96,9 +96,9 @@ def _heads_4(lines: Lines, body: Ints, notes: Notes) -> tuple[Ints, Ints]:
     count = np.diff(np.append(at, len(body))) - 1
     kinds = [lines.line(int(i)).split() for i in body[at]]
     ephemeris = np.array([k[1:2] == ["EPH"] for k in kinds], bool)
-    known = np.array([len(k) > 3 and (k[2][:1], k[3]) in _READ_4 for k in kinds], bool)
-    notes.skip(MODERN_MESSAGE, int((ephemeris & ~known).sum()))
-    keep = ephemeris & known & (count > 0)
+    readable = np.array([len(k) > 3 and (k[2][:1], k[3]) in _READ_4 for k in kinds], bool)
+    notes.skip(MODERN_MESSAGE, int((ephemeris & ~readable).sum()))
+    keep = ephemeris & readable & (count > 0)
     return body[at[keep] + 1], count[keep]
 
 
@@ -109,8 +109,8 @@ def _values(lines: Lines, head: Ints, count: Ints, lead: Ints) -> Floats:
     row = np.where(there, row, 0)
     at = (lines.start[row] + lead[:, None])[:, :, None] + _WIDTH * np.arange(4)
     stop = at + _WIDTH
-    whole = there[:, :, None] & (stop <= lines.end[row][:, :, None])
-    value = numbers(lines.text, np.where(whole, at, 0).ravel(), np.where(whole, stop, 0).ravel())
+    complete = there[:, :, None] & (stop <= lines.end[row][:, :, None])
+    value = numbers(lines.text, np.where(complete, at, 0).ravel(), np.where(complete, stop, 0).ravel())
     value = value.reshape(at.shape)
     value[:, 0, 0] = np.nan  # satellite and time
     return np.where(np.isfinite(value), value, np.nan)
@@ -120,19 +120,19 @@ def ionosphere_4(lines: Lines, header: Header) -> tuple[float, ...] | None:
     """Klobuchar's parameters of the first such message of GPS (else QZSS) in a file of version 4."""
     body = np.arange(header.lines, len(lines))
     at = body[(lines.column(body, 0) == ord(">")) & (lines.column(body, 2) == ord("I"))]
-    found: dict[str, tuple[float, ...]] = {}
+    coefficients: dict[str, tuple[float, ...]] = {}
     for i in at:
         words = lines.line(int(i)).split()
         if (
             words[1:2] == ["ION"]
             and words[3:4] == ["LNAV"]
             and words[2][0] in "GJ"
-            and words[2][0] not in found
+            and words[2][0] not in coefficients
         ):
             value = _values(lines, np.array([i + 1]), np.array([min(3, len(lines) - i - 1)]), np.array([4]))[
                 0
             ]
             eight = (*value[0, 1:], *value[1], value[2, 0])
             if np.isfinite(eight).all() and any(eight):
-                found[words[2][0]] = tuple(float(v) for v in eight)
-    return found.get("G") or found.get("J")
+                coefficients[words[2][0]] = tuple(float(v) for v in eight)
+    return coefficients.get("G") or coefficients.get("J")

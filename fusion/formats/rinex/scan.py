@@ -28,17 +28,17 @@ _LETTERS = np.frombuffer(b"GRECJS", np.uint8)
 
 
 @compiled
-def _whole(text: Text, at: int, stop: int, end: int) -> int:
+def _whole_number(text: Text, at: int, stop: int, end: int) -> int:
     """The whole number without sign in columns up to the line's end; -1 if there is none or something else."""
-    value, found = 0, False
+    value, has_digit = 0, False
     for i in range(at, min(stop, end)):
         c = text[i]
         if 48 <= c <= 57:
             value = value * 10 + (c - 48)
-            found = True
+            has_digit = True
         elif c != 32:
             return -1
-    return value if found else -1
+    return value if has_digit else -1
 
 
 @compiled
@@ -56,8 +56,8 @@ def scan_3(
             state[STRAY] += at < end[i]
             i += 1
             continue
-        flag = _whole(text, at + 31, at + 32, end[i])
-        count = _whole(text, at + 32, at + 35, end[i])
+        flag = _whole_number(text, at + 31, at + 32, end[i])
+        count = _whole_number(text, at + 32, at + 35, end[i])
         if flag < 0 or flag > 6 or count < 0:
             state[STRAY] += 1
             i += 1
@@ -65,16 +65,16 @@ def scan_3(
         if 2 <= flag <= 5:
             state[LINE] = i
             return count
-        taken, own = 0, i
+        rows_taken, own = 0, i
         i += 1
-        while taken < count and i < n and (start[i] == end[i] or text[start[i]] != 62):
+        while rows_taken < count and i < n and (start[i] == end[i] or text[start[i]] != 62):
             if flag < 2 and start[i] < end[i]:
                 row_line[state[ROWS]] = i
                 row_epoch[state[ROWS]] = state[EPOCHS]
                 state[ROWS] += 1
-            taken += 1
+            rows_taken += 1
             i += 1
-        state[SHORT] += taken < count
+        state[SHORT] += rows_taken < count
         if flag < 2:
             epoch_line[state[EPOCHS]] = own
             state[EPOCHS] += 1
@@ -87,7 +87,7 @@ def _is_epoch_2(text: Text, start: int, end: int) -> bool:
     """Whether a line of version 2 opens an epoch or an event: a date (or blanks) with a flag and a count behind it."""
     if end - start < 32 or text[start] != 32 or not 48 <= text[start + 28] <= 54:
         return False
-    if _whole(text, start + 29, start + 32, end) < 0:
+    if _whole_number(text, start + 29, start + 32, end) < 0:
         return False
     if text[start + 18] == 46:
         return bool(text[start + 26] != 46)
@@ -121,19 +121,19 @@ def scan_2(
             i += 1
             continue
         flag = text[at + 28] - 48
-        count = _whole(text, at + 29, at + 32, end[i])
+        count = _whole_number(text, at + 29, at + 32, end[i])
         if 2 <= flag <= 5:
             state[LINE] = i
             return count
         names = (count + 11) // 12
         first = i + max(names, 1)
         stop = first + count * per
-        whole = stop <= n
+        complete = stop <= n
         for j in range(i + 1, min(stop, n)):
             if _is_epoch_2(text, start[j], end[j]):
-                whole, stop = False, j
+                complete, stop = False, j
                 break
-        if not whole:
+        if not complete:
             state[SHORT] += 1
             count = 0 if stop <= n else max(0, (n - first) // per)
         if flag < 2:
@@ -158,7 +158,7 @@ def _satellite(text: Text, at: int, otherwise: int) -> int:
     for k in range(len(_LETTERS)):
         if text[at] == _LETTERS[k]:
             system = k
-    value = _whole(text, at + 1, at + 3, at + 3)
+    value = _whole_number(text, at + 1, at + 3, at + 3)
     if value <= 0 or not (text[at] == 32 or 65 <= text[at] <= 90):
         return -2
     return system * MOST_NUMBERS + value if system >= 0 else -1

@@ -94,6 +94,6 @@ def _log_tailed(away_m: Floats, sigma_m: Floats, tail_m: Floats) -> Floats:
     """
     s = sigma_m / tail_m
     bend = (s - away_m / sigma_m) / np.sqrt(2.0)
-    left = -0.5 * (away_m / sigma_m) ** 2 + np.log(erfcx(np.maximum(bend, 0.0)) / 2.0)
+    left_side = -0.5 * (away_m / sigma_m) ** 2 + np.log(erfcx(np.maximum(bend, 0.0)) / 2.0)
     right = 0.5 * s**2 - away_m / tail_m + log_ndtr(-np.sqrt(2.0) * np.minimum(bend, 0.0))
-    return np.asarray(np.where(bend > 0, left, right) - np.log(tail_m))
+    return np.asarray(np.where(bend > 0, left_side, right) - np.log(tail_m))

@@ -124,7 +124,7 @@ def pull(error_m: float, share: float, variance_m2: float, delay_m: float) -> fl
 @compiled
 def modes(share: Floats, variance_m2: Floats, delay_m: Floats) -> Floats:
     """Where each law is densest, m (n,): between 0 and a few sigmas, by bisection."""
-    found = np.zeros(len(share))
+    value = np.zeros(len(share))
     for i in range(len(share)):
         low, high = 0.0, 3 * math.sqrt(variance_m2[i]) + delay_m[i]
         for _ in range(_BISECTIONS):
@@ -133,8 +133,8 @@ def modes(share: Floats, variance_m2: Floats, delay_m: Floats) -> Floats:
                 high = middle
             else:
                 low = middle
-        found[i] = 0.5 * (low + high)
-    return found
+        value[i] = 0.5 * (low + high)
+    return value
 
 
 @compiled

@@ -23,8 +23,8 @@ class OneSidedModel:
 
     def at(self, cn0_dbhz: float) -> ErrorLaw:
         """The law of an error at a C/N0, dB-Hz or NaN."""
-        known = np.array([cn0_dbhz])
-        reflected, sigma = float(self.reflected(known)[0]), float(np.sqrt(self.rule.variance(known)[0]))
+        cn0 = np.array([cn0_dbhz])
+        reflected, sigma = float(self.reflected(cn0)[0]), float(np.sqrt(self.rule.variance(cn0)[0]))
         delays = np.array([0.0, self.rule.delay_m])
         return ErrorLaw(np.array([1.0 - reflected, reflected]), np.zeros(2), np.full(2, sigma), delays)
 

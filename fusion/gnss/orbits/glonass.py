@@ -45,11 +45,11 @@ def _carry(state: Floats, pull: Floats, since_s: Floats) -> None:
     """Carry states (n, 6) on by times (n,), in place."""
     slope, trial, total = np.empty(6), np.empty(6), np.empty(6)
     for row in range(len(state)):
-        left = since_s[row]
+        remaining_s = since_s[row]
         now = state[row]
-        while abs(left) > 1e-9:
-            step = min(max(left, -STEP_S), STEP_S)
-            left -= step
+        while abs(remaining_s) > 1e-9:
+            step = min(max(remaining_s, -STEP_S), STEP_S)
+            remaining_s -= step
             total[:] = 0.0
             trial[:] = now
             for stage in range(4):

@@ -95,5 +95,5 @@ def _states(navigation: Navigation, chosen: Records, system: Ints, gps_s: Floats
         position[rows], velocity[rows], clock[rows], rate[rows] = glonass_states(moving, record, gps_s[rows])
         carrier[rows] += GLONASS_CHANNEL_HZ * moving.channel[record]
         healthy[rows] = moving.healthy[record]
-    known = np.isfinite(position).all(axis=1) & np.isfinite(clock)
-    return SatelliteStates(position, velocity, clock, rate, carrier, known, healthy)
+    has_orbit = np.isfinite(position).all(axis=1) & np.isfinite(clock)
+    return SatelliteStates(position, velocity, clock, rate, carrier, has_orbit, healthy)

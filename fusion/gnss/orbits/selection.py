@@ -61,7 +61,7 @@ def _nearest(
     name: Ints,
     toe_s: Floats,
     better: tuple[Floats | Ints | Bools, ...],
-    wanted: Ints,
+    satellite: Ints,
     gps_s: Floats,
     limit_s: Floats,
 ) -> Ints:
@@ -69,17 +69,17 @@ def _nearest(
     order = np.lexsort((*better, toe_s, name))
     order = order[np.isfinite(toe_s[order])]
     if not len(order):
-        return np.full(len(wanted), -1, np.int64)
+        return np.full(len(satellite), -1, np.int64)
     axis = name[order] * _FAR_S + toe_s[order]
     best = np.append(np.diff(axis) > 0, True)  # the last of those with one name and time
     order, axis = order[best], axis[best]
-    after = np.searchsorted(axis, wanted * _FAR_S + np.nan_to_num(gps_s))
-    found = np.full(len(wanted), -1, np.int64)
+    after = np.searchsorted(axis, satellite * _FAR_S + np.nan_to_num(gps_s))
+    chosen = np.full(len(satellite), -1, np.int64)
     least = limit_s + _SLACK_S
     for place in (after - 1, after):
         record = order[np.clip(place, 0, len(order) - 1)]
-        inside = (place >= 0) & (place < len(order)) & (name[record] == wanted)
+        inside = (place >= 0) & (place < len(order)) & (name[record] == satellite)
         away = np.abs(gps_s - toe_s[record])
-        nearer = inside & (away <= least) & ((found < 0) | (away < least))
-        found, least = np.where(nearer, record, found), np.where(nearer, away, least)
-    return found
+        nearer = inside & (away <= least) & ((chosen < 0) | (away < least))
+        chosen, least = np.where(nearer, record, chosen), np.where(nearer, away, least)
+    return chosen

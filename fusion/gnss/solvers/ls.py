@@ -146,20 +146,20 @@ def _solve(
     reference = 0
     while not clocks[reference]:
         reference += 1
-    known = [0, 1, 2, CLOCK]
+    unknowns = [0, 1, 2, CLOCK]
     for g in range(reference + 1, len(clocks)):
         if clocks[g]:
-            known.append(BIASES + g - 1)
-    size = len(known)
+            unknowns.append(BIASES + g - 1)
+    size = len(unknowns)
     mean[3:] = 0.0
     for _ in range(_STEPS):
-        normal, middle, right = _equations(rows, unseen_m2, begin, used, reference, np.array(known), mean)
+        normal, middle, right = _equations(rows, unseen_m2, begin, used, reference, np.array(unknowns), mean)
         inverse = np.empty((size, size))
         if not invert(normal, inverse):
             return False
         change = inverse @ right
         for a in range(size):
-            mean[known[a]] += change[a]
+            mean[unknowns[a]] += change[a]
         if np.abs(change).max() < _CLOSE_M:
             break
     else:
@@ -171,10 +171,10 @@ def _solve(
 
 @compiled
 def _equations(
-    rows: Rows, unseen_m2: Floats, begin: int, used: Bools, reference: int, known: Ints, mean: Floats
+    rows: Rows, unseen_m2: Floats, begin: int, used: Bools, reference: int, unknowns: Ints, mean: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """H'PH (2.6), H'P V P H with V of ``unseen_m2``, and H'P residual, for the ``known`` (j,) places of the state."""
-    size = len(known)
+    size = len(unknowns)
     normal, middle, right = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
     row = np.zeros(len(mean))
     for j in range(len(used)):
@@ -184,11 +184,11 @@ def _equations(
         group = rows.group[r] if rows.group[r] != reference else 0
         residual = rows.range_m[r] - range_row(mean, rows.place_m[r], group, row)
         for a in range(size):
-            weighed = row[known[a]] / rows.variance_m2[r]
+            weighed = row[unknowns[a]] / rows.variance_m2[r]
             right[a] += weighed * residual
             for b in range(size):
-                normal[a, b] += weighed * row[known[b]]
-                middle[a, b] += weighed * row[known[b]] * unseen_m2[r] / rows.variance_m2[r]
+                normal[a, b] += weighed * row[unknowns[b]]
+                middle[a, b] += weighed * row[unknowns[b]] * unseen_m2[r] / rows.variance_m2[r]
     return normal, middle, right
 
 

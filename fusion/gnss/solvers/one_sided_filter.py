@@ -76,9 +76,9 @@ def forward(problem: Problem, about: Floats, out: Pass) -> None:
             out.begins[k] = True
         else:
             moves = out.moves[k]
-            given = about[k - 1] if np.isfinite(about[k - 1, 0]) else mean
-            motions.step(problem.drive, k, given, moves, noise)
-            bias = 0.0 if problem.drive.gyro < 0 else given[problem.drive.gyro]
+            around = about[k - 1] if np.isfinite(about[k - 1, 0]) else mean
+            motions.step(problem.drive, k, around, moves, noise)
+            bias = 0.0 if problem.drive.gyro < 0 else around[problem.drive.gyro]
             mean = moves @ mean
             _without_bias(problem.drive.gyro, bias, moves, mean)
             covariance = moves @ covariance @ moves.T + noise
@@ -132,11 +132,11 @@ def _lost(problem: Problem, epoch: int, mean: Floats, covariance: Floats) -> boo
 
 @compiled
 def _correct(
-    problem: Problem, epoch: int, given: Floats, mean: Floats, covariance: Floats
+    problem: Problem, epoch: int, around: Floats, mean: Floats, covariance: Floats
 ) -> tuple[Floats, Floats]:
     """The estimate after an epoch's measurements, about ``given`` (n,) or, where that is NaN, about itself."""
-    fixed = np.isfinite(given[0])
-    at = given.copy() if fixed else mean.copy()
+    fixed = np.isfinite(around[0])
+    at = around.copy() if fixed else mean.copy()
     after, spread = mean, covariance
     wider = problem.rate_wider if fixed else problem.rate_wider * _STEP_WIDER ** (ITERATIONS - 1)
     for _ in range(1 if fixed else ITERATIONS):

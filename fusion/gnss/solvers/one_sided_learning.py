@@ -68,9 +68,9 @@ def correlation_s(rows: Rows, errors: Errors, time_s: Floats, residual_m: Floats
     total = 1.0
     for lag in range(1, min(int(_LONGEST_LAG_S / step_s) + 1, len(table) - 1)):
         both = table[:-lag], table[lag:]
-        seen = np.isfinite(both[0] * both[1])
-        size = np.sqrt(np.sum(both[0][seen] ** 2) * np.sum(both[1][seen] ** 2))
-        alike = np.sum((both[0] * both[1])[seen]) / size if size > 0 else 0.0
+        has_both = np.isfinite(both[0] * both[1])
+        size = np.sqrt(np.sum(both[0][has_both] ** 2) * np.sum(both[1][has_both] ** 2))
+        alike = np.sum((both[0] * both[1])[has_both]) / size if size > 0 else 0.0
         if alike < _UNCORRELATED:
             break
         total += 2 * alike
@@ -126,16 +126,16 @@ def common_errors(problem: Problem, track: Pass, mean: Floats, satellites: int) 
         np.zeros((unknowns, unknowns)),
         np.zeros((unknowns, unknowns)),
     )
-    whole, row = np.empty(n), np.empty(unknowns)
+    state_row, row = np.empty(n), np.empty(unknowns)
     for k in range(epochs):
         if not track.known[k]:
             continue
-        kept = np.exp(-problem.drive.dt_s[k] / _COMMON_MEMORY_S)
-        pulls *= kept
-        normal *= kept
+        decay = np.exp(-problem.drive.dt_s[k] / _COMMON_MEMORY_S)
+        pulls *= decay
+        normal *= decay
         for r in range(rows.first[k], rows.first[k + 1]):
-            error = rows.range_m[r] - state.range_row(mean[k], rows.place_m[r], rows.group[r], whole)
-            row[:3] = whole[:3]
+            error = rows.range_m[r] - state.range_row(mean[k], rows.place_m[r], rows.group[r], state_row)
+            row[:3] = state_row[:3]
             row[3:] = 0.0
             row[3] = 1.0
             if rows.group[r] > 0:

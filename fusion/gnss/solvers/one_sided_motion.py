@@ -86,8 +86,8 @@ def _led(motion: Drive, epoch: int, mean: Floats, moves: Floats, noise: Floats) 
     dt = motion.dt_s[epoch]
     speed = 0.5 * (motion.speed_mps[epoch - 1] + motion.speed_mps[epoch])
     yaw = 0.5 * (motion.yaw_radps[epoch - 1] + motion.yaw_radps[epoch])
-    told = np.isfinite(yaw)
-    yaw = yaw if told else 0.0
+    has_yaw = np.isfinite(yaw)
+    yaw = yaw if has_yaw else 0.0
     gyro = motion.gyro
     half = 0.5 * dt * (yaw - mean[gyro])
     way = speed * dt
@@ -104,11 +104,11 @@ def _led(motion: Drive, epoch: int, mean: Floats, moves: Floats, noise: Floats) 
     moves[3, 3], moves[3, 4] = cos, sin
     moves[4, 3], moves[4, 4] = -sin, cos
     moves[2, 5], moves[5, 5] = way, 1.0
-    if told:
+    if has_yaw:
         east, north = cos * mean[3] + sin * mean[4], cos * mean[4] - sin * mean[3]
         moves[3, gyro], moves[4, gyro] = -dt * north, dt * east
         moves[0, gyro], moves[1, gyro] = -0.5 * dt * way * north, 0.5 * dt * way * east
-    turn = dt * (_DIRECTION_PER_S + (_TURN_ERROR * yaw) ** 2) if told else dt * _UNTOLD_TURN_PER_S
+    turn = dt * (_DIRECTION_PER_S + (_TURN_ERROR * yaw) ** 2) if has_yaw else dt * _UNTOLD_TURN_PER_S
     slide = (motion.sigma_mps[epoch] * dt) ** 2 + (_SLIDE_M2PS * dt if speed > 0 else 0.0)
     for i in range(2):
         noise[i, i] = slide + turn * way * way / 3

@@ -206,26 +206,26 @@ def start(rows: Rows, epoch: int, mean: Floats, covariance: Floats) -> bool:
 def _solve(rows: Rows, epoch: int, of_rates: bool, prior: Floats, mean: Floats, covariance: Floats) -> bool:
     """Robust least squares for place, clock and biases, or for velocity and drift; information ``prior`` (n,)."""
     n = len(mean)
-    known = np.array([i for i in range(n) if (i in (3, 4, 5, 7)) == of_rates])
+    states = np.array([i for i in range(n) if (i in (3, 4, 5, 7)) == of_rates])
     centre = mean.copy()
-    inverse = np.zeros((len(known), len(known)))
+    inverse = np.zeros((len(states), len(states)))
     for step in range(_START_STEPS):
         normal, right = np.diag(prior), prior * (centre - mean)
         # Linear first: from a rough place all residuals are large.
         _add_rows(rows, epoch, of_rates, step >= _LINEAR_STEPS, mean, normal, right)
-        part, aim = np.empty((len(known), len(known))), np.empty(len(known))
-        for a in range(len(known)):
-            aim[a] = right[known[a]]
-            for b in range(len(known)):
-                part[a, b] = normal[known[a], known[b]]
+        part, aim = np.empty((len(states), len(states))), np.empty(len(states))
+        for a in range(len(states)):
+            aim[a] = right[states[a]]
+            for b in range(len(states)):
+                part[a, b] = normal[states[a], states[b]]
         if not invert(part, inverse):
             return False
-        for a in range(len(known)):
-            mean[known[a]] += np.sum(inverse[a] * aim)
+        for a in range(len(states)):
+            mean[states[a]] += np.sum(inverse[a] * aim)
     covariance[:, :] = 0.0
-    for a in range(len(known)):
-        for b in range(len(known)):
-            covariance[known[a], known[b]] = inverse[a, b]
+    for a in range(len(states)):
+        for b in range(len(states)):
+            covariance[states[a], states[b]] = inverse[a, b]
     return bool(max(covariance[0, 0], covariance[1, 1], covariance[2, 2]) <= _WIDEST_START_M**2)
 
 

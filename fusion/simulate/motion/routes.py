@@ -119,29 +119,29 @@ def plan_route(
     """
     arcs = Arcs.of(town, closed)
     visits = np.zeros(len(town.roads), np.int64) if visits is None else visits
-    wanted = np.zeros(len(town.roads), bool) if first is None else np.asarray(first) & (visits == 0)
+    remaining = np.zeros(len(town.roads), bool) if first is None else np.asarray(first) & (visits == 0)
     chosen = [int(rng.integers(len(arcs)))]
-    _count(arcs, chosen, visits, wanted)
+    _count(arcs, chosen, visits, remaining)
     elapsed = 0.0
     while elapsed < duration_s:
-        leg = _next_leg(arcs, chosen[-1], visits, wanted, rng)
-        _count(arcs, leg, visits, wanted)
+        leg = _next_leg(arcs, chosen[-1], visits, remaining, rng)
+        _count(arcs, leg, visits, remaining)
         chosen += leg
         elapsed += float(arcs.seconds[leg].sum())
     path = np.array(chosen)
     return Route(arcs.segment[path], arcs.forward[path])
 
 
-def _count(arcs: Arcs, leg: list[int], visits: Ints, wanted: NDArray[np.bool_]) -> None:
+def _count(arcs: Arcs, leg: list[int], visits: Ints, remaining: NDArray[np.bool_]) -> None:
     np.add.at(visits, arcs.segment[leg], 1)
-    wanted[arcs.segment[leg]] = False
+    remaining[arcs.segment[leg]] = False
 
 
 def _next_leg(
-    arcs: Arcs, here: int, visits: Ints, wanted: NDArray[np.bool_], rng: np.random.Generator
+    arcs: Arcs, here: int, visits: Ints, remaining: NDArray[np.bool_], rng: np.random.Generator
 ) -> list[int]:
     """The arcs from the end of ``here`` to the nearest arc of the most wanted sort, that one included."""
-    rank = np.where(wanted, -1, visits)[arcs.segment]
+    rank = np.where(remaining, -1, visits)[arcs.segment]
     seconds = arcs.seconds * rng.uniform(0.6, 1.4, len(arcs))
     far, before = dijkstra(arcs.graph(seconds), indices=here, return_predecessors=True)
     reached = np.isfinite(far)

@@ -93,14 +93,14 @@ def _draw_crossing(grid: Grid, east: list[int], west: list[int]) -> tuple[int, i
 def _draw_ramps(plan: Plan, east: list[int], west: list[int], south: int, north: int) -> None:
     """The diamond's four ramps, each one-way, between the carriageways and the primary."""
     shares = np.array([0.2, 0.38, 0.56, 0.76])
-    left, right = _MOTORWAY_X_M.index(-330.0), _MOTORWAY_X_M.index(330.0)
+    west_column, east_column = _MOTORWAY_X_M.index(-330.0), _MOTORWAY_X_M.index(330.0)
     inward = np.array([110.0, 0.0])
-    for a, b in ((east[left], south), (west[right], north)):
-        line, k = (east, left + 1) if b == south else (west, right - 1)
+    for a, b in ((east[west_column], south), (west[east_column], north)):
+        line, k = (east, west_column + 1) if b == south else (west, east_column - 1)
         lead = 1.8 * (plan.xy(line[k]) - plan.xy(a))
         _link(plan, a, plan.xy(a) + lead, plan.xy(b) - inward * np.sign(lead[0]), b, shares)
-    for a, b in ((south, east[right]), (north, west[left])):
-        line, k = (east, right - 1) if a == south else (west, left + 1)
+    for a, b in ((south, east[east_column]), (north, west[west_column])):
+        line, k = (east, east_column - 1) if a == south else (west, west_column + 1)
         lead = 1.8 * (plan.xy(line[k]) - plan.xy(b))
         _link(plan, a, plan.xy(a) - inward * np.sign(lead[0]), plan.xy(b) + lead, b, 1 - shares[::-1])
 

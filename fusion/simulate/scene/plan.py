@@ -66,10 +66,12 @@ class Plan:
 
     def street(self, name: str | None, nodes: Sequence[int], kinds: Kind | Sequence[Kind]) -> Street:
         """Add a street along existing nodes; one ``kind`` serves all its segments."""
-        every = [kinds] * (len(nodes) - 1) if isinstance(kinds, Kind) else list(kinds)
-        if len(every) != len(nodes) - 1:
-            raise ValueError(f"{name}: {len(nodes)} nodes need {len(nodes) - 1} kinds, not {len(every)}")
-        street = Street(name, list(nodes), every)
+        kind_of_each = [kinds] * (len(nodes) - 1) if isinstance(kinds, Kind) else list(kinds)
+        if len(kind_of_each) != len(nodes) - 1:
+            raise ValueError(
+                f"{name}: {len(nodes)} nodes need {len(nodes) - 1} kinds, not {len(kind_of_each)}"
+            )
+        street = Street(name, list(nodes), kind_of_each)
         self.streets.append(street)
         return street
 

@@ -45,16 +45,16 @@ def dem_heights(town: Town) -> tuple[Floats, float, float]:
     """Heights of the posts (rows from north, NaN in voids), the grid's west and north edge (degrees)."""
     reach = HALF_SIZE_M + _MARGIN_M
     lon, lat = town.projection.to_lonlat(np.array([-reach, reach]), np.array([-reach, reach]))
-    left, right = int(np.floor(lon[0] / POSTING_DEG)), int(np.ceil(lon[1] / POSTING_DEG))
+    west, east = int(np.floor(lon[0] / POSTING_DEG)), int(np.ceil(lon[1] / POSTING_DEG))
     bottom, top = int(np.floor(lat[0] / POSTING_DEG)), int(np.ceil(lat[1] / POSTING_DEG))
-    column = (np.arange(left, right) + 0.5) * POSTING_DEG
+    column = (np.arange(west, east) + 0.5) * POSTING_DEG
     row = (np.arange(top, bottom, -1) - 0.5) * POSTING_DEG
     x, y = town.projection.to_xy(*np.meshgrid(column, row))
     rng = np.random.default_rng([town.seed, 5])
     spacing = float(np.mean(np.diff(x, axis=1))), float(-np.mean(np.diff(y, axis=0)))
     height = town.height(x, y) + ERROR_SIGMA_M * correlated_field(rng, x.shape, spacing, ERROR_LENGTH_M)
     height[_void(rng, x, y)] = np.nan
-    return height, left * POSTING_DEG, top * POSTING_DEG
+    return height, west * POSTING_DEG, top * POSTING_DEG
 
 
 def correlated_field(

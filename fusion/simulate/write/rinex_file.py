@@ -88,8 +88,8 @@ def _calendar(seconds: float) -> datetime:
 
 def _epoch(gps_s: float) -> str:
     """As in epoch lines, to 100 ns."""
-    whole, parts = divmod(round(gps_s * 1e7), 10**7)
-    return f"{_calendar(whole):%Y %m %d %H %M %S}.{parts:07d}"
+    whole_s, parts = divmod(round(gps_s * 1e7), 10**7)
+    return f"{_calendar(whole_s):%Y %m %d %H %M %S}.{parts:07d}"
 
 
 def _channels(signals: Signals) -> list[str]:

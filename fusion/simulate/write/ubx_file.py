@@ -79,7 +79,7 @@ def _itow(drive: SimulatedDrive) -> NDArray[Any]:
     return (gps_ms % (WEEK_S * 1000)).astype(EOE)
 
 
-def _whole(values: Floats, scale: float) -> NDArray[np.int64]:
+def _scaled(values: Floats, scale: float) -> NDArray[np.int64]:
     return np.round(values * scale).astype(np.int64)
 
 
@@ -101,28 +101,28 @@ def _pvt(drive: SimulatedDrive) -> NDArray[Any]:
         ("height", alt + GEOID_UNDULATION_M, 1e3),
         ("hMSL", alt, 1e3),
     ):
-        out[name] = np.where(last < 0, 0, _whole(values[held], scale))
+        out[name] = np.where(last < 0, 0, _scaled(values[held], scale))
     ned = drive.gnss.velocity_ned_mps
     speed = np.hypot(ned[:, 0], ned[:, 1])
     course = np.degrees(np.arctan2(ned[:, 1], ned[:, 0])) % 360.0
     for k, name in enumerate(("velN", "velE", "velD")):
-        out[name] = np.where(fix, _whole(ned[:, k], 1e3), 0)
-    out["gSpeed"] = np.where(fix, _whole(speed, 1e3), 0)
-    out["headMot"] = _whole(course[held], 1e5)
+        out[name] = np.where(fix, _scaled(ned[:, k], 1e3), 0)
+    out["gSpeed"] = np.where(fix, _scaled(speed, 1e3), 0)
+    out["headMot"] = _scaled(course[held], 1e5)
     for name, accuracy in (("hAcc", p.h_acc_m), ("vAcc", p.v_acc_m)):
         out[name] = np.where(fix, round(accuracy * 1e3), _UNKNOWN_ACCURACY)
     out["sAcc"] = np.where(fix, round(p.s_acc_mps * 1e3), 20_000)
     course_acc = np.degrees(np.minimum(np.pi, p.doppler_mps / np.maximum(speed, 0.05)))
-    out["headAcc"] = np.where(fix, _whole(course_acc, 1e5), 180 * 10**5)
+    out["headAcc"] = np.where(fix, _scaled(course_acc, 1e5), 180 * 10**5)
     out["pDOP"] = np.where(fix, 140, 9999)
     return out
 
 
 def _fill_clock(out: NDArray[Any], time_s: Floats) -> None:
     """UTC rounded to the nearest second, the rest in ``nano`` (which may be negative), valid throughout."""
-    whole = np.round(time_s).astype(np.int64)
-    start = datetime.fromtimestamp(int(whole[0]), UTC)
-    clock = [start + timedelta(seconds=int(s)) for s in whole - whole[0]]
+    whole_s = np.round(time_s).astype(np.int64)
+    start = datetime.fromtimestamp(int(whole_s[0]), UTC)
+    clock = [start + timedelta(seconds=int(s)) for s in whole_s - whole_s[0]]
     for name, part in (
         ("year", "year"),
         ("month", "month"),
@@ -132,7 +132,7 @@ def _fill_clock(out: NDArray[Any], time_s: Floats) -> None:
         ("sec", "second"),
     ):
         out[name] = [getattr(c, part) for c in clock]
-    out["nano"] = _whole(np.round(time_s - whole, 3), 1e9)
+    out["nano"] = _scaled(np.round(time_s - whole_s, 3), 1e9)
     out["valid"] = 0x07
     out["tAcc"] = 25
 
@@ -141,9 +141,9 @@ def _att(drive: SimulatedDrive) -> NDArray[Any]:
     imu = drive.inertial
     out = np.zeros(len(imu.roll_rad), ATT)
     out["iTOW"] = _itow(drive)
-    out["roll"] = _whole(np.degrees(imu.roll_rad), 1e5)
-    out["pitch"] = _whole(np.degrees(imu.pitch_rad), 1e5)
-    out["heading"] = _whole(np.degrees(imu.yaw_rad) % 360.0, 1e5)
+    out["roll"] = _scaled(np.degrees(imu.roll_rad), 1e5)
+    out["pitch"] = _scaled(np.degrees(imu.pitch_rad), 1e5)
+    out["heading"] = _scaled(np.degrees(imu.yaw_rad) % 360.0, 1e5)
     out["accRoll"] = out["accPitch"] = round(drive.profile.pitch_acc_deg * 1e5)
     out["accHeading"] = 2 * 10**5
     return out
@@ -156,6 +156,6 @@ def _esf(drive: SimulatedDrive, elapsed_s: Floats) -> NDArray[Any]:
     out = np.zeros(len(elapsed_s), ESF)
     out["timeTag"] = np.round(offset_ms + 1e3 * elapsed_s * rate).astype(np.int64) % 2**32
     out["flags"] = len(_SENSOR_TYPES) << 11
-    values = np.hstack([_whole(imu.force_mps2, 2**10), _whole(np.degrees(imu.rate_radps), 2**12)])
+    values = np.hstack([_scaled(imu.force_mps2, 2**10), _scaled(np.degrees(imu.rate_radps), 2**12)])
     out["data"] = (values & 0xFFFFFF) | (np.array(_SENSOR_TYPES) << 24)
     return out

@@ -72,8 +72,8 @@ def sendings(navigation: Navigation, signals: Signals) -> Iterator[Sending]:
         (BEIDOU, 1, far, BEIDOU_LATE_S, d2_parts),
     ]
     for system, signal, some, late_s, encode in kinds:
-        heard = np.isin(kepler.number, signals.number[signals.system == system])
-        rows = np.flatnonzero((kepler.system == system) & some & heard)
+        received = np.isin(kepler.number, signals.number[signals.system == system])
+        rows = np.flatnonzero((kepler.system == system) & some & received)
         row, begin_s = _schedule(kepler.number, kepler.toe_s, rows, _frames_s(signals, late_s))
         records = _take(kepler, row)
         for over_s, words in encode(records, begin_s):
@@ -81,10 +81,10 @@ def sendings(navigation: Navigation, signals: Signals) -> Iterator[Sending]:
             yield Sending(system, records.number, signal, channel, begin_s + over_s, words)
     if navigation.klobuchar is not None:
         yield _ionosphere(navigation.klobuchar, signals)
-    heard = np.isin(states.number, signals.number[signals.system == GLONASS])
+    received = np.isin(states.number, signals.number[signals.system == GLONASS])
     leap_s = float(np.round(signals.gps_s[0] + GPS_EPOCH_S - signals.time_s[0]))
     frame_s = _frames_s(signals, leap_s % FRAME_S)
-    row, begin_s = _schedule(states.number, states.toe_s, np.flatnonzero(heard), frame_s)
+    row, begin_s = _schedule(states.number, states.toe_s, np.flatnonzero(received), frame_s)
     moved = _take(states, row)
     for over_s, words in string_parts(moved, begin_s):
         yield Sending(GLONASS, moved.number, 0, moved.channel, begin_s + over_s, words)
@@ -162,8 +162,8 @@ def _ionosphere(klobuchar: tuple[float, ...], signals: Signals) -> Sending:
     names = ["page", *(f"{kind}{k}" for kind in ("alpha", "beta") for k in range(4))]
     values = dict(zip(names, np.array([lnav.IONOSPHERE_PAGE, *klobuchar])[:, None], strict=True))
     words = _subframe(4, begin_s, lnav.IONOSPHERE, {n: np.repeat(v, len(begin_s)) for n, v in values.items()})
-    heard = signals.number[signals.system == GPS]
-    number = np.full(len(begin_s), heard[0] if len(heard) else 1)
+    received = signals.number[signals.system == GPS]
+    number = np.full(len(begin_s), received[0] if len(received) else 1)
     return Sending(GPS, number, 0, np.full(len(begin_s), -7), begin_s + 4 * lnav.SUBFRAME_S, words)
 
 

@@ -48,8 +48,8 @@ def frames(message_class: int, message_id: int, payload: NDArray[np.void]) -> ND
 def in_order(messages: list[Sent]) -> bytes:
     """All messages, sorted by the time of sending."""
     sent = np.concatenate([np.empty(0), *(t for t, _ in messages)])
-    whole = [row.tobytes() for _, rows in messages for row in rows]
-    return b"".join(whole[k] for k in np.argsort(sent, kind="stable"))
+    messages_bytes = [row.tobytes() for _, rows in messages for row in rows]
+    return b"".join(messages_bytes[k] for k in np.argsort(sent, kind="stable"))
 
 
 def raw_messages(raw: RawGnss) -> list[Sent]:

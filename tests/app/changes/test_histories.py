@@ -154,7 +154,7 @@ class Other:
             self.wrote.add(self.rows[-1])
         elif self.rows:
             one = self.rows[which % len(self.rows)]
-            values = {"id": one, "new": uuid.uuid4().hex}
+            values: dict[str, object] = {"id": one, "new": uuid.uuid4().hex}
             done = self.session.execute(
                 text(OWN[what]), {k: values[k] for k in values if f":{k}" in OWN[what]}
             )

@@ -16,7 +16,7 @@ from typer.testing import CliRunner, Result
 
 import fusion
 from app.cli import app
-from app.map.outputs import OUTPUTS
+from app.exports.formats import SEGMENT_FORMATS
 from app.map.segment import PROPERTIES
 from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.formats import FORMATS, read_log
@@ -61,7 +61,7 @@ def test_one_dem_option_takes_several_rasters(bundle: Bundle, tmp_path: Path) ->
     assert "no log is named" in none.stderr
 
 
-@pytest.mark.parametrize("suffix", [output.suffix for _, output in OUTPUTS.items()])
+@pytest.mark.parametrize("suffix", [output.suffixes[0] for output in SEGMENT_FORMATS.values()])
 def test_suffix_chooses_the_output(bundle: Bundle, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"slopes{suffix}"
     result = run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, "-o", out)

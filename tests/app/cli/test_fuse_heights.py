@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli import app
-from app.map.outputs import OUTPUTS
+from app.exports.formats import SEGMENT_FORMATS
 from fusion.formats import read_log
 from fusion.report import with_duplicate
 from fusion.simulate.bundle import Bundle, write_all
@@ -110,7 +110,7 @@ def test_a_file_of_surveyed_heights_that_cannot_be_used_stops_everything(
     assert result.stderr == "versant: Line 2 of points.csv: height_m is 'high', which is no number.\n"
 
 
-@pytest.mark.parametrize("suffix", [output.suffix for _, output in OUTPUTS.items()])
+@pytest.mark.parametrize("suffix", [output.suffixes[0] for output in SEGMENT_FORMATS.values()])
 def test_heights_are_in_every_output(bundle: Bundle, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"slopes{suffix}"
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, "-o", out).exit_code == 0

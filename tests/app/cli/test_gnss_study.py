@@ -12,9 +12,9 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 import fusion.formats
-import fusion.gnss
+import fusion.gnss.positioning
 from app.cli.console import Console
-from app.cli.gnss_study import app
+from app.cli.track import app
 from fusion.errors import MissingSensorError
 from fusion.gnss.measurements import Solution
 from fusion.gnss.positioning import Positioned
@@ -41,7 +41,7 @@ def run(monkeypatch: pytest.MonkeyPatch, found: Positioned, *arguments: str | Pa
         return found
 
     monkeypatch.setattr(fusion.formats, "read_logs", lambda *_, **__: found.log, raising=False)
-    monkeypatch.setattr(fusion.gnss, "positioned", given)
+    monkeypatch.setattr(fusion.gnss.positioning, "positioned", given)
     options = ["--gnss", "receiver"]  # the registry knows it whatever solvers there are
     return CliRunner().invoke(app, [*map(str, arguments), *options], obj=Console(quiet=True))
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 
 from app.cli import app
 from app.core.db import Sessions, make_engine, session_factory
-from app.map import slope_map
+from app.map.picture import slope_map
 from app.network import extracts as road_store
 from app.roads import imports as roads
 from fusion.simulate.bundle import write_all

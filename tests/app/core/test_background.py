@@ -11,22 +11,22 @@ import pytest
 from sqlalchemy import text
 
 from app.core import background
-from app.core.background import NICENESS, let_stand_back
+from app.core.background import NICENESS, lower_server_priority
 from app.core.db import make_engine
 
-STANDS_BACK = """
+LOWERS_PRIORITY = """
 import os
 from pathlib import Path
-from app.core.background import stand_back
-stand_back()
-stand_back()
+from app.core.background import lower_priority
+lower_priority()
+lower_priority()
 group = Path("/proc/self/autogroup")
 print(os.nice(0), group.read_text().split()[-1] if group.exists() else "none")
 """
 
 
-def niceness_of_backend(url: str, *, behind: bool) -> int:
-    engine = make_engine(url, pool_size=1, behind=behind)
+def niceness_of_backend(url: str, *, in_background: bool) -> int:
+    engine = make_engine(url, pool_size=1, background=in_background)
     try:
         with engine.connect() as connection:
             pid = connection.execute(text("SELECT pg_backend_pid()")).scalar_one()
@@ -35,10 +35,10 @@ def niceness_of_backend(url: str, *, behind: bool) -> int:
         engine.dispose()
 
 
-def test_a_process_stands_back_with_its_session(tmp_path: Path) -> None:
+def test_a_process_lowers_its_priority_with_its_session(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
-        [sys.executable, "-c", STANDS_BACK],
+        [sys.executable, "-c", LOWERS_PRIORITY],
         capture_output=True, text=True, check=True, env=environment, start_new_session=True,
     )  # fmt: skip
     own, session = done.stdout.split()
@@ -47,13 +47,13 @@ def test_a_process_stands_back_with_its_session(tmp_path: Path) -> None:
 
 
 @pytest.mark.db
-def test_the_servers_process_behind_a_connection_stands_back(
+def test_the_servers_process_of_a_connection_has_background_priority(
     database_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usual = niceness_of_backend(database_url, behind=False)
+    usual = niceness_of_backend(database_url, in_background=False)
     monkeypatch.setattr(background, "NICENESS", usual + 3)
-    assert niceness_of_backend(database_url, behind=True) == usual + 3
-    assert niceness_of_backend(database_url, behind=False) == usual
+    assert niceness_of_backend(database_url, in_background=True) == usual + 3
+    assert niceness_of_backend(database_url, in_background=False) == usual
 
 
 class Elsewhere:
@@ -74,8 +74,8 @@ def test_a_process_that_serves_no_connection_of_ours_is_left_alone() -> None:
 
     before = os.getpriority(os.PRIO_PROCESS, os.getpid())
     with socket.socket(socket.AF_INET) as tcp:
-        let_stand_back(Elsewhere(tcp.fileno()))
+        lower_server_priority(Elsewhere(tcp.fileno()))
     ours, theirs = socket.socketpair(socket.AF_UNIX)  # a server that is no parent of that process
     with ours, theirs:
-        let_stand_back(Elsewhere(ours.fileno()))
+        lower_server_priority(Elsewhere(ours.fileno()))
     assert os.getpriority(os.PRIO_PROCESS, os.getpid()) == before

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
+from app.core.admission import MORE_CONNECTIONS
 from app.core.db import Patience, make_engine
-from app.core.lanes import MORE_CONNECTIONS
 from app.core.settings import Settings
 from problem_support import check
 from server_support import Gate, asked_at_once, sleep, wait_until

@@ -60,7 +60,7 @@ def test_a_route_that_goes_on_to_another_statement_ends_all_the_same(
     filled: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stubborn(session: Any, *_: object, **__: object) -> list[object]:
-        for _ in range(3):
+        for _ in range(3):  # type: ignore[assignment]
             try:
                 sleep(session)
             except Exception:

@@ -1,4 +1,4 @@
-"""Passes go into parts by region, verdicts beside them, and back: nothing of what drives said is lost on the way."""
+"""Passes go into parts by tile of zoom 6, verdicts beside them, and back; nothing of what drives said is lost."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _DATA_OF_0011 = """
         SELECT id, 2, decode('00ff', 'hex'), 7, decode('00ff', 'hex') FROM drives;
 """
 _COLUMNS = "id, drive_id, segment_id, sequence, entered_s, factor"
-_REGIONS = {1: 32 << 6 | 31, 2: 24 << 6 | 22}
+_PARTITIONS = {1: 32 << 6 | 31, 2: 24 << 6 | 22}
 """x and y of the tiles of zoom 6 around the two segments."""
 
 
@@ -39,7 +39,7 @@ def execute(engine: Engine, statement: str) -> None:
         connection.execute(text(statement))
 
 
-def test_passes_are_parted_by_region_with_their_verdicts_and_come_back(blank_database_url: str) -> None:
+def test_passes_are_parted_with_their_verdicts_and_come_back(blank_database_url: str) -> None:
     migrate.upgrade(blank_database_url, "0011")
     engine = create_engine(blank_database_url)
     execute(engine, _DATA_OF_0011)
@@ -48,17 +48,18 @@ def test_passes_are_parted_by_region_with_their_verdicts_and_come_back(blank_dat
     assert [row[-1] for row in before] == [True, False, False, False]
 
     migrate.upgrade(blank_database_url)
-    after = rows_of(engine, f"SELECT {_COLUMNS}, region, summed_weight FROM drive_passes ORDER BY id")
-    assert after == [(*row[:-1], _REGIONS[row[2]], None) for row in before]  # type: ignore[index]
-    assert rows_of(engine, "SELECT regions FROM drive_constants") == 2 * [(sorted(_REGIONS.values()),)]
-    # None of the drive that is there already: it is not heard for that.
+    after = rows_of(engine, f"SELECT {_COLUMNS}, partition, condensed_weight FROM drive_passes ORDER BY id")
+    assert after == [(*row[:-1], _PARTITIONS[row[2]], None) for row in before]  # type: ignore[index]
+    assert rows_of(engine, "SELECT partitions FROM drive_constants") == 2 * [(sorted(_PARTITIONS.values()),)]
+    # None of the drive that is there already: it is rejected for that alone.
     assert rows_of(engine, "SELECT segment_id, pass_id, drive_id FROM rejected_passes") == [
         (2, before[1][0], before[1][1])
     ]
 
     execute(
         engine,
-        "UPDATE drive_passes SET summed_weight = 1; INSERT INTO pass_sums (segment_id, said) VALUES (1, '')",
+        "UPDATE drive_passes SET condensed_weight = 1; "
+        "INSERT INTO condensed_passes (segment_id, evidence) VALUES (1, '')",
     )
     migrate.downgrade(blank_database_url, "0011")
     assert rows_of(engine, query) == before
@@ -70,11 +71,11 @@ def test_passes_are_parted_by_region_with_their_verdicts_and_come_back(blank_dat
     migrate.upgrade(blank_database_url)
     execute(
         engine,
-        "INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, region) "
-        "SELECT drive_id, segment_id, 8, 0, '', region FROM drive_passes WHERE sequence = 7",
+        "INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, partition) "
+        "SELECT drive_id, segment_id, 8, 0, '', partition FROM drive_passes WHERE sequence = 7",
     )
     assert rows_of(engine, "SELECT count(DISTINCT id) FROM drive_passes") == [(6,)]  # numbers go on
-    assert rows_of(engine, "SELECT count(*) FROM drive_passes WHERE summed_weight IS NOT NULL") == [(0,)]
+    assert rows_of(engine, "SELECT count(*) FROM drive_passes WHERE condensed_weight IS NOT NULL") == [(0,)]
     engine.dispose()
 
 

@@ -97,7 +97,7 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     added = [set(now[0]) - set(then[0]) for then, now in zip(before, after, strict=True)]
     assert added[:4] == [
         {"dem_heights_m", "cell", "regions"},
-        {"same_as", "batch_id", "before_batch", "content_sha256"}
+        {"duplicate_of", "batch_id", "before_batch", "content_sha256"}
         | {"failure_version", "computed_at", "traceparent"},
         {"road_state"},
         {"in_network"},

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.core.blobs import BlobStore
 from app.core.db import Sessions
+from app.core.settings import Settings
 from app.drives import intake, process, tracks
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench
+from app.drives.process import Outcome
+from app.jobs.context import JobContext
 from app.map import store as slopes
 from app.roads import imports as road_imports
 from fusion.catalogue import METHODS
@@ -38,15 +39,15 @@ Send = Callable[..., Drive]
     ("method", "options"), [("profile", {}), ("raw", {}), ("dem", {}), ("particle", {"particles": 300})]
 )
 def test_the_service_stores_the_numbers_of_the_library(
-    bench: Workbench, send: Send, files: Path, method: str, options: dict[str, Any]
+    context: JobContext, send: Send, files: Path, method: str, options: dict[str, Any]
 ) -> None:
     drive = send(1, method, options)
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE
+    assert process_drive(context, drive.id, 1) is Outcome.DONE
 
     log = read_log(files / "1.csv")
     with Dem.open([files / "town.tif"]) as dem:
         network, result = run_drive(log, read_roads(files / "town.osm"), dem, method=method, options=options)
-    with bench.sessions() as session:
+    with context.sessions() as session:
         stored = {
             (row.segment.osm_way_id, row.segment.from_node, row.segment.to_node): row
             for row in slopes.drive_segment_rows(session, drive.id)
@@ -79,10 +80,10 @@ def test_the_service_stores_the_numbers_of_the_library(
             assert segment_of[segment_id].from_node == table.from_node[index]
 
 
-def test_a_done_drive_says_what_was_done(bench: Workbench, send: Send, files: Path) -> None:
+def test_a_done_drive_says_what_was_done(context: JobContext, send: Send, files: Path) -> None:
     drive = send(0)
-    process_drive(bench, drive.id, 1)
-    done = drive_now(bench, drive.id)
+    process_drive(context, drive.id, 1)
+    done = drive_now(context, drive.id)
     log = read_log(files / "0.csv")
     assert (done.status, done.progress, done.stage, done.failure) == ("done", 1.0, None, None)
     assert done.bbox == pytest.approx(log.bounds_deg())
@@ -94,7 +95,7 @@ def test_a_done_drive_says_what_was_done(bench: Workbench, send: Send, files: Pa
     assert done.report is not None
     assert done.report["method"] == "raw"
     assert {"code_version", "road_version", "dem_version", "matched_share", "warnings"} <= set(done.report)
-    with bench.sessions() as session:
+    with context.sessions() as session:
         (first, *_) = slopes.segment_items(session, driven=True)
         (behind,) = slopes.segment_observations(session, first.id)
     assert behind.method == "raw"
@@ -103,7 +104,7 @@ def test_a_done_drive_says_what_was_done(bench: Workbench, send: Send, files: Pa
 
 
 def test_positions_are_computed_before_roads_are_chosen(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
+    context: JobContext, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A log of raw signals has no position; those that are computed lead to roads, and the report tells of them."""
 
@@ -119,17 +120,17 @@ def test_positions_are_computed_before_roads_are_chosen(
         )
 
     drive = send(0, "raw", {"gnss": "receiver"})
-    with bench.blobs.open(drive.blob_key) as file:
+    with context.blobs.open(drive.blob_key) as file:
         whole = read_log(file)
     monkeypatch.setattr(process, "read_log", read)
-    assert process_drive(bench, drive.id, 1) is Outcome.FAILED
-    failure = drive_now(bench, drive.id).failure
+    assert process_drive(context, drive.id, 1) is Outcome.FAILED
+    failure = drive_now(context, drive.id).failure
     assert failure is not None
     assert (failure.kind, failure.stage) == ("empty-log", "positioning")
     monkeypatch.setattr(process, "positions_of", solve)
-    intake.reprocess(bench.sessions, drive.id)
-    assert process_drive(bench, drive.id, 2) is Outcome.DONE
-    done = drive_now(bench, drive.id)
+    intake.reprocess(context.sessions, drive.id)
+    assert process_drive(context, drive.id, 2) is Outcome.DONE
+    done = drive_now(context, drive.id)
     assert done.report is not None
     assert done.report["gnss"] == {"positioning": "solver", "solved": 150, "counts": {"jumps": 3}}
     assert done.bbox == pytest.approx(whole.bounds_deg())
@@ -140,19 +141,19 @@ def test_without_elevation_a_drive_is_done_all_the_same(
     sessions: Sessions, files: Path, tmp_path: Path
 ) -> None:
     road_imports.import_roads(sessions, files / "town.osm", tmp_path / "dem")
-    bench = Workbench(sessions, BlobStore(str(tmp_path / "blobs")), tmp_path / "dem")
+    context = JobContext(Settings(data_dir=tmp_path), sessions)
     drive, _ = accept_upload(
-        sessions, bench.blobs, [(files / "0.csv").read_bytes()], filename="x", method="particle",
+        sessions, context.blobs, [(files / "0.csv").read_bytes()], filename="x", method="particle",
         options={"particles": 300},
     )  # fmt: skip
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE
-    assert len(state(bench)) > 5
+    assert process_drive(context, drive.id, 1) is Outcome.DONE
+    assert len(state(context)) > 5
 
 
-def test_drives_combine(bench: Workbench, send: Send) -> None:
+def test_drives_combine(context: JobContext, send: Send) -> None:
     for seed, method in ((0, "raw"), (1, "dem"), (2, "raw")):
-        assert process_drive(bench, send(seed, method).id, 1) is Outcome.DONE
-    with bench.sessions() as session:
+        assert process_drive(context, send(seed, method).id, 1) is Outcome.DONE
+    with context.sessions() as session:
         shared = 0
         for row in slopes.segment_items(session, driven=True, limit=10_000):
             behind = slopes.segment_observations(session, row.id)
@@ -169,42 +170,42 @@ def test_drives_combine(bench: Workbench, send: Send) -> None:
     assert shared > 0
 
 
-def test_a_drive_may_run_again(bench: Workbench, send: Send) -> None:
+def test_a_drive_may_run_again(context: JobContext, send: Send) -> None:
     drive = send(0)
-    process_drive(bench, drive.id, 1)
-    before = state(bench)
+    process_drive(context, drive.id, 1)
+    before = state(context)
     assert (
-        process_drive(bench, drive.id, 1) is Outcome.DISCARDED
+        process_drive(context, drive.id, 1) is Outcome.DISCARDED
     )  # the job of a finished drive, taken up again
-    intake.reprocess(bench.sessions, drive.id)
-    assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
-    assert process_drive(bench, drive.id, 2) is Outcome.DONE
-    assert state(bench) == before
+    intake.reprocess(context.sessions, drive.id)
+    assert process_drive(context, drive.id, 1) is Outcome.DISCARDED
+    assert process_drive(context, drive.id, 2) is Outcome.DONE
+    assert state(context) == before
 
 
-def test_the_same_drive_twice_at_once_is_stored_once(bench: Workbench, send: Send) -> None:
+def test_the_same_drive_twice_at_once_is_stored_once(context: JobContext, send: Send) -> None:
     drive = send(0)
-    process_drive(bench, drive.id, 1)
-    alone = state(bench)
-    intake.reprocess(bench.sessions, drive.id)
+    process_drive(context, drive.id, 1)
+    alone = state(context)
+    intake.reprocess(context.sessions, drive.id)
     with ThreadPoolExecutor(2) as pool:
-        outcomes = list(pool.map(lambda _: process_drive(bench, drive.id, 2), range(2)))
+        outcomes = list(pool.map(lambda _: process_drive(context, drive.id, 2), range(2)))
     assert Outcome.DONE in outcomes
-    assert drive_now(bench, drive.id).status == "done"
-    assert state(bench) == alone
+    assert drive_now(context, drive.id).status == "done"
+    assert state(context) == alone
 
 
-def test_another_method_replaces_the_estimates(bench: Workbench, send: Send) -> None:
+def test_another_method_replaces_the_estimates(context: JobContext, send: Send) -> None:
     drive = send(0)
-    process_drive(bench, drive.id, 1)
-    raw = state(bench)
-    intake.reprocess(bench.sessions, drive.id, "dem")
-    process_drive(bench, drive.id, 2)
-    dem = state(bench)
+    process_drive(context, drive.id, 1)
+    raw = state(context)
+    intake.reprocess(context.sessions, drive.id, "dem")
+    process_drive(context, drive.id, 2)
+    dem = state(context)
     assert dem != raw
-    intake.reprocess(bench.sessions, drive.id, "raw")
-    process_drive(bench, drive.id, 3)
-    assert state(bench) == raw
+    intake.reprocess(context.sessions, drive.id, "raw")
+    process_drive(context, drive.id, 3)
+    assert state(context) == raw
 
 
 BAD = {
@@ -219,10 +220,10 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_log_fails_with_a_sentence(bench: Workbench, send: Send, name: str) -> None:
+def test_a_bad_log_fails_with_a_sentence(context: JobContext, send: Send, name: str) -> None:
     drive = send(BAD[name])
-    assert process_drive(bench, drive.id, 1) is Outcome.FAILED
-    failed = drive_now(bench, drive.id)
+    assert process_drive(context, drive.id, 1) is Outcome.FAILED
+    failed = drive_now(context, drive.id)
     assert failed.status == "failed"
     assert failed.failure is not None
     assert failed.failure.kind not in ("unknown", "internal")
@@ -230,39 +231,39 @@ def test_a_bad_log_fails_with_a_sentence(bench: Workbench, send: Send, name: str
     assert " " in failed.failure.reason
     assert failed.stage
     assert failed.finished_at is not None
-    assert state(bench) == []
+    assert state(context) == []
 
 
 def test_without_roads_a_drive_fails_and_says_so(sessions: Sessions, files: Path, tmp_path: Path) -> None:
-    bench = Workbench(sessions, BlobStore(str(tmp_path)), tmp_path / "dem")
+    context = JobContext(Settings(data_dir=tmp_path), sessions)
     content = (files / "0.csv").read_bytes()
-    drive, _ = accept_upload(sessions, bench.blobs, [content], filename="x", method="raw")
-    assert process_drive(bench, drive.id, 1) is Outcome.FAILED
-    assert "import-roads" in str(drive_now(bench, drive.id).failure)
+    drive, _ = accept_upload(sessions, context.blobs, [content], filename="x", method="raw")
+    assert process_drive(context, drive.id, 1) is Outcome.FAILED
+    assert "import-roads" in str(drive_now(context, drive.id).failure)
 
 
-def test_a_lost_blob_fails_and_says_so(bench: Workbench, send: Send) -> None:
+def test_a_lost_blob_fails_and_says_so(context: JobContext, send: Send) -> None:
     drive = send(0)
-    bench.blobs.delete(drive.blob_key)
-    assert process_drive(bench, drive.id, 1) is Outcome.FAILED
-    assert "upload it again" in str(drive_now(bench, drive.id).failure)
+    context.blobs.delete(drive.blob_key)
+    assert process_drive(context, drive.id, 1) is Outcome.FAILED
+    assert "upload it again" in str(drive_now(context, drive.id).failure)
 
 
-def test_a_failed_rerun_leaves_what_was_published(bench: Workbench, send: Send) -> None:
+def test_a_failed_rerun_leaves_what_was_published(context: JobContext, send: Send) -> None:
     drive = send(0)
-    process_drive(bench, drive.id, 1)
-    before = state(bench)
-    intake.reprocess(bench.sessions, drive.id)
-    bench.blobs.delete(drive.blob_key)
-    assert process_drive(bench, drive.id, 2) is Outcome.FAILED
-    assert state(bench) == before
+    process_drive(context, drive.id, 1)
+    before = state(context)
+    intake.reprocess(context.sessions, drive.id)
+    context.blobs.delete(drive.blob_key)
+    assert process_drive(context, drive.id, 2) is Outcome.FAILED
+    assert state(context) == before
 
 
 @pytest.mark.parametrize(
     ("error", "kind"), [(ZeroDivisionError("secret detail"), "internal"), (MemoryError(), "out-of-memory")]
 )
 def test_a_fault_of_ours_is_logged_and_told_plainly(
-    bench: Workbench,
+    context: JobContext,
     send: Send,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
@@ -274,8 +275,8 @@ def test_a_fault_of_ours_is_logged_and_told_plainly(
 
     monkeypatch.setattr(process, "run_drive", fail)
     drive = send(0)
-    assert process_drive(bench, drive.id, 1) is Outcome.FAILED
-    failed = drive_now(bench, drive.id)
+    assert process_drive(context, drive.id, 1) is Outcome.FAILED
+    failed = drive_now(context, drive.id)
     assert failed.failure is not None
     assert failed.failure.kind == kind
     assert "secret" not in failed.failure.reason

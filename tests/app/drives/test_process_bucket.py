@@ -7,7 +7,8 @@ from pathlib import Path
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.settings import Settings
-from app.drives.process import Outcome, Workbench, process_drive
+from app.drives.process import Outcome, process_drive
+from app.jobs.context import JobContext
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
 from processing_support import accept_upload, drive_now
@@ -23,7 +24,7 @@ def test_a_worker_that_shares_nothing_but_the_bucket_computes_the_drive(
     log = (files / "1.csv").read_bytes()
     drive, _ = accept_upload(sessions, BlobStore(here.blob_store_url), [log], filename="log", method="dem")
 
-    there = Workbench.of(Settings(data_dir=tmp_path / "there", **urls), sessions)
+    there = JobContext(Settings(data_dir=tmp_path / "there", **urls), sessions)
     assert process_drive(there, drive.id, 1) is Outcome.DONE
     report = drive_now(there, drive.id).report
     assert report is not None

@@ -15,10 +15,12 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from app.core.db import Sessions
-from app.drives import claims, intake, process, progress
+from app.drives import claims, intake, process
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench
-from app.drives.progress import Interrupted
+from app.drives.process import Outcome
+from app.jobs.context import JobContext
+from app.jobs.requests import run as machine
+from app.jobs.task import Interrupted
 from app.network import results as slopes
 from app.roads import imports as road_imports
 from app.roads.documents import Wishes
@@ -46,76 +48,76 @@ class Disturbed:
 
 
 def test_a_drive_deleted_while_it_runs_is_discarded(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
+    context: JobContext, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = send(0)
-    remove = Disturbed(lambda: intake.remove_drive(bench.sessions, drive.id))
+    remove = Disturbed(lambda: intake.remove_drive(context.sessions, drive.id))
     monkeypatch.setattr(process, "run_drive", remove)
-    assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
+    assert process_drive(context, drive.id, 1) is Outcome.DISCARDED
     assert remove.runs == 1
-    carry_out_removals(bench.sessions, bench.blobs)
-    assert state(bench) == []
-    with bench.sessions() as session:
+    carry_out_removals(context.sessions, context.blobs)
+    assert state(context) == []
+    with context.sessions() as session:
         for table in ("drives", "drive_tracks", "provenances", "segment_slopes"):
             assert session.execute(text(f"SELECT count(*) FROM {table}")).scalar_one() == 0
 
 
 def test_a_drive_asked_for_anew_while_it_runs_is_discarded(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
+    context: JobContext, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = send(0)
-    again = Disturbed(lambda: intake.reprocess(bench.sessions, drive.id, "dem"))
+    again = Disturbed(lambda: intake.reprocess(context.sessions, drive.id, "dem"))
     monkeypatch.setattr(process, "run_drive", again)
-    assert process_drive(bench, drive.id, 1) is Outcome.DISCARDED
-    assert drive_now(bench, drive.id).status == "queued"
-    assert process_drive(bench, drive.id, 2) is Outcome.DONE
-    assert drive_now(bench, drive.id).method == "dem"
+    assert process_drive(context, drive.id, 1) is Outcome.DISCARDED
+    assert drive_now(context, drive.id).status == "queued"
+    assert process_drive(context, drive.id, 2) is Outcome.DONE
+    assert drive_now(context, drive.id).method == "dem"
 
 
 def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
-    bench: Workbench, send: Send, files: Path, town: Town, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    context: JobContext, send: Send, files: Path, town: Town, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = send(0)
-    process_drive(bench, drive.id, 1)
-    (driven,) = {row[1] for row in state(bench)[:1]}
+    process_drive(context, drive.id, 1)
+    (driven,) = {row[1] for row in state(context)[:1]}
     # The same map with one driven way taken out: its segments' ids are gone when the result is written.
     whole = (files / "town.osm").read_text()
     begin = whole.index(f'<way id="{driven}"')
     end = whole.index("</way>", begin) + len("</way>")
     (tmp_path / "less.osm").write_text(whole[:begin] + whole[end:])
-    intake.reprocess(bench.sessions, drive.id)
+    intake.reprocess(context.sessions, drive.id)
     reimport = Disturbed(
         lambda: road_imports.import_roads(
-            bench.sessions,
+            context.sessions,
             tmp_path / "less.osm",
-            bench.dem_dir,
+            context.dem_dir,
             region="town",
             wishes=Wishes(accept_losses=True),
         )
     )
     monkeypatch.setattr(process, "run_drive", reimport)
-    assert process_drive(bench, drive.id, 2) is Outcome.DONE
+    assert process_drive(context, drive.id, 2) is Outcome.DONE
     assert reimport.runs == 2
-    disturbed = state(bench)
+    disturbed = state(context)
     assert driven not in {row[1] for row in disturbed}
-    intake.reprocess(bench.sessions, drive.id)
-    process_drive(bench, drive.id, 3)
-    assert state(bench) == disturbed
+    intake.reprocess(context.sessions, drive.id)
+    process_drive(context, drive.id, 3)
+    assert state(context) == disturbed
 
 
-def test_a_worker_that_stops_puts_its_drive_back(bench: Workbench, send: Send) -> None:
+def test_a_worker_that_stops_puts_its_drive_back(context: JobContext, send: Send) -> None:
     drive = send(0)
     with pytest.raises(Interrupted):
-        process_drive(bench, drive.id, 1, should_stop=lambda: True)
-    assert drive_now(bench, drive.id).status == "queued"
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE
+        process_drive(context, drive.id, 1, should_stop=lambda: True)
+    assert drive_now(context, drive.id).status == "queued"
+    assert process_drive(context, drive.id, 1) is Outcome.DONE
 
 
 def test_a_lost_connection_is_no_failure_of_the_drive(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch, database_url: str
+    context: JobContext, send: Send, monkeypatch: pytest.MonkeyPatch, database_url: str
 ) -> None:
     def cut() -> None:
-        with bench.sessions() as session:
+        with context.sessions() as session:
             session.execute(
                 text("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() "
                      "AND datname = current_database()")
@@ -131,11 +133,11 @@ def test_a_lost_connection_is_no_failure_of_the_drive(
     with monkeypatch.context() as patch:
         patch.setattr(slopes, "append_result", save)
         with pytest.raises(OperationalError) as caught:
-            process_drive(bench, drive.id, 1)
+            process_drive(context, drive.id, 1)
     assert process.is_connection_loss(caught.value)
-    assert drive_now(bench, drive.id).status == "running"
-    assert state(bench) == []
-    assert process_drive(bench, drive.id, 1) is Outcome.DONE
+    assert drive_now(context, drive.id).status == "running"
+    assert state(context) == []
+    assert process_drive(context, drive.id, 1) is Outcome.DONE
 
 
 def test_a_mistake_in_sql_is_no_connection_loss(sessions: Sessions) -> None:
@@ -146,7 +148,7 @@ def test_a_mistake_in_sql_is_no_connection_loss(sessions: Sessions) -> None:
 
 
 def test_progress_grows_and_is_written_at_intervals(
-    bench: Workbench, send: Send, monkeypatch: pytest.MonkeyPatch
+    context: JobContext, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[tuple[str, float]] = []
     genuine = claims.set_progress
@@ -156,11 +158,11 @@ def test_progress_grows_and_is_written_at_intervals(
         return genuine(session, drive_id, generation, stage, progress)
 
     monkeypatch.setattr(claims, "set_progress", note)
-    process_drive(bench, send(0, "particle", {"particles": 300}).id, 1)
+    process_drive(context, send(0, "particle", {"particles": 300}).id, 1)
     throttled = list(seen)
     seen.clear()
-    monkeypatch.setattr(progress, "PROGRESS_EVERY_S", 0.0)
-    process_drive(bench, send(1, "particle", {"particles": 300}).id, 1)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
+    process_drive(context, send(1, "particle", {"particles": 300}).id, 1)
     assert len(seen) > 20
     assert len(throttled) < len(seen)
     shares = [share for _, share in seen]
@@ -169,20 +171,20 @@ def test_progress_grows_and_is_written_at_intervals(
     assert len({stage for stage, _ in seen}) >= 3
 
 
-def test_two_drives_of_the_same_roads_at_once(bench: Workbench, send: Send, files: Path) -> None:
+def test_two_drives_of_the_same_roads_at_once(context: JobContext, send: Send, files: Path) -> None:
     made = [send(seed, "raw") for seed in range(3)]
     start = threading.Barrier(3)
 
     def run(drive: Drive) -> Outcome:
         start.wait()
-        return process_drive(bench, drive.id, 1)
+        return process_drive(context, drive.id, 1)
 
     with ThreadPoolExecutor(3) as pool:
         assert set(pool.map(run, made)) == {Outcome.DONE}
-    at_once = state(bench)
+    at_once = state(context)
     for drive in made:
-        assert remove_drive(bench.sessions, bench.blobs, drive.id)
-    assert state(bench) == []
+        assert remove_drive(context.sessions, context.blobs, drive.id)
+    assert state(context) == []
     for seed in (2, 0, 1):
-        process_drive(bench, send(seed, "raw").id, 1)
-    assert state(bench) == at_once
+        process_drive(context, send(seed, "raw").id, 1)
+    assert state(context) == at_once

@@ -14,7 +14,8 @@ from app.cli.fuse_files import Fusion
 from app.core.db import Sessions
 from app.drives import intake, process, queue
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench
+from app.drives.process import Outcome
+from app.jobs.context import JobContext
 from app.map import store as segments
 from app.network import extracts as roads
 from app.network import swap
@@ -32,9 +33,9 @@ Send = Callable[..., Drive]
 Key = tuple[int, int, int]
 
 
-def done(bench: Workbench, send: Send, log: int, method: str = "profile") -> Drive:
+def done(context: JobContext, send: Send, log: int, method: str = "profile") -> Drive:
     drive = send(log, method)
-    assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
+    assert process_drive(context, drive.id, drive.generation) is Outcome.DONE
     return drive
 
 
@@ -52,9 +53,9 @@ def fused(files: Path, logs: list[int], method: str) -> dict[Key, tuple[float, f
         }  # fmt: skip
 
 
-def served(bench: Workbench) -> dict[Key, tuple[float, float, int, int]]:
+def served(context: JobContext) -> dict[Key, tuple[float, float, int, int]]:
     """What the service publishes, gaps included."""
-    with bench.sessions() as session:
+    with context.sessions() as session:
         return {
             (row.osm_way_id, row.from_node, row.to_node): (
                 row.slope_percent, row.slope_sigma_percent or 0, row.drives, row.observations
@@ -70,11 +71,11 @@ def numbered(found: dict[Key, tuple[float, float, int, int]]) -> Rows:
 
 @pytest.mark.parametrize("method", ["profile", "raw"])
 def test_one_log_gives_the_same_numbers_with_and_without_a_service(
-    bench: Workbench, send: Send, files: Path, method: str
+    context: JobContext, send: Send, files: Path, method: str
 ) -> None:
-    done(bench, send, 0, method)
+    done(context, send, 0, method)
     expected = fused(files, [0], method)
-    found = served(bench)
+    found = served(context)
     assert len(found) > 10
     assert found.keys() == expected.keys()
     for key, values in expected.items():
@@ -82,25 +83,25 @@ def test_one_log_gives_the_same_numbers_with_and_without_a_service(
 
 
 def test_several_logs_give_the_same_numbers_but_for_what_windows_leave(
-    bench: Workbench, send: Send, files: Path
+    context: JobContext, send: Send, files: Path
 ) -> None:
     for log in (2, 0, 1):
-        done(bench, send, log)
-    found = served(bench)
+        done(context, send, log)
+    found = served(context)
     assert max(row[2] for row in found.values()) >= 2
     assert_same(numbered(found), numbered(fused(files, [0, 1, 2], "profile")))
-    settle_network(bench.sessions)
-    assert_same(numbered(found), numbered(served(bench)))
+    settle_network(context.sessions)
+    assert_same(numbered(found), numbered(served(context)))
 
 
 def test_a_drive_shows_its_own_estimate_beside_the_networks(
-    bench: Workbench, send: Send, files: Path
+    context: JobContext, send: Send, files: Path
 ) -> None:
-    drive = done(bench, send, 0)
-    report = drive_now(bench, drive.id).report
+    drive = done(context, send, 0)
+    report = drive_now(context, drive.id).report
     assert report is not None
     assert (report["method"], report["rejected_segments"]) == ("profile", 0)
-    with bench.sessions() as session:
+    with context.sessions() as session:
         own = segments.drive_segment_rows(session, drive.id)
         table, ids = roads.all_roads(session)
     with Dem.open([files / "town.tif"]) as dem:
@@ -112,36 +113,36 @@ def test_a_drive_shows_its_own_estimate_beside_the_networks(
     assert all(row.in_network and row.accepted and row.segment.drives == 1 for row in own)
 
 
-def test_another_method_takes_the_factors_back(bench: Workbench, send: Send) -> None:
-    one, two = done(bench, send, 0), done(bench, send, 1)
-    both = rows_of(bench.sessions)
-    intake.reprocess(bench.sessions, one.id, "raw")
-    assert process_drive(bench, one.id, 2) is Outcome.DONE
-    with bench.sessions() as session:
+def test_another_method_takes_the_factors_back(context: JobContext, send: Send) -> None:
+    one, two = done(context, send, 0), done(context, send, 1)
+    both = rows_of(context.sessions)
+    intake.reprocess(context.sessions, one.id, "raw")
+    assert process_drive(context, one.id, 2) is Outcome.DONE
+    with context.sessions() as session:
         left = session.execute(text("SELECT DISTINCT drive_id FROM drive_passes")).scalars().all()
     assert left == [two.id]
-    assert rows_of(bench.sessions) != both
-    intake.reprocess(bench.sessions, one.id, "profile")
-    assert process_drive(bench, one.id, 3) is Outcome.DONE
-    assert_same(both, rows_of(bench.sessions))
+    assert rows_of(context.sessions) != both
+    intake.reprocess(context.sessions, one.id, "profile")
+    assert process_drive(context, one.id, 3) is Outcome.DONE
+    assert_same(both, rows_of(context.sessions))
 
 
-def test_workers_at_once_end_where_one_after_the_other_does(bench: Workbench, send: Send) -> None:
+def test_workers_at_once_end_where_one_after_the_other_does(context: JobContext, send: Send) -> None:
     made = [send(log, "profile") for log in range(3)]
     with ThreadPoolExecutor(3) as pool:
-        assert set(pool.map(lambda drive: process_drive(bench, drive.id, 1), made)) == {Outcome.DONE}
-    at_once = rows_of(bench.sessions)
+        assert set(pool.map(lambda drive: process_drive(context, drive.id, 1), made)) == {Outcome.DONE}
+    at_once = rows_of(context.sessions)
     for drive in made:
-        assert remove_drive(bench.sessions, bench.blobs, drive.id)
-    assert rows_of(bench.sessions) == {}
+        assert remove_drive(context.sessions, context.blobs, drive.id)
+    assert rows_of(context.sessions) == {}
     for log in (1, 2, 0):
-        done(bench, send, log)
-    assert_same(at_once, rows_of(bench.sessions))
+        done(context, send, log)
+    assert_same(at_once, rows_of(context.sessions))
 
 
 @pytest.mark.parametrize(("module", "last"), [(queue, "enqueue_solve"), (swap, "take_away")])
 def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
-    bench: Workbench,
+    context: JobContext,
     send: Send,
     sessions: Sessions,
     monkeypatch: pytest.MonkeyPatch,
@@ -149,7 +150,7 @@ def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
     last: str,
 ) -> None:
     """The server process dies when all that the drive says is written, or all that was solved."""
-    done(bench, send, 1)
+    done(context, send, 1)
     before = rows_of(sessions), rows_of(sessions, "network_slopes")
     drive = send(0, "profile")
 
@@ -159,13 +160,13 @@ def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
     with monkeypatch.context() as patch:
         patch.setattr(module, last, die)
         with pytest.raises(Exception, match="terminat") as caught:
-            process_drive(bench, drive.id, 1)
+            process_drive(context, drive.id, 1)
     assert process.is_connection_loss(caught.value)
     assert (rows_of(sessions), rows_of(sessions, "network_slopes")) == before
     with sessions() as session:
         assert bool(segments.drive_segment_rows(session, drive.id)) == (last == "take_away")
-    process_drive(bench, drive.id, 1)
-    assert drive_now(bench, drive.id).status == "done"
+    process_drive(context, drive.id, 1)
+    assert drive_now(context, drive.id).status == "done"
     assert rows_of(sessions) != before[0]
 
 

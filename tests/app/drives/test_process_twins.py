@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from app.cli.fuse_files import Fusion
-from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives.process import Outcome, Workbench
+from app.core.settings import Settings
+from app.drives.process import Outcome
+from app.jobs.context import JobContext
 from app.roads import imports as road_imports
 from fusion.formats import read_log
 from fusion.pipeline import parse_options, solve_network
@@ -65,22 +66,22 @@ def sentence(body: str) -> str:
 
 
 @pytest.fixture
-def empty(sessions: Sessions, karlsruhe: Path, tmp_path: Path) -> Workbench:
-    """A workbench whose database knows the roads around Karlsruhe."""
+def empty(sessions: Sessions, karlsruhe: Path, tmp_path: Path) -> JobContext:
+    """A job context whose database knows the roads around Karlsruhe."""
     road_imports.import_roads(sessions, karlsruhe / "roads_09_10.osm", tmp_path / "dem")
-    return Workbench(sessions, BlobStore(str(tmp_path / "blobs")), tmp_path / "dem")
+    return JobContext(Settings(data_dir=tmp_path), sessions)
 
 
-def served(bench: Workbench, logs: Logs) -> dict[str, str]:
+def served(context: JobContext, logs: Logs) -> dict[str, str]:
     """Upload and process; which logs name which other."""
     ids: dict[uuid.UUID, str] = {}
     for name, content in logs.items():
         drive, _ = accept_upload(
-            bench.sessions, bench.blobs, [content], filename=name, method="profile", options=None
+            context.sessions, context.blobs, [content], filename=name, method="profile", options=None
         )
-        assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
+        assert process_drive(context, drive.id, drive.generation) is Outcome.DONE
         ids[drive.id] = name
-    found = {name: drive_now(bench, drive_id).same_as for drive_id, name in ids.items()}
+    found = {name: drive_now(context, drive_id).duplicate_of for drive_id, name in ids.items()}
     return {name: ids[other] for name, other in found.items() if other is not None}
 
 
@@ -102,7 +103,7 @@ def first_seconds(path: Path) -> bytes:
 
 @pytest.mark.slow
 def test_ten_drives_that_begin_at_one_second_are_ten_witnesses(
-    empty: Workbench, karlsruhe: Path, receiver_log: ReceiverLog, tmp_path: Path
+    empty: JobContext, karlsruhe: Path, receiver_log: ReceiverLog, tmp_path: Path
 ) -> None:
     """Ten receivers along one way at one time, each with errors of its own."""
     logs = {
@@ -114,7 +115,7 @@ def test_ten_drives_that_begin_at_one_second_are_ten_witnesses(
 
 @pytest.mark.slow
 def test_one_log_in_several_formats_is_one_witness(
-    empty: Workbench, karlsruhe: Path, receiver_log: ReceiverLog, tmp_path: Path
+    empty: JobContext, karlsruhe: Path, receiver_log: ReceiverLog, tmp_path: Path
 ) -> None:
     whole = first_seconds(receiver_log("09", tmp_path / "log.csv", 3))
     log = read_log(whole)

@@ -13,6 +13,7 @@ from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.drives import claims, publishing, queue
 from app.drives import store as drives
+from app.drives.documents import Drive
 from app.network import cells, marks, swap
 from app.network.swap import solve_marked
 from app.ops import metrics, stats
@@ -164,7 +165,7 @@ def publishing_drive(sessions: Sessions, streets: Driven, rows: Collection[int])
     return drive
 
 
-def shown(sessions: Sessions, drive: uuid.UUID) -> drives.Drive:
+def shown(sessions: Sessions, drive: uuid.UUID) -> Drive:
     with sessions() as session:
         found = drives.get_drive(session, drive)
     assert found is not None
@@ -188,7 +189,7 @@ def test_a_square_that_no_solver_can_solve_keeps_no_drive_for_ever(
     early = shown(sessions, drive)
     assert (early.status, early.stage) == ("running", "publishing")
     (square,) = early.unsolved
-    assert square in {cells.square_name(cell) for cell in waiting}
+    assert square in {cells.cell_name(cell) for cell in waiting}
     assert early.report is not None
     assert early.report["warnings"][0] == "w"
     assert square in early.report["warnings"][1]
@@ -223,9 +224,9 @@ def test_operators_are_told_which_square_it_is_and_who_waits(
             ),
             {"id": int(ids[4])},
         ).one()
-    assert (figures.squares_waiting, figures.squares_unsolved) == gauges.squares == (1, 1)
+    assert (figures.cells_waiting, figures.cells_unsolved) == gauges.cells == (1, 1)
     (one,) = figures.unsolved
-    assert [one.square] == shown(sessions, drive).unsolved
+    assert [one.cell] == shown(sessions, drive).unsolved
     assert (one.solvers, one.drives) == (marks.PATIENCE + 1, [drive])
     assert one.since < one.next_at
     west, south, east, north = one.bbox

@@ -81,9 +81,9 @@ def looked_at(web: Web, drive: str) -> str:
             text(
                 """
                 WITH a AS (
-                    INSERT INTO attic_segments (segment_id, osm_way_id, from_node, to_node, geom, length_m)
+                    INSERT INTO retired_segments (segment_id, osm_way_id, from_node, to_node, geom, length_m)
                     SELECT id, osm_way_id, from_node, to_node, geom, length_m FROM segments LIMIT 1 RETURNING id)
-                INSERT INTO attic_passes (attic_id, drive_id, sequence, entered_s, factor)
+                INSERT INTO retired_passes (retired_id, drive_id, sequence, entered_s, factor)
                 SELECT a.id, :drive, 0, 0, 'x' FROM a
                 """
             ),
@@ -102,7 +102,7 @@ def test_nothing_of_the_only_drive_stays(web: Web, files: Path) -> None:
         export = looked_at(web, drive)
         document = web.client.get(f"/v1/drives/{drive}").json()
         during = dumped(web)
-        assert {"stored_tiles", "drive_pictures", "attic_segments", "drive_trials"} <= during.keys()
+        assert {"stored_tiles", "drive_pictures", "retired_segments", "drive_trials"} <= during.keys()
         assert web.client.delete(f"/v1/drives/{drive}").status_code == 202
         worked(web)
     stays = {table: rows - before.get(table, set()) for table, rows in dumped(web).items()}

@@ -12,9 +12,10 @@ from sqlalchemy import text
 
 from app.drives import publishing
 from app.drives.process import Outcome
-from app.drives.trials import run as trials
+from app.drives.trials.run import TRIAL
 from app.drives.worker import run_worker
-from app.jobs.task import Interrupted
+from app.jobs.requests import run as machine
+from app.jobs.task import Interrupted, Work
 from app.roads import imports as road_imports
 from problem_support import check
 from processing_support import carry_out_removals, process_drive
@@ -36,7 +37,7 @@ def drive(town_web: Web, files: Path) -> str:
     """The id of a drive by the default method that is done."""
     sent = {"file": (NAME, (files / "0.csv").read_bytes())}
     found = str(town_web.client.post("/v1/drives?method=profile", files=sent).json()["id"])
-    assert process_drive(town_web.bench, uuid.UUID(found), 1) is Outcome.DONE
+    assert process_drive(town_web.context, uuid.UUID(found), 1) is Outcome.DONE
     return found
 
 
@@ -94,9 +95,10 @@ def test_every_part_is_404_from_the_answer_on_whatever_runs(town_web: Web, drive
 def test_a_drive_says_no_more_that_a_removed_one_is_heard_in_its_place(filled: Web) -> None:
     heard, not_heard = (add_drive(filled.sessions, [0, 1]) for _ in range(2))
     with filled.sessions.begin() as session:
-        same = "UPDATE drives SET same_as = :heard WHERE id = :id"
+        same = "UPDATE drives SET duplicate_of = :heard WHERE id = :id"
         session.execute(text(same), {"heard": heard, "id": not_heard})
-    assert filled.client.get(f"/v1/drives/{not_heard}").json()["same_as"] == str(heard)
+    document = filled.client.get(f"/v1/drives/{not_heard}").json()
+    assert document["duplicate_of"] == document["same_as"] == str(heard)
     filled.client.delete(f"/v1/drives/{heard}")
     assert str(heard) not in filled.client.get(f"/v1/drives/{not_heard}").text
 
@@ -115,7 +117,7 @@ def test_a_trial_that_runs_ends_and_leaves_the_lane_to_the_removal(
     """It is computed by the only worker, which takes back the drive next."""
     address = f"/v1/drives/{drive}"
     trial = uuid.UUID(town_web.client.post(f"{address}/trials?method=raw").json()["id"])
-    monkeypatch.setattr(trials, "PROGRESS_EVERY_S", 0.0)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
     looks = []
 
     def removed_meanwhile() -> bool:
@@ -126,7 +128,7 @@ def test_a_trial_that_runs_ends_and_leaves_the_lane_to_the_removal(
             raise Interrupted  # it has gone on with what nobody wants
         return False
 
-    assert trials.run_trial(town_web.bench, trial, removed_meanwhile, nullcontext) == "unwanted"
+    assert machine.perform(TRIAL, town_web.context, trial, Work(removed_meanwhile, nullcontext)) == "unwanted"
     carry_out_removals(town_web.sessions, town_web.blobs)
     with town_web.sessions() as session:
         for table in ("drives", "drive_trials", "drive_tracks"):

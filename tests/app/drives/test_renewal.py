@@ -12,8 +12,9 @@ from app.core.db import Sessions
 from app.drives import intake
 from app.drives.batches.store import batch_progress
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench
+from app.drives.process import Outcome
 from app.drives.renewal import HeightFiller, clear_remains, give_jobs, renew
+from app.jobs.context import JobContext
 from network_support import rows_of
 from processing_support import drive_now, process_drive, publish_all
 
@@ -34,12 +35,12 @@ def heights(sessions: Sessions) -> list[list[float] | None]:
 
 
 @pytest.fixture
-def migrated(bench: Workbench, send: Send) -> list[Drive]:
+def migrated(context: JobContext, send: Send) -> list[Drive]:
     """Two drives that are to be computed again."""
     made = [send(log, "profile") for log in (0, 1)]
     for drive in made:
-        assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
-    with bench.sessions.begin() as session:
+        assert process_drive(context, drive.id, drive.generation) is Outcome.DONE
+    with context.sessions.begin() as session:
         session.execute(text("DELETE FROM procrastinate_jobs"))
         for statement in _AS_MIGRATED.split(";")[:-1]:
             session.execute(text(statement))
@@ -47,7 +48,7 @@ def migrated(bench: Workbench, send: Send) -> list[Drive]:
 
 
 def test_drives_of_a_former_model_are_computed_again_and_shown_meanwhile(
-    bench: Workbench, migrated: list[Drive], sessions: Sessions
+    context: JobContext, migrated: list[Drive], sessions: Sessions
 ) -> None:
     before = {i: row for i, row in rows_of(sessions).items() if row[2]}
     with sessions() as session:
@@ -62,23 +63,23 @@ def test_drives_of_a_former_model_are_computed_again_and_shown_meanwhile(
         assert [tuple(row) for row in session.execute(query)] == [(str(d.id), True) for d in migrated]
     assert give_jobs(sessions) == 0
     for number, drive in enumerate(migrated):
-        assert process_drive(bench, drive.id, drive.generation + 1) is Outcome.DONE
+        assert process_drive(context, drive.id, drive.generation + 1) is Outcome.DONE
         with sessions() as session:
             assert batch_progress(session).done == (1 if number == 0 else 0)
-    assert {drive_now(bench, drive.id).status for drive in migrated} == {"done"}
+    assert {drive_now(context, drive.id).status for drive in migrated} == {"done"}
     after = {i: row for i, row in rows_of(sessions).items() if row[2]}
     assert after.keys() == before.keys()
     assert [after[i] for i in after] == [pytest.approx(before[i], rel=0.1, abs=0.1) for i in after]
 
 
 def test_heights_are_filled_in_piece_by_piece(
-    bench: Workbench, sessions: Sessions, monkeypatch: pytest.MonkeyPatch
+    context: JobContext, sessions: Sessions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wanted = heights(sessions)
     assert all(one is not None and np.isfinite(one).all() for one in wanted)
     with sessions.begin() as session:
         session.execute(text("UPDATE segments SET dem_heights_m = NULL WHERE id % 3 > 0"))
-    filler = HeightFiller(sessions, bench.dem_dir)
+    filler = HeightFiller(sessions, context.dem_dir)
     assert [filler.piece(), filler.piece()] == [True, False]
     assert heights(sessions) == wanted
     monkeypatch.setattr("app.terrain.heights.SEGMENTS_PER_FILL", 50)
@@ -93,16 +94,16 @@ def test_heights_are_filled_in_piece_by_piece(
 
 
 def test_a_drive_does_not_wait_for_the_heights_of_the_whole_map(
-    bench: Workbench, send: Send, sessions: Sessions
+    context: JobContext, send: Send, sessions: Sessions
 ) -> None:
     """Its own roads are filled in before it is solved: what is published of it is as if all were."""
     drive = send(0, "profile")
-    assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
+    assert process_drive(context, drive.id, drive.generation) is Outcome.DONE
     wanted, all_heights = rows_of(sessions), heights(sessions)
     with sessions.begin() as session:
         session.execute(text("UPDATE segments SET dem_heights_m = NULL"))
     intake.reprocess(sessions, drive.id, "profile")
-    assert process_drive(bench, drive.id, drive.generation + 1) is Outcome.DONE
+    assert process_drive(context, drive.id, drive.generation + 1) is Outcome.DONE
     assert 0 < heights(sessions).count(None) < len(all_heights)
     assert rows_of(sessions).keys() == wanted.keys()
     assert [rows_of(sessions)[i] for i in wanted] == [pytest.approx(wanted[i], rel=1e-9) for i in wanted]
@@ -115,18 +116,18 @@ def test_a_drive_does_not_wait_for_the_heights_of_the_whole_map(
 
 
 def test_what_no_drive_says_again_goes_when_all_are_done(
-    bench: Workbench, migrated: list[Drive], sessions: Sessions
+    context: JobContext, migrated: list[Drive], sessions: Sessions
 ) -> None:
     one, other = migrated
     clear_remains(sessions)  # gaps, which no drive says
-    publish_all(sessions, bench.blobs)
+    publish_all(sessions, context.blobs)
     assert clear_remains(sessions) == 0
-    bench.blobs.delete(other.blob_key)
-    assert process_drive(bench, one.id, one.generation + 1) is Outcome.DONE
-    assert process_drive(bench, other.id, other.generation + 1) is Outcome.FAILED
+    context.blobs.delete(other.blob_key)
+    assert process_drive(context, one.id, one.generation + 1) is Outcome.DONE
+    assert process_drive(context, other.id, other.generation + 1) is Outcome.FAILED
     stale = rows_of(sessions).keys() - rows_of(sessions, "network_slopes").keys()
     assert stale
     assert clear_remains(sessions) == len(stale)
-    publish_all(sessions, bench.blobs)
+    publish_all(sessions, context.blobs)
     assert rows_of(sessions).keys() == rows_of(sessions, "network_slopes").keys()
     assert clear_remains(sessions) == 0

@@ -79,7 +79,7 @@ def test_drives_by_status(filled: Any, done: str) -> None:
 
 def test_a_failure_is_told_with_its_place(web: Any) -> None:
     drive = upload(web)
-    assert process_drive(web.bench, uuid.UUID(drive), 1) is Outcome.FAILED
+    assert process_drive(web.context, uuid.UUID(drive), 1) is Outcome.FAILED
     document = web.client.get(f"/v1/drives/{drive}").json()
     assert document["status"] == "failed"
     assert document["failure"]["kind"] == "empty-log"
@@ -311,7 +311,7 @@ def test_an_uploaded_drive_through_the_town_ends_as_slopes_on_the_map(
     with (tmp_path / "drive.csv").open("rb") as file:
         location = web.client.post("/v1/drives?method=raw", files={"file": file}).headers["location"]
     drive = uuid.UUID(location.rsplit("/", 1)[-1])
-    assert process_drive(web.bench, drive, 1) is Outcome.DONE
+    assert process_drive(web.context, drive, 1) is Outcome.DONE
 
     document = web.client.get(location).json()
     assert (document["status"], document["progress"]) == ("done", 1.0)

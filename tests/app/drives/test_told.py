@@ -132,7 +132,7 @@ def test_an_import_by_a_command_is_counted_and_told(
 ) -> None:
     monkeypatch.setenv("VERSANT_DATABASE_URL", web.settings.database_url)
     monkeypatch.setenv("VERSANT_DATA_DIR", str(tmp_path))
-    monkeypatch.setattr("app.cli.database.stand_back", lambda: None)
+    monkeypatch.setattr("app.cli.database.lower_priority", lambda: None)
     (tmp_path / "no.osm").write_text("<osm version='0.6'></osm>")
     with logged() as lines:
         done = CliRunner().invoke(app, ["import-roads", str(files / "town.osm")])

@@ -65,7 +65,7 @@ def test_a_later_track_replaces_the_former(
 
 def make_measurements(sensor: np.ndarray, values: np.ndarray) -> DrawnMeasurements:
     names = ("altitude", "doppler", "barometer", "pitch")
-    return DrawnMeasurements(names, sensor, *values.T, np.array([True, False, True, False])[sensor])
+    return DrawnMeasurements(names, sensor, *values.T, np.array([True, False, True, False])[sensor])  # type: ignore[call-arg]
 
 
 @given(st.integers(0, 30).flatmap(lambda n: st.tuples(

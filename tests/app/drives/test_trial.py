@@ -15,9 +15,9 @@ import rasterio
 from typer.testing import CliRunner
 
 from app.cli import app
-from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives.process import Workbench
+from app.core.settings import Settings
+from app.jobs.context import JobContext
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
 from fusion.formats.versant_csv import VersantCsvFormat
@@ -86,16 +86,16 @@ def fused(folder: Path, logs: Mapping[str, bytes], roads: Path, *dem: Path) -> d
     }
 
 
-def served(bench: Workbench, logs: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
+def served(context: JobContext, logs: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
     """The reports of the drives' documents once all of them are published; drives are named as their logs."""
     ids = {}
     for name, content in logs.items():
         drive, _ = accept_upload(
-            bench.sessions, bench.blobs, [content], filename=name, method="profile", options=None
+            context.sessions, context.blobs, [content], filename=name, method="profile", options=None
         )
-        process_drive(bench, drive.id, drive.generation)
+        process_drive(context, drive.id, drive.generation)
         ids[name] = drive.id
-    reports = {name: drive_now(bench, key).report for name, key in ids.items()}
+    reports = {name: drive_now(context, key).report for name, key in ids.items()}
     text = json.dumps(reports)
     for name, key in ids.items():
         text = text.replace(str(key), name)
@@ -119,7 +119,7 @@ SENTENCES = {
 """Of each log what it is told, in this order among others."""
 
 
-def test_what_is_odd_about_a_log_is_told_by_both(bench: Workbench, files: Path, tmp_path: Path) -> None:
+def test_what_is_odd_about_a_log_is_told_by_both(context: JobContext, files: Path, tmp_path: Path) -> None:
     good = (files / "0.csv").read_bytes()
     logs = {
         "good.csv": changed(good, 0),
@@ -139,7 +139,7 @@ def test_what_is_odd_about_a_log_is_told_by_both(bench: Workbench, files: Path, 
         assert re.search(".*".join(map(_as_pattern, wanted)), " ".join(warnings)), warnings
         for warning in warnings:
             assert f"{name}: {warning}" in alone["said"]
-    told = served(bench, logs)
+    told = served(context, logs)
     assert {name: report["warnings"] for name, report in told.items()} == {
         name: report["warnings"] for name, report in reports.items()
     }
@@ -153,7 +153,7 @@ def _as_pattern(text: str) -> str:
 
 
 def test_a_drive_that_contradicts_and_one_that_comes_twice(
-    bench: Workbench, files: Path, tmp_path: Path
+    context: JobContext, files: Path, tmp_path: Path
 ) -> None:
     """Both are told as they are now: what a drive was told when it came changes with the others."""
     good, other = ((files / f"{k}.csv").read_bytes() for k in (0, 2))
@@ -164,10 +164,10 @@ def test_a_drive_that_contradicts_and_one_that_comes_twice(
         "other.csv": changed(other, 0),
         "third.csv": changed(other, 30),
     }
-    first = served(bench, {"wrong.csv": logs["wrong.csv"]})["wrong.csv"]
+    first = served(context, {"wrong.csv": logs["wrong.csv"]})["wrong.csv"]
     assert first["rejected_segments"] == 0
     assert not [warning for warning in first["warnings"] if "contradicts" in warning]
-    told = served(bench, logs)
+    told = served(context, logs)
     alone = fused(tmp_path, logs, files / "town.osm", files / "town.tif")
     reports = {Path(one["file"]).name: one["report"] for one in alone["logs"]}
     for name, report in reports.items():
@@ -217,5 +217,5 @@ def test_an_elevation_model_of_another_place(
     assert "no elevation model." in none["logs"][0]["summary"]
     road_imports.import_roads(sessions, roads, folder)
     dem_imports.import_dem(sessions, [elsewhere], folder)
-    bench = Workbench(sessions, BlobStore(str(tmp_path / "blobs")), folder)
-    assert served(bench, logs)["0.csv"]["warnings"] == [said]
+    context = JobContext(Settings(data_dir=tmp_path), sessions)
+    assert served(context, logs)["0.csv"]["warnings"] == [said]

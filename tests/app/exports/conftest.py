@@ -14,7 +14,10 @@ from app.core.blobs import EXPORTS, BlobStore
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
-from app.exports.run import ExportDesk, make_export
+from app.exports.run import EXPORT
+from app.jobs.context import JobContext
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
 from web_fixtures import Web, add_drive, fill_roads
 
 _FIVE_WAYS = """
@@ -77,10 +80,10 @@ def work() -> Callable[..., list[str]]:
     """``work(web, settings=...)``: what a worker does with all exports that wait; how each ended."""
 
     def run(web: Web, **changes: Any) -> list[str]:
-        desk = ExportDesk(web.settings.model_copy(update=changes), web.sessions)
+        context = JobContext(web.settings.model_copy(update=changes), web.sessions)
         query = "SELECT id FROM exports WHERE status IN ('queued', 'running') ORDER BY created_at, id"
         with web.sessions() as session:
             numbers = list(session.execute(text(query)).scalars())
-        return [make_export(desk, number, lambda: False, nullcontext) for number in numbers]
+        return [perform(EXPORT, context, number, Work(bool, nullcontext)) for number in numbers]
 
     return run

@@ -9,6 +9,7 @@ import threading
 import uuid
 from collections.abc import Callable
 from contextlib import nullcontext
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,14 @@ from sqlalchemy import text
 
 from app.core.blobs import EXPORTS, BlobStore
 from app.exports import run as runs
-from app.exports import store
-from app.exports.run import ExportDesk, make_export, sweep_files, tend
+from app.exports.run import EXPORT
+from app.exports.store import exports
+from app.jobs.context import JobContext
+from app.jobs.requests import run as machine
+from app.jobs.requests import upkeep
+from app.jobs.requests.run import perform
 from app.jobs.task import Interrupted
+from app.jobs.task import Work as Given
 from problem_support import check
 from web_fixtures import Web
 
@@ -234,9 +240,8 @@ def test_a_removed_export_is_cancelled_and_its_file_gone(driven: Web, work: Work
     for _ in range(2):
         assert driven.client.delete(f"/v1/exports/{waiting['id']}").status_code == 204
     assert seen(driven, waiting)["status"] == "cancelled"
-    assert make_export(
-        ExportDesk(driven.settings, driven.sessions), uuid.UUID(waiting["id"]), bool, nullcontext
-    ) == ("unwanted")
+    removed = uuid.UUID(waiting["id"])
+    assert perform(EXPORT, driven.context, removed, Given(bool, nullcontext)) == "unwanted"
     done = ask(driven)
     assert done["id"] != waiting["id"]
     work(driven)
@@ -250,13 +255,13 @@ def test_one_that_is_removed_while_it_is_made_leaves_nothing(
     driven: Web, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     export = ask(driven)
-    stored = runs._stored
+    stored = runs._store_file
 
     def removed_meanwhile(*arguments: Any) -> Any:
         assert driven.client.delete(f"/v1/exports/{export['id']}").status_code == 204
         return stored(*arguments)
 
-    monkeypatch.setattr(runs, "_stored", removed_meanwhile)
+    monkeypatch.setattr(runs, "_store_file", removed_meanwhile)
     assert work(driven) == ["unwanted"]
     assert (files(driven), seen(driven, export)["status"]) == ([], "cancelled")
     assert scratch(driven) == []
@@ -269,26 +274,26 @@ def scratch(web: Web) -> list[Path]:
 
 def test_a_worker_that_stops_puts_it_back_and_one_that_died_is_replaced(driven: Web, work: Work) -> None:
     export = ask(driven)
-    desk, number = ExportDesk(driven.settings, driven.sessions), uuid.UUID(export["id"])
+    context, number = JobContext(driven.settings, driven.sessions), uuid.UUID(export["id"])
     with pytest.raises(Interrupted):
-        make_export(desk, number, lambda: True, nullcontext)
+        perform(EXPORT, context, number, Given(lambda: True, nullcontext))
     assert seen(driven, export)["status"] == "queued"
     assert scratch(driven) == []
     with driven.sessions.begin() as session:
-        dead = store.claim(session, number)
+        dead = exports.claim(session, number)
     assert dead is not None
     assert seen(driven, export)["status"] == "running"
     assert work(driven) == ["done"]
     with driven.sessions.begin() as session:
-        assert not store.set_progress(session, dead[0], 0.5), "the older run has nothing to say any more"
+        assert not exports.update(session, dead, progress=0.5), "the older run has nothing to say any more"
     assert seen(driven, export)["progress"] == 1
 
 
 def test_it_lets_drives_go_first_some_times_and_then_ends(
     driven: Web, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(runs, "LOOK_EVERY_S", 0.0)
-    monkeypatch.setattr(runs, "OTHERS_WAIT_S", 0.0)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(machine, "OTHERS_WAIT_S", 0.0)
     monkeypatch.setattr("app.exports.source.PARTS_APART", 1)
     export = ask(driven)
     with driven.sessions.begin() as session:
@@ -322,19 +327,19 @@ def test_old_exports_go_and_so_do_files_that_nobody_refers_to(
     work(driven)
     with driven.sessions.begin() as session:
         session.execute(text("UPDATE exports SET expires_at = now() WHERE id = :id"), {"id": old["id"]})
-    tend(driven.settings, driven.sessions)
+    upkeep.look_after(EXPORT, driven.context)
     check(driven.client.get(f"/v1/exports/{old['id']}"), 404)
     assert fetch(driven, kept).status_code == 200
     blobs = BlobStore(driven.settings.blob_store_url, EXPORTS)
     with blobs.writer() as writer:
         writer.write(b"of a worker that was killed")
         orphan = writer.finish().key
-    assert sweep_files(driven.settings, driven.sessions) == [], "it may be about to be referred to"
-    monkeypatch.setattr(runs, "ORPHAN_AGE", runs.timedelta(0))
-    assert sweep_files(driven.settings, driven.sessions) == [orphan]
+    assert upkeep.sweep_files(EXPORT, driven.context) == [], "it may be about to be referred to"
+    monkeypatch.setattr(upkeep, "ORPHAN_AGE", timedelta(0))
+    assert upkeep.sweep_files(EXPORT, driven.context) == [orphan]
     assert fetch(driven, kept).status_code == 200
     small = driven.settings.model_copy(update={"exports_max_bytes": 1})
-    tend(small, driven.sessions)
+    upkeep.look_after(EXPORT, JobContext(small, driven.sessions))
     assert files(driven) == []
 
 

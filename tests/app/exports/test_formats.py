@@ -25,11 +25,9 @@ from app.core import databases
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
-from app.exports.formats import FORMATS, format_for
+from app.exports.formats import FORMATS, SEGMENT_FORMATS, format_for
 from app.exports.making import Made, make_file, request_of
 from app.exports.source import snapshot
-from app.map.handover import HANDOVERS
-from app.map.outputs import OUTPUTS
 from app.map.tiles.store import mvt
 from app.roads.imports import import_roads
 from drawn_support import draw
@@ -48,7 +46,7 @@ _MEASURED = """
     WHERE highway <> 'service' ORDER BY id DESC LIMIT 40
 """
 NAMES = [pytest.param(name, id=name) for name in FORMATS]
-WITH_A_PLACE = [name for name in FORMATS if name not in HANDOVERS]
+WITH_A_PLACE = [name for name, one in FORMATS.items() if not one.consumer]
 
 
 def make(sessions: Sessions, settings: Settings, name: str, folder: Path, **asked: Any) -> tuple[Path, Made]:
@@ -120,7 +118,7 @@ def test_the_same_data_make_the_same_bytes(
     assert made[0]
 
 
-@pytest.mark.parametrize("name", [*OUTPUTS])
+@pytest.mark.parametrize("name", [*SEGMENT_FORMATS])
 def test_every_segment_is_in_every_output_with_the_values_of_the_database(
     pair: list[tuple[Sessions, Settings]], tmp_path: Path, name: str
 ) -> None:

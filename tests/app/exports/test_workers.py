@@ -20,7 +20,8 @@ from app.cli.children import child_environment
 from app.core.blobs import BlobStore
 from app.core.settings import Settings
 from app.drives.worker import run_worker
-from app.exports.run import tend
+from app.exports.run import EXPORT
+from app.jobs.requests.upkeep import look_after
 from app.upkeep.backup import back_up
 from web_fixtures import Web
 
@@ -32,7 +33,7 @@ from app.core.settings import Settings
 from app.drives.worker import run_worker
 from app.exports import run
 
-run._in_room = lambda look, work: (work(), time.sleep(600))
+run._in_room = lambda run, work: (work(), time.sleep(600))
 run_worker(Settings(), with_chores=False)
 """
 
@@ -61,7 +62,7 @@ def test_one_whose_job_is_lost_gets_another(driven: Web) -> None:
     with driven.sessions.begin() as session:
         session.execute(text("UPDATE procrastinate_jobs SET status = 'failed'"))
     for _ in range(2):
-        tend(driven.settings, driven.sessions)
+        look_after(EXPORT, driven.context)
     with driven.sessions() as session:
         query = "SELECT args ->> 'export_id' FROM procrastinate_jobs WHERE status = 'todo'"
         assert list(session.execute(text(query)).scalars()) == [export]

@@ -18,8 +18,7 @@ from app.network import cell_roads, extracts, surroundings
 from app.network.cell_roads import Roads, roads_in
 from app.roads.imports import replace_roads
 from app.roads.store import road_version_id
-from fusion.roads.along import boxes_along
-from fusion.roads.table import RoadTable, rows_of
+from fusion.roads.table import RoadTable, boxes_along, rows_of
 from fusion.simulate.scene.town import Town
 from fusion.types import Floats
 
@@ -55,8 +54,8 @@ def test_they_are_those_of_the_whole(
     lon = data.draw(st.lists(st.floats(west - 0.01, east + 0.01), min_size=1, max_size=8))
     lat = data.draw(st.lists(st.floats(south - 0.01, north + 0.01), min_size=len(lon), max_size=len(lon)))
     boxes = boxes_along(np.array(lon), np.array(lat), data.draw(st.floats(0, 500)))
-    monkeypatch.setattr(cell_roads, "MOST_KEPT", data.draw(st.sampled_from([0, 50, 100_000])))
-    monkeypatch.setattr(cell_roads, "READ_TOGETHER", data.draw(st.sampled_from([1, 3, 64])))
+    monkeypatch.setattr(cell_roads, "MOST_CACHED", data.draw(st.sampled_from([0, 50, 100_000])))
+    monkeypatch.setattr(cell_roads, "CELLS_AT_ONCE", data.draw(st.sampled_from([1, 3, 64])))
     near = found(sessions, boxes)
     with sessions() as session:
         whole, all_ids = extracts.all_roads(session)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.network.cells import ZOOM, beside, regions_around
+from app.network.cells import ZOOM, beside, partitions_around
 
 SIDE_M = 2 * math.pi * 6_378_137.0 / 2**ZOOM
 HALF_M = math.pi * 6_378_137.0
@@ -54,7 +54,9 @@ def test_a_line_around_the_world_costs_thousands_of_squares_and_not_millions(ses
 @given(st.lists(st.integers(0, 2**28 - 1), min_size=1, max_size=30))
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_regions_are_those_of_the_database(sessions: Sessions, squares: list[int]) -> None:
-    query = text("SELECT DISTINCT versant_region(c) AS r FROM unnest(CAST(:c AS integer[])) AS c ORDER BY r")
+    query = text(
+        "SELECT DISTINCT versant_partition(c) AS r FROM unnest(CAST(:c AS integer[])) AS c ORDER BY r"
+    )
     with sessions() as session:
         stored = session.execute(query, {"c": squares}).scalars().all()
-    assert regions_around(np.array(squares)) == stored
+    assert partitions_around(np.array(squares)) == stored

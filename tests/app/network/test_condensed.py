@@ -12,7 +12,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions, fetch_binary
 from app.network import condensed, passes, settle, surroundings, swap
-from app.network.cells import regions_around
+from app.network.cells import partitions_around
 from app.roads import imports as roads
 from condensed_support import TINY, assert_sums_hold, ten_drives
 from factor_support import street
@@ -52,15 +52,15 @@ def test_a_segment_reads_a_jury_however_many_passes_there_were(
     found = rows_of(sessions)[ids[0]]
     assert found[2:] == (23, 23 * 5)
     assert assert_sums_hold(sessions).keys() == set(ids[:6])
-    assert count_of(sessions, "pass_sums") == 6
+    assert count_of(sessions, "condensed_passes") == 6
 
 
 def test_a_segment_with_fewer_passes_has_no_sum(
     sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(condensed, "JURY", 5)
+    monkeypatch.setattr(condensed, "RECENT_PASSES", 5)
     ten_drives(sessions, chain(), segment_ids)
-    assert count_of(sessions, "pass_sums") == 0
+    assert count_of(sessions, "condensed_passes") == 0
 
 
 def plan_of(sessions: Sessions, query: str, values: dict[str, object]) -> str:
@@ -80,12 +80,12 @@ def test_laps_of_a_drive_stay_together() -> None:
     """The jury is of the newest drives as wholes; the newest stays even if it alone is more than a jury."""
     laps = [old_pass(7, 1.0, k) for k in range(3)]
     singles = [old_pass(k, 2.0 + k, 10 + k) for k in range(2)]
-    assert condensed.beyond_jury([*laps, *singles, old_pass(9, 0.5, 20)]) == []
+    assert condensed.passes_to_condense([*laps, *singles, old_pass(9, 0.5, 20)]) == []
     two_old = [old_pass(9, 0.5, 20), old_pass(8, 0.4, 21)]
-    assert condensed.beyond_jury([*laps, *two_old, *singles]) == [*two_old[::-1], *laps]
+    assert condensed.passes_to_condense([*laps, *two_old, *singles]) == [*two_old[::-1], *laps]
     many = [old_pass(7, 9.0, k) for k in range(8)]
-    assert condensed.beyond_jury([*many, *singles]) == singles
-    assert condensed.beyond_jury(many) == []
+    assert condensed.passes_to_condense([*many, *singles]) == singles
+    assert condensed.passes_to_condense(many) == []
 
 
 def test_drives_are_summed_as_wholes_and_in_portions() -> None:
@@ -98,7 +98,7 @@ def test_the_map_is_up_to_date_before_old_passes_are_summed(
     sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     order: list[object] = []
-    monkeypatch.setattr(swap, "sum_old_passes", lambda *_: order.append("sums"))
+    monkeypatch.setattr(swap, "condense_old_passes", lambda *_: order.append("sums"))
     append(sessions, new_drive(sessions), segment_ids, passes_of(chain(), {0: (2.0, 0.5)}))
     swap.solve_marked(sessions, published=lambda: order.append(count_of(sessions, "network_marks")))
     assert order == [0, "sums"]
@@ -112,8 +112,8 @@ def crowded(sessions: Sessions, chain: Chain, segment_ids: Ints) -> uuid.UUID:
         session.execute(
             text(
                 """
-            INSERT INTO drive_passes (drive_id, segment_id, entered_s, summed_weight, sequence, region, factor)
-            SELECT drive_id, segment_id, k, CASE WHEN k > 6 THEN 1 END, k, region, factor
+            INSERT INTO drive_passes (drive_id, segment_id, entered_s, condensed_weight, sequence, partition, factor)
+            SELECT drive_id, segment_id, k, CASE WHEN k > 6 THEN 1 END, k, partition, factor
             FROM drive_passes, generate_series(1, 3006) AS k
             """
             )
@@ -129,10 +129,10 @@ def test_what_is_in_a_sum_is_not_even_looked_at(
     assert crowded
     ids = segment_ids[:6].tolist()
     with sessions() as session:
-        regions = passes.regions_of(session, ids)
-        assert regions == [33 << 6 | 21]  # x and y of the tile of zoom 6
+        partitions = passes.partitions_of(session, ids)
+        assert partitions == [33 << 6 | 21]  # x and y of the tile of zoom 6
         assert len(passes.passes_over(session, ids)) == 42
-    plan = plan_of(sessions, passes.OVER, {"ids": ids, "regions": regions})
+    plan = plan_of(sessions, passes.OVER, {"ids": ids, "partitions": partitions})
     assert "Append" not in plan, plan  # one part
     assert "_segment_id_idx " in plan, plan
     assert "actual rows=42 " in plan, plan
@@ -149,9 +149,9 @@ def test_whether_a_segment_is_driven_is_one_look(
         cell = session.execute(text("SELECT cell FROM segments WHERE id = :id"), of_segment).scalar_one()
         plans = [
             session.execute(text(f"EXPLAIN (ANALYZE, TIMING OFF) {query.text}"), values).scalars().all()
-            for query, values in ((settle._IN_NETWORK_OF_CELL, {"cell": cell}), (settle._SQUARES, {}))
+            for query, values in ((settle._IN_NETWORK_OF_CELL, {"cell": cell}), (settle._CELLS, {}))
         ]
-        known = {"ids": segment_ids, "regions": regions_around(np.array([cell]))}
+        known = {"ids": segment_ids, "partitions": partitions_around(np.array([cell]))}
         rows = fetch_binary(session, f"EXPLAIN (ANALYZE, TIMING OFF) {surroundings.KNOWN}", known)
         plans.append([line for (line,) in rows])
         for plan in map("\n".join, plans):
@@ -163,9 +163,9 @@ def test_whether_a_segment_is_driven_is_one_look(
 
 def test_a_drive_is_looked_for_where_it_was_only(sessions: Sessions, crowded: uuid.UUID) -> None:
     with sessions() as session:
-        there = session.execute(text("SELECT DISTINCT region FROM drive_passes")).scalars().all()
+        there = session.execute(text("SELECT DISTINCT partition FROM drive_passes")).scalars().all()
         values = condensed.of_drive(session, crowded)
-    assert values["regions"] == there
+    assert values["partitions"] == there
     plan = plan_of(
         sessions, f"SELECT id FROM drive_passes WHERE {condensed.OF_DRIVE.format('%(', ')s')}", values
     )
@@ -183,12 +183,10 @@ def test_deleted_drives_are_taken_off_sums(
         delete(sessions, drive)
         assert_sums_hold(sessions)
         with sessions() as session:  # none of turned signs, which would tell what the drive had said
-            twice = (
-                "SELECT count(*) FROM (SELECT FROM pass_sums GROUP BY segment_id HAVING count(*) > 1) AS s"
-            )
+            twice = "SELECT count(*) FROM (SELECT FROM condensed_passes GROUP BY segment_id HAVING count(*) > 1) AS s"
             assert session.execute(text(twice)).scalar_one() == 0
     assert rows_of(sessions) == {}
-    assert count_of(sessions, "pass_sums") == 0
+    assert count_of(sessions, "condensed_passes") == 0
     assert count_of(sessions, "drive_passes") == 0
 
 
@@ -218,7 +216,7 @@ def test_what_contradicts_is_summed_with_no_weight(
     with sessions() as session:
         weights = {
             row[0]: row[1]
-            for row in session.execute(text("SELECT drive_id, summed_weight FROM drive_passes"))
+            for row in session.execute(text("SELECT drive_id, condensed_weight FROM drive_passes"))
         }
     assert weights[odd] == 0.0
     assert min(weights[k] for k in good[:2]) > 0.1
@@ -242,7 +240,7 @@ def test_a_drive_that_turns_out_to_be_there_twice_leaves_its_sums(
     publish(sessions, better, segment_ids, passes_of(table, said, 0.0, rows=9))
     with sessions() as session:
         twin = session.execute(
-            text("SELECT same_as FROM drives WHERE id = :id"), {"id": made[0]}
+            text("SELECT duplicate_of FROM drives WHERE id = :id"), {"id": made[0]}
         ).scalar_one()
     assert twin == better
     assert rows_of(sessions)[here][2] == 10
@@ -276,17 +274,17 @@ def test_a_segment_that_moves_or_goes_loses_its_sums_and_the_others_keep_theirs(
     left = set(segment_ids[[0, 2, 4, 5]].tolist())
     assert assert_sums_hold(sessions).keys() == left
     with sessions() as session:
-        for table_name in ("drive_passes", "pass_sums", "rejected_passes"):
+        for table_name in ("drive_passes", "condensed_passes", "rejected_passes"):
             query = text(f"SELECT DISTINCT segment_id FROM {table_name}")
             assert set(session.execute(query).scalars()) <= left
         wrong = text(
             "SELECT count(*) FROM drive_passes AS p JOIN segments AS s ON s.id = p.segment_id "
-            "WHERE p.region <> versant_region(s.cell)"
+            "WHERE p.partition <> versant_partition(s.cell)"
         )
         assert session.execute(wrong).scalar_one() == 0
     drive_over(sessions, chain(), segment_ids, {1: (2.0, 0.3)}, 5.0)
     with sessions() as session:
-        regions = text("SELECT count(DISTINCT region) FROM drive_passes")
+        regions = text("SELECT count(DISTINCT partition) FROM drive_passes")
         assert session.execute(regions).scalar_one() == 2
         assert session.execute(wrong).scalar_one() == 0
 
@@ -298,10 +296,10 @@ def test_who_asks_for_the_lag_of_a_drive_hears_nothing_of_what_it_said(
     made = ten_drives(sessions, chain(), segment_ids)
     ids = segment_ids.tolist()
     with sessions() as session:
-        whole = condensed.sums_over(session, ids)
-        without = condensed.sums_over(session, ids, made[0])
+        whole = condensed.condensed_over(session, ids)
+        without = condensed.condensed_over(session, ids, made[0])
     assert {one.drives for one in without.values()} == {one.drives - 1 for one in whole.values()}
     delete(sessions, made[0])
     with sessions() as session:
-        for segment, one in condensed.sums_over(session, ids).items():
+        for segment, one in condensed.condensed_over(session, ids).items():
             assert np.allclose(one.information, without[segment].information, rtol=1e-12)

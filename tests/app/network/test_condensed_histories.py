@@ -59,9 +59,9 @@ def solve_some(sessions: Sessions, how: str) -> None:
     """A solver that dies before it condensed, or in the middle of it."""
     with pytest.MonkeyPatch.context() as patch, suppress(Death):
         if how == "died before":
-            patch.setattr(swap, "sum_old_passes", die)
+            patch.setattr(swap, "condense_old_passes", die)
         elif how == "died within":
-            patch.setattr(condensed, "append_sums", die)
+            patch.setattr(condensed, "append_condensed", die)
         swap.solve_marked(sessions)
 
 
@@ -117,7 +117,7 @@ def test_any_history_of_sums_ends_near_what_all_passes_say(
     again = rows_of(sessions)
     all_gone()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(condensed, "JURY", 10**6)
+        patch.setattr(condensed, "RECENT_PASSES", 10**6)
         for k, what in left.items():
             come(k, what)
         swap.solve_all_marked(sessions)
@@ -135,9 +135,9 @@ def about_to_sum(
 ) -> Iterator[tuple[list[uuid.UUID], list[condensed.OldPass]]]:
     """Ten drives over a street that a solver is about to sum, and which of their passes."""
     with monkeypatch.context() as patch:
-        patch.setattr(condensed, "JURY", 100)
+        patch.setattr(condensed, "RECENT_PASSES", 100)
         made = ten_drives(sessions, chain(), segment_ids)
-    monkeypatch.setattr(condensed, "JURY", TINY)
+    monkeypatch.setattr(condensed, "RECENT_PASSES", TINY)
     with swap.snapshot(sessions) as session:
         solution, shown = solve.solve_around(session, set(segment_ids[:6].tolist()))
         old = solution.old_passes(shown)
@@ -149,9 +149,9 @@ def sum_them(
     sessions: Sessions, old: list[condensed.OldPass], meanwhile: Callable[[], None] = lambda: None
 ) -> None:
     with sessions.begin() as session:
-        made = condensed.made_sums(session, old)
-        regions = passes.regions_of(session, {p.factor.segment for p in old})
-        condensed.sum_up(session, old, made, regions)
+        made = condensed.condensed_by_drive(session, old)
+        regions = passes.partitions_of(session, {p.factor.segment for p in old})
+        condensed.condense(session, old, made, regions)
         meanwhile()
 
 
@@ -197,4 +197,4 @@ def test_a_pass_is_summed_once(
     for _ in range(2):
         sum_them(sessions, old)
     assert {one.drives for one in assert_sums_hold(sessions).values()} == {7}
-    assert count_of(sessions, "pass_sums") == 6
+    assert count_of(sessions, "condensed_passes") == 6

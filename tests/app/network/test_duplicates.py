@@ -37,11 +37,11 @@ ROWS = range(6)
 BEGIN_S = 1_700_000_000.0
 
 
-def same_as(sessions: Sessions, drive: uuid.UUID) -> uuid.UUID | None:
+def duplicate_of(sessions: Sessions, drive: uuid.UUID) -> uuid.UUID | None:
     with sessions() as session:
         found = drives.get_drive(session, drive)
     assert found is not None
-    return found.same_as
+    return found.duplicate_of
 
 
 def drive(
@@ -78,12 +78,12 @@ def test_the_log_with_more_measurements_is_heard(
     made = {
         n: drive(sessions, chain(), segment_ids, n, n / 100) for n in ((9, 5) if better_first else (5, 9))
     }
-    assert same_as(sessions, made[5]) == made[9]
-    assert same_as(sessions, made[9]) is None
+    assert duplicate_of(sessions, made[5]) == made[9]
+    assert duplicate_of(sessions, made[9]) is None
     assert {heard for (one, _), heard in verdicts_of(sessions).items() if one == made[5]} == {False}
     assert {row[2] for row in rows_of(sessions).values()} == {1}
     delete(sessions, made[9])
-    assert same_as(sessions, made[5]) is None
+    assert duplicate_of(sessions, made[5]) is None
     assert set(verdicts_of(sessions).values()) == {True}
     assert {row[2] for row in rows_of(sessions).values()} == {1}
     delete(sessions, made[5])
@@ -129,7 +129,7 @@ def test_moments_of_entering_decide(
 ) -> None:
     one = drive(sessions, chain(), segment_ids, 9)
     other = drive(sessions, chain(), segment_ids, 5, apart_s, first)
-    assert same_as(sessions, other) == (one if same else None)
+    assert duplicate_of(sessions, other) == (one if same else None)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_epochs_decide_too(
     every_s = BEGIN_S + np.arange(200)
     one = drive(sessions, chain(), segment_ids, 9, epoch_s=every_s)
     other = drive(sessions, chain(), segment_ids, 5, apart_s, epoch_s=every_s[:: int(period_s)] + phase_s)
-    assert same_as(sessions, other) == (one if same else None)
+    assert duplicate_of(sessions, other) == (one if same else None)
 
 
 def test_a_log_of_the_last_lap_is_of_the_drive(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
@@ -162,7 +162,7 @@ def test_a_log_of_the_last_lap_is_of_the_drive(sessions: Sessions, chain: Chain,
     whole, last = new_drive(sessions), new_drive(sessions)
     publish(sessions, last, segment_ids, laps[12:])
     publish(sessions, whole, segment_ids, laps)
-    assert (same_as(sessions, whole), same_as(sessions, last)) == (None, whole)
+    assert (duplicate_of(sessions, whole), duplicate_of(sessions, last)) == (None, whole)
 
 
 def test_three_quarters_of_a_drive_in_common_is_two_drives(
@@ -173,7 +173,7 @@ def test_three_quarters_of_a_drive_in_common_is_two_drives(
     other = new_drive(sessions)
     made = passes_of(table, dict.fromkeys((0, 1, 2, 9), (2.0, 0.5)), begin_s=BEGIN_S)
     publish(sessions, other, segment_ids, made)
-    assert same_as(sessions, one) is same_as(sessions, other) is None
+    assert duplicate_of(sessions, one) is duplicate_of(sessions, other) is None
 
 
 def test_another_run_decides_anew(sessions: Sessions, chain: Chain, segment_ids: Ints) -> None:
@@ -181,9 +181,9 @@ def test_another_run_decides_anew(sessions: Sessions, chain: Chain, segment_ids:
     weak, strong = (drive(sessions, table, segment_ids, n) for n in (5, 9))
     said = dict.fromkeys(ROWS, (2.0, 0.5))
     publish(sessions, weak, segment_ids, passes_of(table, said, begin_s=BEGIN_S, rows=20))
-    assert (same_as(sessions, weak), same_as(sessions, strong)) == (None, weak)
+    assert (duplicate_of(sessions, weak), duplicate_of(sessions, strong)) == (None, weak)
     publish(sessions, weak, segment_ids, passes_of(table, said, begin_s=BEGIN_S + 900, rows=20))
-    assert (same_as(sessions, weak), same_as(sessions, strong)) == (None, None)
+    assert (duplicate_of(sessions, weak), duplicate_of(sessions, strong)) == (None, None)
     assert {row[2] for row in rows_of(sessions).values()} == {2}
     publish(sessions, weak, segment_ids, [])
     assert {row[2] for row in rows_of(sessions).values()} == {1}
@@ -207,7 +207,7 @@ def test_the_cost_of_a_copy_does_not_grow_with_the_square_of_their_number(
     monkeypatch.setattr(duplicates, "is_duplicate", counted)
     monkeypatch.setattr(same_drives, "is_duplicate", counted)
     last = drive(sessions, chain(), segment_ids, 9 if better else 5, COPIES / 1000)
-    assert (same_as(sessions, last) is None) == better
+    assert (duplicate_of(sessions, last) is None) == better
     assert len(compared) <= (3 * COPIES if better else 2)
 
 
@@ -225,5 +225,5 @@ def test_what_is_decided_one_by_one_is_what_is_decided_at_once(
         rows_, again = duplicates._decided(session, duplicates._together(session, every))
         assert {row.id for row in rows_} == every
         named = {row.id: rows_[again[k]].id if k in again else None for k, row in enumerate(rows_)}
-        assert {row.id: row.same_as for row in rows_} == named
+        assert {row.id: row.duplicate_of for row in rows_} == named
     assert len(set(named.values())) > 2

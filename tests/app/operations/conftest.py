@@ -10,7 +10,10 @@ import pytest
 from sqlalchemy import text
 
 from app.drives.batches.touched import queue_touched
-from app.operations.run import Desk, operate
+from app.jobs.context import JobContext
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
+from app.operations.run import OPERATION
 from web_fixtures import Web
 
 
@@ -19,10 +22,10 @@ def work() -> Callable[..., list[str]]:
     """``work(web)``: what a worker does with all operations that wait; how each ended."""
 
     def run(web: Web, **changes: Any) -> list[str]:
-        desk = Desk(web.settings.model_copy(update=changes), web.sessions, queue_touched)
+        context = JobContext(web.settings.model_copy(update=changes), web.sessions, queue_touched)
         query = "SELECT id FROM operations WHERE status IN ('queued', 'running') ORDER BY created_at, id"
         with web.sessions() as session:
             numbers = list(session.execute(text(query)).scalars())
-        return [operate(desk, number, lambda: False, nullcontext) for number in numbers]
+        return [perform(OPERATION, context, number, Work(bool, nullcontext)) for number in numbers]
 
     return run

@@ -15,12 +15,15 @@ from sqlalchemy import text
 
 from app.core.blobs import IMPORTS, BlobStore
 from app.drives.worker import run_worker
+from app.jobs.requests import run as machine
+from app.jobs.requests import upkeep
+from app.jobs.requests.run import RequestRun, perform
+from app.jobs.requests.store import Failure
 from app.jobs.task import Interrupted
+from app.jobs.task import Work as Given
 from app.network.locks import free_all, import_alone
-from app.operations import look as looks
-from app.operations import run as runs
-from app.operations import store
-from app.operations.run import Desk, operate, tend
+from app.operations.run import OPERATION
+from app.operations.store import operations
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.osm_file import write_osm
 from web_fixtures import Web, add_drive
@@ -74,31 +77,31 @@ class Stops:
 def test_a_run_that_is_cut_off_anywhere_goes_on_and_ends_right(
     web: Web, roads: bytes, work: Work, monkeypatch: pytest.MonkeyPatch, after: int
 ) -> None:
-    monkeypatch.setattr(looks, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
     number = planned(web, roads, work)
     added = seen(web, number)["plan"]["added"]
-    desk = Desk(web.settings, web.sessions)
+    context = web.context
     with pytest.raises(Interrupted):
-        operate(desk, number, Stops(after), nullcontext)
+        perform(OPERATION, context, number, Given(Stops(after), nullcontext))
     assert seen(web, number)["status"] == "queued"
     assert work(web) == ["done"]
     (region,) = web.client.get("/v1/regions").json()["regions"]
     assert region["segments"] == added
     assert files(web) == []
-    assert not list(desk.scratch.iterdir())
+    assert not list(context.scratch("operations").iterdir())
 
 
 def test_a_worker_that_vanished_is_followed_by_another_one(web: Web, roads: bytes, work: Work) -> None:
     """Its row says that it runs; what it would still say is not heard."""
     number = ask(web, roads, kind="import-roads", filename="town.osm")
     with web.sessions.begin() as session:
-        lost = store.claim(session, number)
+        lost = operations.claim(session, number)
     assert lost is not None
     assert work(web) == ["planned"]
     with web.sessions.begin() as session:
-        assert not store.set_progress(session, lost, "late", 0.5)
-        assert not store.finish(session, lost, {"sentence": "late"})
-        assert store.fail(session, number, "late", "late", lost.run) is None
+        assert not operations.update(session, lost, stage="late", progress=0.5)
+        assert not operations.finish(session, lost, result={"sentence": "late"})
+        assert operations.fail(session, number, Failure("late", "late"), lost.run) is None
     assert seen(web, number)["status"] == "planned"
 
 
@@ -106,11 +109,11 @@ def test_a_removal_whose_end_was_not_told_is_done(filled: Web, work: Work) -> No
     number = ask(filled, kind="remove-region", name="roads")
     work(filled)
     filled.client.post(f"/v1/operations/{number}/approve")
-    finish = store.finish
+    finish = operations.finish
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store, "finish", lambda *_: False)
+        patch.setattr(operations, "finish", lambda *_, **__: False)
         assert work(filled) == ["unwanted"]
-    assert store.finish is finish
+    assert operations.finish == finish
     assert filled.client.get("/v1/regions").json()["regions"] == []
     assert work(filled) == ["done"]
     assert seen(filled, number)["result"]["sentence"] == "Region roads is gone."
@@ -119,11 +122,11 @@ def test_a_removal_whose_end_was_not_told_is_done(filled: Web, work: Work) -> No
 def test_settling_goes_on_where_it_was_cut_off(
     filled: Web, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(looks, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
     add_drive(filled.sessions, list(range(8)))
     number = ask(filled, kind="settle")
     with pytest.raises(Interrupted):
-        operate(Desk(filled.settings, filled.sessions), number, Stops(2), nullcontext)
+        perform(OPERATION, filled.context, number, Given(Stops(2), nullcontext))
     with filled.sessions() as session:
         cell = session.execute(text("SELECT state -> 'cell' FROM operations")).scalar_one()
     assert cell is not None
@@ -133,17 +136,17 @@ def test_settling_goes_on_where_it_was_cut_off(
 def test_what_is_carried_out_is_nobody_s_to_cancel_and_what_is_planned_is(
     web: Web, roads: bytes, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(looks, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
     answers: list[int] = []
     number = ask(web, roads, kind="import-roads", filename="town.osm")
-    progress = looks.Look.progress
+    progress = RequestRun.show
 
     def cancelled(self: Any, stage: str, share: float) -> None:
         if stage == wanted:
             answers.append(web.client.delete(f"/v1/operations/{number}").status_code)
         progress(self, stage, share)
 
-    monkeypatch.setattr(looks.Look, "progress", cancelled)
+    monkeypatch.setattr(RequestRun, "show", cancelled)
     wanted = "comparing"
     assert work(web) == ["unwanted"]
     assert seen(web, number)["status"] == "cancelled"
@@ -158,15 +161,15 @@ def test_what_is_carried_out_is_nobody_s_to_cancel_and_what_is_planned_is(
 def test_operations_let_uploads_go_first_but_come_to_their_end(
     web: Web, roads: bytes, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(looks, "LOOK_EVERY_S", 0.0)
-    monkeypatch.setattr(looks, "OTHERS_WAIT_S", 0.0)
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(machine, "OTHERS_WAIT_S", 0.0)
     number = planned(web, roads, work)
     job = "INSERT INTO procrastinate_jobs (queue_name, task_name, priority) VALUES ('drives', 'process_drive', 0)"
     with web.sessions.begin() as session:
         session.execute(text(job))
-    desk = Desk(web.settings, web.sessions)
+    context = web.context
     with pytest.raises(Interrupted):
-        operate(desk, number, lambda: False, nullcontext)
+        perform(OPERATION, context, number, Given(bool, nullcontext))
     with web.sessions() as session:
         assert session.execute(text("SELECT yields FROM operations")).scalar_one() == 1
     assert work(web) == ["done"], "the next time it may go on for a while"
@@ -180,7 +183,7 @@ def test_an_import_at_the_command_line_is_waited_for_without_a_lane(
     stages: list[str] = []
     with web.sessions() as other:
         import_alone(other, lambda: None)
-        progress = looks.Look.progress
+        progress = RequestRun.show
 
         def told(self: Any, stage: str, share: float) -> None:
             stages.append(stage)
@@ -189,7 +192,7 @@ def test_an_import_at_the_command_line_is_waited_for_without_a_lane(
                 other.commit()
             progress(self, stage, share)
 
-        monkeypatch.setattr(looks.Look, "progress", told)
+        monkeypatch.setattr(RequestRun, "show", told)
         assert work(web) == ["planned"]
     assert "waiting for another import" in stages
     assert seen(web, number)["status"] == "planned"
@@ -208,7 +211,7 @@ def test_plans_are_forgotten_and_files_of_nobody_go(
 ) -> None:
     number = ask(web, roads, kind="import-roads", filename="town.osm")
     work(web)
-    tend(web.settings, web.sessions)
+    upkeep.look_after(OPERATION, web.context)
     assert seen(web, number)["status"] == "planned"
     assert len(files(web)) == 1
     with web.sessions.begin() as session:
@@ -217,8 +220,9 @@ def test_plans_are_forgotten_and_files_of_nobody_go(
     with BlobStore(web.settings.blob_store_url, IMPORTS).writer() as writer:
         writer.write(b"x")
         writer.finish()
-    monkeypatch.setattr(runs, "ORPHAN_AGE", timedelta(0))
-    tend(web.settings, web.sessions)
+    monkeypatch.setattr(upkeep, "ORPHAN_AGE", timedelta(0))
+    upkeep.look_after(OPERATION, web.context)
+    assert len(upkeep.sweep_files(OPERATION, web.context)) == 1
     assert seen(web, number)["status"] == "cancelled"
     assert files(web) == []
 
@@ -230,7 +234,7 @@ def test_a_real_worker_does_what_waits_one_at_a_time_and_gives_lost_jobs_back(
     settle = ask(web, kind="settle")
     with web.sessions.begin() as session:
         session.execute(text("DELETE FROM procrastinate_jobs"))
-    tend(web.settings, web.sessions)
+    upkeep.look_after(OPERATION, web.context)
     run_worker(web.settings, wait=False)
     assert (seen(web, number)["status"], seen(web, settle)["status"]) == ("planned", "done")
     for _ in range(2):

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from app.operations.files import imports_store
+from app.core.blobs import IMPORTS
 from problem_support import check
 from web_fixtures import Web
 
@@ -53,7 +53,7 @@ def test_files_that_wait_take_a_bounded_part_of_the_store(settings: Any, server_
             refused = ask(web, content, "import-roads", "x.osm")  # type: ignore[arg-type]
             check(refused, 503)
             assert "VERSANT_IMPORTS_KEPT_BYTES" in refused.json()["detail"]
-        assert len(imports_store(web.settings).keys()) == 2
+        assert len(web.context.part(IMPORTS).keys()) == 2
         assert ask(web, b"z" * 40_000, "import-roads", "x.osm").status_code == 202
 
 

@@ -11,7 +11,7 @@ import httpx
 import pytest
 from sqlalchemy import text
 
-from app.operations.files import imports_store
+from app.core.blobs import IMPORTS
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
@@ -54,7 +54,7 @@ def drop(web: Web, operation: dict[str, Any]) -> httpx.Response:
 
 
 def files(web: Web) -> list[str]:
-    return imports_store(web.settings).keys()
+    return web.context.part(IMPORTS).keys()
 
 
 def regions(web: Web) -> dict[str, int]:

@@ -31,7 +31,7 @@ AddDrive = Callable[..., uuid.UUID]
 
 def everything(sessions: Sessions) -> list[tuple[object, ...]]:
     tables = ("segments", "regions", "road_versions", "drive_segments", "drive_passes", "segment_slopes",
-              "attic_segments", "touched_drives", "cells")  # fmt: skip
+              "retired_segments", "touched_drives", "cells")  # fmt: skip
     with sessions() as session:
         return [
             tuple(row) for t in tables for row in session.execute(text(f"SELECT * FROM {t} ORDER BY 1, 2"))
@@ -200,7 +200,7 @@ def test_any_map_follows_any_other_as_it_was_foretold_and_the_first_brings_its_e
     one, two = made(chain, first), made(chain, second)
     with sessions.begin() as session:
         session.execute(text("DELETE FROM drives"))
-        session.execute(text("DELETE FROM attic_segments"))
+        session.execute(text("DELETE FROM retired_segments"))
     bring(sessions, one)
     drive = drive_over(sessions, one, ids_of(sessions, one), dict.fromkeys(range(len(one)), (2.0, 0.5)))
     foretold = bring(sessions, two, dry_run=True)
@@ -219,7 +219,7 @@ def test_any_map_follows_any_other_as_it_was_foretold_and_the_first_brings_its_e
         )
         said = set(session.execute(query, {"drive": drive}).scalars())
         assert said == set(ids_of(sessions, one).tolist())
-        assert session.execute(text("SELECT count(*) FROM attic_passes")).scalar_one() == 0
+        assert session.execute(text("SELECT count(*) FROM retired_passes")).scalar_one() == 0
     assert {row[2] for row in rows_of(sessions).values()} <= {1}
     assert set(rows_of(sessions)) >= said
     assert len(ids) == len(two)

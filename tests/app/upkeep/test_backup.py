@@ -21,9 +21,10 @@ from app.core.db import Sessions, make_engine, session_factory
 from app.core.errors import GoneError
 from app.core.settings import Settings
 from app.drives.documents import Drive
-from app.drives.process import Outcome, Workbench
+from app.drives.process import Outcome
 from app.drives.worker import run_worker
 from app.embedded.cluster import EmbeddedPostgres
+from app.jobs.context import JobContext
 from app.upkeep import restore as bringing_back
 from app.upkeep.backup import back_up
 from app.upkeep.dumps import BackupError
@@ -97,12 +98,12 @@ def begin(sessions: Sessions, drive_id: object) -> None:
 
 
 def test_the_same_slopes_come_back_and_the_queue_goes_on(
-    bench: Workbench, send: Send, sessions: Sessions, settings: Settings, empty: tuple[Settings, Sessions], copy: Path,
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    context: JobContext, send: Send, sessions: Sessions, settings: Settings, empty: tuple[Settings, Sessions],
+    copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     """Byte for byte, after everything of the former service is gone."""
     drive = send(0, "raw")
-    assert process_drive(bench, drive.id, drive.generation) is Outcome.DONE
+    assert process_drive(context, drive.id, drive.generation) is Outcome.DONE
     running, waiting = send(1, "raw"), send(2, "raw")
     begin(sessions, running.id)
     before = said_of(settings, tmp_path / "before.geojson", monkeypatch)

@@ -71,7 +71,7 @@ def test_a_sound_service(
     execute(sessions, "INSERT INTO procrastinate_workers DEFAULT VALUES")
     findings = found(settings, sessions)
     assert {subject: one.state for subject, one in findings.items() if one.state != "ok"} == {}
-    assert {"programs", "access", "room of logs", "database", "schema", "clocks", "queue", "squares", "logs",
+    assert {"programs", "access", "room of logs", "database", "schema", "clocks", "queue", "cells", "logs",
             "elevation"} <= findings.keys()  # fmt: skip
     for word in ("Versant", "Python", "GDAL", "PROJ"):
         assert word in findings["programs"].found
@@ -138,13 +138,13 @@ def test_logs_and_rasters_that_are_lost(
 
 
 def test_what_is_derived_and_far_behind(settings: Settings, sessions: Sessions) -> None:
-    execute(sessions, "INSERT INTO squares_to_draw (level, square) VALUES (12, 5)")
+    execute(sessions, "INSERT INTO cells_to_draw (level, cell) VALUES (12, 5)")
     waits = found(settings, sessions)["ways and low zooms"]
     assert (waits.state, waits.found) == (
         "ok",
-        "They are 0 s behind the segments; 1 squares are to be drawn.",
+        "They are 0 s behind the segments; 1 cells wait to be drawn.",
     )
-    execute(sessions, "UPDATE squares_to_draw SET since = since - interval '1 hour'")
+    execute(sessions, "UPDATE cells_to_draw SET since = since - interval '1 hour'")
     assert found(settings, sessions)["ways and low zooms"].state == "warn"
 
 
@@ -184,7 +184,7 @@ def test_the_command(
     execute(sessions, "DROP TABLE network_marks CASCADE")
     done = runner.invoke(app, ["doctor"])
     assert done.exit_code == 1
-    assert done.stderr == "versant: Something is wrong: squares.\n"
+    assert done.stderr == "versant: Something is wrong: cells.\n"
     assert "network_marks" in done.stdout
     monkeypatch.setenv("VERSANT_DATABASE_URL", "postgresql://nobody@127.0.0.1:1/none")
     done = runner.invoke(app, ["doctor"])

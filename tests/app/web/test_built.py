@@ -20,8 +20,6 @@ from source_tree import REPOSITORY
 WEB = REPOSITORY / "app" / "web"
 BUILT = WEB / "built"
 MANIFEST = "sources.json"
-GUIDES = REPOSITORY / ".docs"
-LINK = re.compile(r"\]\((?!https?:|#|\.\.)([^)#]+)")
 RENEW = "run: make web"
 
 
@@ -34,14 +32,12 @@ def below(folder: Path) -> set[Path]:
 
 
 def sources() -> set[Path]:
-    """What the build reads: the pages, the guides with what they lead to, and how they are built."""
+    """What the build reads: the pages, and how they are built."""
     pages = {path for path in below(WEB / "src") if not re.search(r"\.test\.tsx?$", path.name)}
     pages = {path for path in pages if "node_modules" not in path.parts}  # what tools keep for themselves
     pages -= below(WEB / "src" / "api")  # made from the API's description, and gone after the build
-    guides = set(GUIDES.glob("*.md"))
-    beside = {GUIDES / name for guide in guides for name in LINK.findall(guide.read_text(encoding="utf-8"))}
     names = ("package.json", "package-lock.json", "tsconfig.json", "vite.config.ts")
-    return pages | below(WEB / "plugins") | guides | beside | {WEB / name for name in names}
+    return pages | below(WEB / "plugins") | {WEB / name for name in names}
 
 
 @pytest.fixture(scope="module")

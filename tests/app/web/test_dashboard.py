@@ -13,8 +13,11 @@ import pytest
 from app.core import databases
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
-from app.map import figures
-from app.operations.run import Desk, operate
+from app.jobs.context import JobContext
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
+from app.map.statistics import figures
+from app.operations.run import OPERATION
 from browser_fixtures import Tab
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.osm_file import write_osm
@@ -235,10 +238,10 @@ def test_a_region_is_imported_once_its_plan_is_approved_and_removed_again(
     write_osm(town, tmp_path / "town.osm")
 
     def work() -> None:
-        desk = Desk(web.settings, web.sessions, lambda _: 0)
+        context = JobContext(web.settings, web.sessions, lambda _: 0)
         waiting = "SELECT id FROM operations WHERE status = 'queued'"
         for (number,) in rows(web.sessions, waiting):
-            operate(desk, number, lambda: False, nullcontext)
+            perform(OPERATION, context, number, Work(bool, nullcontext))
 
     page = tab.page
     page.goto(f"{web.base}/admin#roads")

@@ -15,8 +15,10 @@ from playwright.sync_api import Page, expect
 
 from app.core import databases
 from app.core.settings import Settings
-from app.drives.trials.run import run_trial
+from app.drives.trials.run import TRIAL
 from app.embedded.cluster import EmbeddedPostgres
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
 from browser_fixtures import Tab
@@ -83,8 +85,8 @@ def drives(
     name = new_database(template_db)
     settings = Settings(database_url=cluster.url_of(name), data_dir=folder / "data")
     with served(settings) as web:
-        road_imports.import_roads(web.sessions, folder / "town.osm", web.bench.dem_dir)
-        dem_imports.import_dem(web.sessions, [folder / "town.tif"], web.bench.dem_dir)
+        road_imports.import_roads(web.sessions, folder / "town.osm", web.context.dem_dir)
+        dem_imports.import_dem(web.sessions, [folder / "town.tif"], web.context.dem_dir)
         logs = {
             "first.csv": changed(log, 0),
             "second.csv": changed(log, 1),
@@ -94,7 +96,7 @@ def drives(
         ids = {}
         for filename, content in logs.items():
             drive, _ = accept_upload(web.sessions, web.blobs, [content], filename=filename, method="profile")
-            process_drive(web.bench, drive.id, drive.generation)
+            process_drive(web.context, drive.id, drive.generation)
             ids[filename] = drive.id
         yield Drives(web, ids)
     databases.drop_database(cluster.url, name)
@@ -199,7 +201,7 @@ def test_a_trial_is_made_beside_the_drive(drives: Drives, tab: Tab) -> None:
     expect(trials).to_have_count(1)
     address = f"/v1/drives/{drives.ids['first.csv']}/trials"
     trial = drives.web.client.get(address).json()["trials"][0]
-    run_trial(drives.web.bench, uuid.UUID(trial["id"]), lambda: False, nullcontext)
+    perform(TRIAL, drives.web.context, uuid.UUID(trial["id"]), Work(bool, nullcontext))
     page.get_by_role("button", name="Compare with raw").click()
     table = page.get_by_role("table", name="Slopes of common segments")
     expect(table.get_by_role("row").nth(1)).to_contain_text("±")
@@ -224,8 +226,8 @@ def test_one_that_failed_says_why_and_is_tried_again(drives: Drives, tab: Tab) -
 
 
 def process_again(drives: Drives, name: str) -> None:
-    drive = drive_now(drives.web.bench, drives.ids[name])
-    process_drive(drives.web.bench, drive.id, drive.generation)
+    drive = drive_now(drives.web.context, drives.ids[name])
+    process_drive(drives.web.context, drive.id, drive.generation)
 
 
 def test_one_that_is_not_there(drives: Drives, tab: Tab) -> None:

@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 
-from app.exports.run import ExportDesk, make_export
+from app.exports.run import EXPORT
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
 from app.map.derived.following import follow_all
 from browser_fixtures import PATIENCE_MS, Tab
 from web_fixtures import SOUTH, STEP, WEST, Web
@@ -187,8 +189,7 @@ def test_nothing_to_draw_says_what_to_do(web: Web, tab: Tab) -> None:
 def exported(web: Web, kind: str = "pmtiles") -> str:
     """An export of the map as it is, done."""
     number = str(web.client.post("/v1/exports", json={"format": kind}).json()["id"])
-    desk = ExportDesk(web.settings, web.sessions)
-    assert make_export(desk, uuid.UUID(number), lambda: False, nullcontext) == "done"
+    assert perform(EXPORT, web.context, uuid.UUID(number), Work(bool, nullcontext)) == "done"
     return number
 
 

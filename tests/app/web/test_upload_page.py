@@ -54,12 +54,12 @@ def computing(web: Web) -> Iterator[None]:
     over = threading.Event()
 
     def work() -> None:
-        bench = web.bench
+        context = web.context
         while not over.wait(0.05):
             with web.sessions() as session:
                 waiting = session.execute(_QUEUED).all()
             for drive_id, generation in waiting:
-                process_drive(bench, drive_id, generation)
+                process_drive(context, drive_id, generation)
 
     thread = threading.Thread(target=work)
     thread.start()

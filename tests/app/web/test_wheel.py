@@ -15,7 +15,7 @@ import pytest
 from source_tree import REPOSITORY
 
 LEAST_SETUPTOOLS = 77
-PARTS = ("pyproject.toml", "README.md", "app", "fusion", "migrations")
+PARTS = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "docs", "app", "fusion", "migrations")
 BUILD = "import sys; from setuptools import build_meta; build_meta.build_{}(sys.argv[1])"
 SERVE = """
 import sys, app
@@ -100,7 +100,7 @@ def test_a_wheel_holds_the_pages_and_not_how_they_are_made(wheel: Path) -> None:
     assert {name for name in names if name.startswith("app/web/built/")} == there
     assert [name for name in names if name.startswith(("app/web/src/", "app/web/plugins/"))] == []
     assert [name for name in names if "node_modules" in name or name.endswith((".ts", ".tsx"))] == []
-    assert "app/map/ogc/templates/plain.css" in names
+    assert "app/map/items/templates/plain.css" in names
 
 
 def test_what_is_installed_serves_the_pages(wheel: Path, tmp_path: Path) -> None:

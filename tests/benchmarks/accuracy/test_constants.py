@@ -14,7 +14,7 @@ from fusion.network.adjust import adjust
 from fusion.profile import levels, traversals
 from street_support import EVERYTHING, ride
 
-BELIEFS = ("road_beliefs", "drive_beliefs", "published", "terrain")
+BELIEFS = ("road_beliefs", "drive_beliefs", "segment_slopes", "terrain")
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.label)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
+from collections import Counter, defaultdict
 
 import numba
 import numpy as np
@@ -37,7 +37,7 @@ def counted(ancestors: np.ndarray | tuple[int, ...], n: int) -> tuple[int, ...]:
 
 def draws_from(chances: list[np.ndarray], given_copies: np.ndarray) -> Law:
     """The law of the numbers of descendants, with one independent draw from each of ``chances``."""
-    law: Law = Counter()
+    law: Law = defaultdict(float)
     n = len(given_copies)
     for chosen in itertools.product(range(n), repeat=len(chances)):
         probability = float(np.prod([c[i] for c, i in zip(chances, chosen, strict=True)]))
@@ -70,7 +70,7 @@ def stratified_law(w: np.ndarray) -> Law:
 def systematic_law(w: np.ndarray) -> Law:
     """Between two neighbouring places at which a point passes into another particle's part nothing changes."""
     _, end = parts(w)
-    law: Law = Counter()
+    law: Law = defaultdict(float)
     for low, high in itertools.pairwise(sorted({0.0, 1.0, *(end % 1.0)})):
         points = np.arange(len(w)) + (low + high) / 2
         law[counted(np.searchsorted(end, points, side="right"), len(w))] += high - low

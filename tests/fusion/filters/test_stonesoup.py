@@ -39,7 +39,7 @@ STEPS = 60
 Moments = tuple[np.ndarray, np.ndarray]
 
 
-def track_of(
+def track_of(  # type: ignore[no-untyped-def]
     predictor, updater, model, mean: np.ndarray, covariance: np.ndarray, values: np.ndarray
 ) -> Track:
     """One update a second from ``mean`` and ``covariance`` on, by Stone Soup."""

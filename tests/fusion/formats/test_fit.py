@@ -241,7 +241,7 @@ def test_absurd_values_and_invalid_ones_are_no_measurements() -> None:
     late = g.record(seconds(6))[1]
     late[0] = (253, "I", 0xFFFFFFFE)
     north = (g.RECORD, [(253, "I", g.stamp(seconds(7))), (0, "i", g.semicircles(120)), (1, "i", 0)])
-    log = read_log(g.fit([g.file_id(), *rows, invalid, (g.RECORD, late), north]))
+    log = read_log(g.fit([g.file_id(), *rows, invalid, (g.RECORD, late), north]))  # type: ignore[list-item]
     assert len(log.fix) == 5
     assert log.skipped["records without a position"] == 1
     assert log.skipped["impossible time"] == log.skipped["latitude out of range"] == 1

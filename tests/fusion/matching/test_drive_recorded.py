@@ -125,7 +125,7 @@ def test_a_network_of_a_city_is_prepared_and_matched_quickly(shared_data: Path) 
     line = []
     while at is not None:
         line.append(at)
-        at = follows.pop(int(t.to_node[at]), None)
+        at = follows.pop(int(t.to_node[at]), None)  # type: ignore[assignment]
     x, y = (
         np.append(network.x0[line], network.x1[line[-1]]),
         np.append(network.y0[line], network.y1[line[-1]]),

@@ -72,7 +72,7 @@ def test_two_points_that_contradict_each_other_do_not_tear_the_road(apart_m: flo
 
 
 def test_one_slip_among_several_points_is_left_aside_and_named() -> None:
-    slip = ControlPoint(
+    slip = ControlPoint(  # type: ignore[call-arg]
         *(getattr(point(540.0, 10.0), n) for n in ("lon_deg", "lat_deg", "height_m")), 0.05, "line 4"
     )
     after = solved(*(point(e) for e in (100.0, 500.0, 1500.0)), slip)

@@ -213,7 +213,7 @@ def test_what_is_set_right_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -
     calls = []
     for name in ("set_right", "speed_pressure"):
         real = getattr(method, name)
-        monkeypatch.setattr(method, name, lambda *a, real=real, name=name: calls.append(name) or real(*a))
+        monkeypatch.setattr(method, name, lambda *a, real=real, name=name: calls.append(name) or real(*a))  # type: ignore[func-returns-value]
     log = drive_log()
     log = replace(log, pressure=pressure_of(TIME_S, hills(ALONG_M)))
     found = report(log)

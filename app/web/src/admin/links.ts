@@ -46,10 +46,10 @@ export function boxOfTile(tile: string): Bounds {
 }
 
 /** An address of this service that it told us itself; null for all others. */
-export function ownAddress(told: string | null | undefined): string | null {
-  if (!told) return null;
+export function ownAddress(text: string | null | undefined): string | null {
+  if (!text) return null;
   try {
-    const address = new URL(told, location.origin);
+    const address = new URL(text, location.origin);
     if (address.protocol !== "http:" && address.protocol !== "https:") return null;
     return address.host === location.host ? address.pathname + address.search + address.hash : null;
   } catch {

@@ -18,46 +18,46 @@ function problem(status: number): Error {
 function reader(answer: (address: string) => unknown) {
   const asked: string[] = [];
   const clock = { ms: 1_000_000 };
-  const made = new Reader(
+  const reading = new Reader(
     async (address) => {
       asked.push(address);
       return answer(address);
     },
     () => clock.ms,
   );
-  return { made, asked, clock };
+  return { reading, asked, clock };
 }
 
 test("what is watched is read when it is due, and only while somebody looks", async () => {
-  const { made, asked, clock } = reader((address) => address);
-  const one = made.watch("/a", 10);
-  await made.look();
-  await made.look();
+  const { reading, asked, clock } = reader((address) => address);
+  const one = reading.watch("/a", 10);
+  await reading.look();
+  await reading.look();
   expect(asked).toEqual(["/a"]);
   expect(one.data.value).toBe("/a");
   clock.ms += 10_000;
-  await made.look();
-  made.unwatch("/a");
+  await reading.look();
+  reading.unwatch("/a");
   clock.ms += 10_000;
-  await made.look();
+  await reading.look();
   expect(asked).toHaveLength(2);
 });
 
 test("a service that answers 503 is asked ever more rarely, then as before", async () => {
   let busy = true;
-  const { made, asked, clock } = reader(() => {
+  const { reading, asked, clock } = reader(() => {
     if (busy) throw problem(503);
     return 1;
   });
-  for (const address of ["/a", "/b", "/c", "/d", "/e"]) made.watch(address, 10);
-  await made.look();
+  for (const address of ["/a", "/b", "/c", "/d", "/e"]) reading.watch(address, 10);
+  await reading.look();
   expect(asked.length).toBeLessThanOrEqual(3);
   const counts: number[] = [];
   for (let minute = 0; minute < 10; minute++) {
     const before = asked.length;
     for (let s = 0; s < 60; s++) {
       clock.ms += 1000;
-      await made.look();
+      await reading.look();
     }
     counts.push(asked.length - before);
   }
@@ -65,48 +65,48 @@ test("a service that answers 503 is asked ever more rarely, then as before", asy
   expect(counts.slice(-5).reduce((sum, n) => sum + n)).toBeLessThanOrEqual(6);
   busy = false;
   clock.ms += 300_000;
-  await made.look();
-  expect(made.restsUntil.value).toBeNull();
+  await reading.look();
+  expect(reading.restsUntil.value).toBeNull();
   clock.ms += 10_000;
   const before = asked.length;
-  await made.look();
+  await reading.look();
   expect(asked.length - before).toBe(5);
 });
 
 test("what the service does not offer is not asked for again", async () => {
-  const { made, asked, clock } = reader(() => {
+  const { reading, asked, clock } = reader(() => {
     throw problem(404);
   });
-  const one = made.watch("/a", 10);
-  await made.look();
+  const one = reading.watch("/a", 10);
+  await reading.look();
   clock.ms += 60_000;
-  await made.look();
+  await reading.look();
   expect(asked).toEqual(["/a"]);
   expect(one.missing.value).toBe(true);
 });
 
 test("a problem of one address is said there, and what was read stays", async () => {
   let broken = false;
-  const { made, clock } = reader(() => {
+  const { reading, clock } = reader(() => {
     if (broken) throw problem(500);
     return 7;
   });
-  const one = made.watch("/a", 10);
-  await made.look();
+  const one = reading.watch("/a", 10);
+  await reading.look();
   broken = true;
   clock.ms += 10_000;
-  await made.look();
+  await reading.look();
   expect([one.data.value, one.problem.value]).toEqual([7, "status 500"]);
-  expect(made.restsUntil.value).toBeNull();
+  expect(reading.restsUntil.value).toBeNull();
 });
 
 test("pausing stops all but what is asked for by hand", async () => {
-  const { made, asked, clock } = reader(() => 1);
-  made.watch("/a", 10);
-  made.paused.value = true;
-  await made.look();
+  const { reading, asked, clock } = reader(() => 1);
+  reading.watch("/a", 10);
+  reading.paused.value = true;
+  await reading.look();
   expect(asked).toHaveLength(0);
-  made.readNow();
+  reading.readNow();
   clock.ms += 1;
   await vi.waitFor(() => expect(asked).toHaveLength(1));
 });

@@ -15,7 +15,7 @@ export async function ask<T>(method: "POST" | "DELETE", address: string): Promis
 export function send<T>(
   address: string,
   file: File,
-  told: (share: number) => void,
+  onProgress: (share: number) => void,
   signal: AbortSignal,
 ): Promise<T> {
   const body = new FormData();
@@ -26,7 +26,7 @@ export function send<T>(
   request.responseType = "text";
   return new Promise((resolve, reject) => {
     request.upload.addEventListener("progress", (event) => {
-      if (event.lengthComputable) told(event.loaded / event.total);
+      if (event.lengthComputable) onProgress(event.loaded / event.total);
     });
     request.addEventListener("load", () => {
       const type = request.getResponseHeader("Content-Type") ?? "";

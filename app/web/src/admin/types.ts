@@ -206,7 +206,7 @@ export interface Audited {
   origin: string | null;
 }
 
-export interface UnsolvedSquare {
+export interface UnsolvedCell {
   square: string;
   bbox: Bounds;
   solvers: number;

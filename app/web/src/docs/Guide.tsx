@@ -1,28 +1,20 @@
-/** One guide. Its HTML was made from `.docs/*.md` when the pages were built: nothing in it came from a visitor. */
-import { useEffect, useRef, useState } from "preact/hooks";
-import { errorText } from "../shared/Messages";
+/** One page of the documentation: the text that the service put into this page. Nothing in it came from a visitor. */
+import { useEffect, useRef } from "preact/hooks";
 import { t } from "../shared/texts";
-import { guideNamed } from "./shelves";
 
-/** The guide of that name, or that there is none. */
+/** What the service put into the page; null: there is no such page. Read before anything else is drawn in its place. */
+export const guideHtml = document.querySelector("#page > article.guide")?.innerHTML ?? null;
+export const guideTitle = document.querySelector("#page > article.guide h1")?.textContent ?? null;
+
+/** The text, or that there is none of that name. */
 export function GuideText({ name }: { name: string }) {
-  const guide = guideNamed(name);
-  const [html, setHtml] = useState<string | null>(null);
-  const [problem, setProblem] = useState<string | null>(null);
   const article = useRef<HTMLElement>(null);
   useEffect(() => {
-    guide?.load().then(
-      (loaded) => setHtml(loaded.default),
-      (error) => setProblem(errorText(error)),
-    );
-  }, [guide]);
-  useEffect(() => {
-    // The text came after the address was looked at.
+    // The text was drawn anew after the browser looked for what the address names.
     const place = document.getElementById(decodeURIComponent(location.hash.slice(1)));
-    if (html !== null && place && article.current?.contains(place)) place.scrollIntoView();
-  }, [html]);
-
-  if (!guide) {
+    if (place && article.current?.contains(place)) place.scrollIntoView();
+  }, []);
+  if (guideHtml === null) {
     return (
       <article>
         <h1>{t("docs.no_guide")}</h1>
@@ -30,7 +22,5 @@ export function GuideText({ name }: { name: string }) {
       </article>
     );
   }
-  if (problem !== null) return <p class="error-text">{problem}</p>;
-  if (html === null) return <p class="quiet-text">{t("docs.loading")}</p>;
-  return <article ref={article} lang="en" class="guide" dangerouslySetInnerHTML={{ __html: html }} />;
+  return <article ref={article} lang="en" class="guide" dangerouslySetInnerHTML={{ __html: guideHtml }} />;
 }

@@ -1,17 +1,16 @@
 /** Where one is in the documentation, and the way to the rest: beside the text, or folded above it on a phone. */
 import { useState } from "preact/hooks";
 import { t } from "../shared/texts";
+import type { Guide, Section } from "./contents";
 import type { Group } from "./openapi";
-import { guideNamed, shelves } from "./shelves";
 
 const WIDE = matchMedia("(min-width: 60rem)");
 
-function Headings({ name }: { name: string }) {
-  const guide = guideNamed(name);
-  if (!guide || guide.headings.length < 2) return null;
+function Headings({ page }: { page: Guide }) {
+  if (page.headings.length < 2) return null;
   return (
-    <ul lang="en">
-      {guide.headings.map((one) => (
+    <ul>
+      {page.headings.map((one) => (
         <li key={one.id}>
           <a href={`#${one.id}`}>{one.text}</a>
         </li>
@@ -20,8 +19,14 @@ function Headings({ name }: { name: string }) {
   );
 }
 
-/** `current` is the guide that is shown; null: the start. */
-export function Sidebar({ current, groups }: { current: string | null; groups: Group[] }) {
+interface SidebarProps {
+  /** The page that is shown; null: the start. */
+  current: string | null;
+  sections: Section[];
+  groups: Group[];
+}
+
+export function Sidebar({ current, sections, groups }: SidebarProps) {
   const [open] = useState(WIDE.matches);
   return (
     <details class="sidebar" open={open}>
@@ -32,20 +37,16 @@ export function Sidebar({ current, groups }: { current: string | null; groups: G
             {t("docs.start")}
           </a>
         </p>
-        {shelves().map(([shelf, books]) => (
-          <div key={shelf}>
-            <h2>{t(`docs.shelf.${shelf}`)}</h2>
+        {sections.map((section) => (
+          <div key={section.title} lang="en">
+            <h2>{section.title}</h2>
             <ul>
-              {books.map((one) => (
-                <li key={one.name}>
-                  <a
-                    href={`/docs/${one.name}`}
-                    lang="en"
-                    aria-current={one.name === current ? "page" : undefined}
-                  >
-                    {one.title}
+              {section.pages.map((page) => (
+                <li key={page.name}>
+                  <a href={`/docs/${page.name}`} aria-current={page.name === current ? "page" : undefined}>
+                    {page.title}
                   </a>
-                  {one.name === current && <Headings name={one.name} />}
+                  {page.name === current && <Headings page={page} />}
                 </li>
               ))}
             </ul>

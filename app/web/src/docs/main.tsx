@@ -1,34 +1,30 @@
-/** The documentation: `/docs` lists the guides and tells the API, `/docs/{name}` is one guide. */
+/** The documentation: `/docs` lists the guides and describes the API, `/docs/{name}` is one guide. */
 import { useEffect, useState } from "preact/hooks";
 import { getJson } from "../shared/api";
 import { errorText } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
 import "./docs.css";
-import { GuideText } from "./Guide";
+import { type Section, sectionsWith } from "./contents";
+import { GuideText, guideTitle } from "./Guide";
 import { type ApiDocument, groupsOf, matching } from "./openapi";
 import { Prose } from "./Prose";
 import { Reference } from "./Reference";
 import { Sidebar } from "./Sidebar";
-import { guideNamed, guidesWith, shelves } from "./shelves";
 
-const current = location.pathname.split("/")[2] || null;
+const current = location.pathname.replace(/^\/docs\/?/, "") || null;
 
-function Books({ words }: { words: string[] }) {
-  const found = new Set(guidesWith(words));
-  const shown = shelves()
-    .map(([shelf, books]) => [shelf, books.filter((one) => found.has(one))] as const)
-    .filter(([, books]) => books.length > 0);
+function Books({ sections }: { sections: Section[] }) {
   return (
     <>
-      {shown.map(([shelf, books]) => (
-        <section key={shelf} aria-labelledby={`shelf-${shelf}`}>
-          <h3 id={`shelf-${shelf}`}>{t(`docs.shelf.${shelf}`)}</h3>
-          <ul class="books" lang="en">
-            {books.map((one) => (
-              <li key={one.name} class="card">
-                <a href={`/docs/${one.name}`}>{one.title}</a>
-                <p class="quiet-text">{one.summary}</p>
+      {sections.map((section, n) => (
+        <section key={section.title} aria-labelledby={`section-${n}`} lang="en">
+          <h3 id={`section-${n}`}>{section.title}</h3>
+          <ul class="books">
+            {section.pages.map((page) => (
+              <li key={page.name} class="card">
+                <a href={`/docs/${page.name}`}>{page.title}</a>
+                <p class="quiet-text">{page.summary}</p>
               </li>
             ))}
           </ul>
@@ -38,12 +34,19 @@ function Books({ words }: { words: string[] }) {
   );
 }
 
-function Start({ document: api, problem }: { document: ApiDocument | null; problem: string | null }) {
+interface StartProps {
+  sections: Section[];
+  document: ApiDocument | null;
+  problem: string | null;
+}
+
+function Start({ sections, document: api, problem }: StartProps) {
   const [query, setQuery] = useState("");
   const words = query.toLowerCase().split(/\s+/).filter(Boolean);
   const groups = api ? matching(groupsOf(api), words) : [];
   const operations = groups.reduce((sum, group) => sum + group.operations.length, 0);
-  const books = guidesWith(words).length;
+  const found = sectionsWith(sections, words);
+  const books = found.reduce((sum, section) => sum + section.pages.length, 0);
   useEffect(() => {
     const place = api && document.getElementById(decodeURIComponent(location.hash.slice(1)));
     if (place) place.scrollIntoView();
@@ -65,7 +68,7 @@ function Start({ document: api, problem }: { document: ApiDocument | null; probl
         </span>
       </div>
       {books > 0 && <h2 id="guides">{t("docs.guides")}</h2>}
-      <Books words={words} />
+      <Books sections={found} />
       <h2 id="api">{t("docs.api")}</h2>
       {problem !== null && <p class="error-text">{problem}</p>}
       {api && (
@@ -88,21 +91,26 @@ function Start({ document: api, problem }: { document: ApiDocument | null; probl
 
 function Content() {
   const [api, setApi] = useState<ApiDocument | null>(null);
+  const [sections, setSections] = useState<Section[]>([]);
   const [problem, setProblem] = useState<string | null>(null);
   useEffect(() => {
+    getJson<Section[]>("/docs/contents.json").then(setSections, (error) => setProblem(errorText(error)));
     if (current !== null) return;
     getJson<ApiDocument>("/openapi.json").then(setApi, (error) => setProblem(errorText(error)));
   }, []);
   return (
     <Page name="docs">
       <div class="docs">
-        <Sidebar current={current} groups={api ? groupsOf(api) : []} />
-        {current === null ? <Start document={api} problem={problem} /> : <GuideText name={current} />}
+        <Sidebar current={current} sections={sections} groups={api ? groupsOf(api) : []} />
+        {current === null ? (
+          <Start sections={sections} document={api} problem={problem} />
+        ) : (
+          <GuideText name={current} />
+        )}
       </div>
     </Page>
   );
 }
 
 await show("docs", Content);
-const guide = current === null ? undefined : guideNamed(current);
-if (guide) document.title = `${guide.title} – Versant`;
+if (current !== null && guideTitle) document.title = `${guideTitle} – Versant`;

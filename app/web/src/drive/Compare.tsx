@@ -30,8 +30,8 @@ async function drivesNear(now: Drive): Promise<Drive[]> {
 function Choice({ drive }: { drive: Drive }) {
   const near = useSignal<Drive[]>([]);
   useEffect(() => {
-    drivesNear(drive).then((found) => {
-      near.value = found;
+    drivesNear(drive).then((drives) => {
+      near.value = drives;
     }, tellError);
   }, [drive.id]);
   const done = trials.value.filter((one) => one.status === "done");

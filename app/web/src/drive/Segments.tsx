@@ -1,11 +1,11 @@
-/** Where the drive contradicts others: those segments are not heard. */
+/** Where the drive contradicts others: there it is rejected. */
 import { useSignal } from "@preact/signals";
 import { mapOf } from "../shared/drives";
 import { number, slope } from "../shared/format";
 import { tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
 import type { DriveSegment } from "./data";
-import { drawWhole } from "./load";
+import { drawFullProfile } from "./load";
 import { Scrolled } from "./Scrolled";
 import { link, profile, rejected, segments, wantedBounds } from "./state";
 import { stays } from "./stretches";
@@ -40,7 +40,7 @@ export async function showSegment(segment: DriveSegment): Promise<void> {
   let stay = find();
   if (!stay) {
     // A short one may have no row among those of a thinned profile.
-    await drawWhole().catch(tellError);
+    await drawFullProfile().catch(tellError);
     stay = find();
   }
   const along = profile.peek()?.distance_m;
@@ -57,16 +57,16 @@ export async function showSegment(segment: DriveSegment): Promise<void> {
 
 export function Contradictions() {
   const all = useSignal(false);
-  const found = segments.value.filter((one) => rejected.value.has(one.id));
-  const shown = all.value ? found : found.slice(0, SHOWN);
+  const contradicting = segments.value.filter((one) => rejected.value.has(one.id));
+  const shown = all.value ? contradicting : contradicting.slice(0, SHOWN);
   return (
     <section class="card" aria-labelledby="contradictions">
       <h2 id="contradictions">{t("drive.segments.title")}</h2>
-      {found.length === 0 ? (
+      {contradicting.length === 0 ? (
         <p class="quiet-text">{t("drive.segments.none")}</p>
       ) : (
         <>
-          <p>{t("drive.segments.what", { n: found.length, all: segments.value.length })}</p>
+          <p>{t("drive.segments.what", { n: contradicting.length, all: segments.value.length })}</p>
           <Scrolled name={t("drive.segments.title")}>
             <table>
               <thead>
@@ -114,9 +114,9 @@ export function Contradictions() {
               </tbody>
             </table>
           </Scrolled>
-          {found.length > shown.length && (
+          {contradicting.length > shown.length && (
             <button type="button" onClick={() => (all.value = true)}>
-              {t("drive.segments.more", { n: found.length - shown.length })}
+              {t("drive.segments.more", { n: contradicting.length - shown.length })}
             </button>
           )}
         </>

@@ -61,7 +61,7 @@ export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartL
     let over = false;
     const ends: (() => void)[] = [];
     const start = async () => {
-      const { map: made, gone } = await makeMap({
+      const { map: drawnMap, gone } = await makeMap({
         container: place.current as HTMLElement,
         bounds: boundsOf(shown.current.profile),
         fitBoundsOptions: { padding: 40, maxZoom: 17 },
@@ -87,15 +87,15 @@ export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartL
         },
       });
       if (over) return gone();
-      map.current = made;
+      map.current = drawnMap;
       ends.push(
-        linkUp(made, () => shown.current, link),
+        linkUp(drawnMap, () => shown.current, link),
         gone,
       );
       ends.push(
         effect(() => {
           const box = wantedBounds.value;
-          if (box) made.fitBounds(box, { padding: 60, maxZoom: 17, animate: false });
+          if (box) drawnMap.fitBounds(box, { padding: 60, maxZoom: 17, animate: false });
         }),
       );
     };

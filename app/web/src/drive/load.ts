@@ -14,7 +14,18 @@ import {
   orMissing,
   POINTS,
 } from "./data";
-import { drive, link, other, problem, profile, removed, segments, sensors, trials, whole } from "./state";
+import {
+  drive,
+  fullProfile,
+  link,
+  other,
+  problem,
+  profile,
+  removed,
+  segments,
+  sensors,
+  trials,
+} from "./state";
 
 const POLL_MS = 2000;
 /** From this share of the axis on a closer look is worth all rows. */
@@ -31,12 +42,12 @@ async function showResult(): Promise<void> {
   // Nothing waits for the slower ones: charts are drawn at once, and each other part when it comes.
   const slow = Promise.all([loadSegments(address), loadSensors(address)]);
   profile.value = await orMissing(loadProfile(address, POINTS), null);
-  const [rows, said] = await slow;
+  const [rows, readings] = await slow;
   batch(() => {
     segments.value = rows;
-    sensors.value = said;
+    sensors.value = readings;
   });
-  await loadWhole();
+  await loadFullProfile();
   await showOther();
 }
 
@@ -89,25 +100,25 @@ export async function compareWith(kind: "drive" | "trial" | null, id = ""): Prom
 let asked: Promise<void> | null = null;
 
 /** All rows of the profile, for the map at once: a thinned track cuts corners. */
-function loadWhole(): Promise<void> {
+function loadFullProfile(): Promise<void> {
   const now = profile.peek();
   if (!now) return Promise.resolve();
   // The service thins to so many rows at most, and leaves alone what has fewer.
   if ((drive.peek()?.epochs ?? 0) <= POINTS) {
-    whole.value = now;
+    fullProfile.value = now;
     return Promise.resolve();
   }
   asked ??= loadProfile(addressOf(driveId), 0).then((all) => {
-    whole.value = all;
+    fullProfile.value = all;
     refineOnZoom(link.range.peek());
   });
   return asked;
 }
 
 /** Charts get all rows, too. */
-export async function drawWhole(): Promise<void> {
-  await loadWhole();
-  if (whole.peek()) profile.value = whole.peek();
+export async function drawFullProfile(): Promise<void> {
+  await loadFullProfile();
+  if (fullProfile.peek()) profile.value = fullProfile.peek();
 }
 
 /** Draw all rows as soon as somebody looks closely. */
@@ -115,7 +126,7 @@ export function refineOnZoom(range: [number, number] | null): void {
   const all = profile.peek()?.distance_m;
   if (!range || !all || all.length < 2) return;
   const length = (all[all.length - 1] as number) - (all[0] as number);
-  if (range[1] - range[0] < CLOSE * length && whole.peek()) profile.value = whole.peek();
+  if (range[1] - range[0] < CLOSE * length && fullProfile.peek()) profile.value = fullProfile.peek();
 }
 
 let stopFollowing: (() => void) | null = null;

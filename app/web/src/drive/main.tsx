@@ -12,14 +12,14 @@ import { look, open } from "./load";
 import { Contradictions } from "./Segments";
 import { Failed, Nothing, Waiting } from "./Status";
 import { Downloads, Figures, ReportCard, Warnings } from "./Summary";
-import { drive, kinds, link, other, problem, profile, removed, whole, wholeKinds } from "./state";
+import { drive, fullKinds, fullProfile, kinds, link, other, problem, profile, removed } from "./state";
 import { TrackMap } from "./TrackMap";
 import { KINDS } from "./trackLayers";
 import "./drive.css";
 
 function Track({ profile: thinned }: { profile: Profile }) {
-  const shown = whole.value ?? thinned;
-  const what = whole.value ? wholeKinds.value : kinds.value;
+  const shown = fullProfile.value ?? thinned;
+  const what = fullProfile.value ? fullKinds.value : kinds.value;
   const beside = other.value?.profile ?? null;
   const map = useMemo(
     () => <TrackMap profile={shown} kinds={what} other={beside} link={link} />,

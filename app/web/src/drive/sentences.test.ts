@@ -29,30 +29,32 @@ const REPORT = {
 
 describe("a report", async () => {
   const { allFigures, sentencesOf, warningsOf } = await import("./sentences");
-  const told = Object.fromEntries(sentencesOf(REPORT));
+  const sentences = Object.fromEntries(sentencesOf(REPORT));
 
-  it("is told in sentences", () => {
-    expect(told["result"]).toContain("107 segments got a slope; half of them have a sigma below 0.3 %.");
-    expect(told["result"]).toContain("It contradicts other drives on 3 segments, and is not heard there.");
-    expect(told["matching"]).toEqual([
+  it("is sentences in sentences", () => {
+    expect(sentences["result"]).toContain("107 segments got a slope; half of them have a sigma below 0.3 %.");
+    expect(sentences["result"]).toContain(
+      "It contradicts other drives on 3 segments, and is rejected there.",
+    );
+    expect(sentences["matching"]).toEqual([
       "98 % of the positions lie on known roads.",
       "At 22:13:20 UTC the path ends: no road is near.",
     ]);
-    expect(told["mount"]).toEqual([
+    expect(sentences["mount"]).toEqual([
       "The sensor is tilted down by 1.82 ± 0.06 degrees, which was taken off.",
       "It moved by 2.0 degrees at 22:14:20 UTC.",
       "Nothing shows whether inertial data come late.",
       "Nothing shows whether the sensor is turned sideways.",
     ]);
-    expect(told["heights"]).toEqual(["No elevation model took part."]);
+    expect(sentences["heights"]).toEqual(["No elevation model took part."]);
   });
 
   it("says the noise of sensors that took part, and the most useful sensor first", () => {
-    expect(told["noise"]).toEqual([
+    expect(sentences["noise"]).toEqual([
       "GNSS altitudes scatter by 0.41 m.",
       "Vertical velocities scatter by 0.7 times the accuracy that the log states.",
     ]);
-    expect(told["sensors"]?.[0]).toContain("vertical Doppler: 549 measurements, of which 2 are far off");
+    expect(sentences["sensors"]?.[0]).toContain("vertical Doppler: 549 measurements, of which 2 are far off");
   });
 
   it("keeps what nobody says in the table, and warnings apart", () => {

@@ -20,11 +20,11 @@ export type Topic = (typeof TOPICS)[number];
 
 type Sayings = Partial<Record<string, { topic: Topic; say: (value: never, report: Report) => string[] }>>;
 
-function whole(share: number): string {
+function percentOf(share: number): string {
   return `${number(100 * share, share > 0.995 && share < 1 ? 1 : 0)} %`;
 }
 
-function said(key: string, values: TextValues = {}): string {
+function sentence(key: string, values: TextValues = {}): string {
   return t(`drive.report.${key}` as TextKey, values);
 }
 
@@ -39,15 +39,15 @@ interface Found {
   sigma: number;
 }
 
-function found(one: Found | null | undefined, decimals: number): string {
-  return one ? `${number(one.value, decimals)} ± ${number(one.sigma, decimals)}` : said("unknown");
+function withSigma(one: Found | null | undefined, decimals: number): string {
+  return one ? `${number(one.value, decimals)} ± ${number(one.sigma, decimals)}` : sentence("unknown");
 }
 
 /** What was set right, that nothing was to be, or that nothing shows it. */
 function setRight(key: string, used: number, shown: Found | null, decimals: number): string[] {
-  if (!shown) return [said(`${key}_unknown`)];
-  const values = { [key]: number(used, decimals), found: found(shown, decimals) };
-  return [said(used === 0 ? `${key}_none` : key, values)];
+  if (!shown) return [sentence(`${key}_unknown`)];
+  const values = { [key]: number(used, decimals), found: withSigma(shown, decimals) };
+  return [sentence(used === 0 ? `${key}_none` : key, values)];
 }
 
 interface Mount {
@@ -105,7 +105,7 @@ const OF: Record<string, string> = {
 };
 
 function counts(key: string, of: Record<string, number>): string[] {
-  return Object.entries(of).map(([reason, n]) => said(key, { n, reason }));
+  return Object.entries(of).map(([reason, n]) => sentence(key, { n, reason }));
 }
 
 const SAYINGS: Sayings = {
@@ -115,8 +115,8 @@ const SAYINGS: Sayings = {
       const sigma = report["median_slope_sigma_percent"] as number | null;
       return [
         sigma === null
-          ? said("segments", { n })
-          : said("segments_sigma", { n, sigma: number(sigma, sigma < 0.1 ? 2 : 1) }),
+          ? sentence("segments", { n })
+          : sentence("segments_sigma", { n, sigma: number(sigma, sigma < 0.1 ? 2 : 1) }),
       ];
     },
   },
@@ -125,35 +125,38 @@ const SAYINGS: Sayings = {
     say: (metres: number | null, report) =>
       metres === null
         ? []
-        : [said("length", { length: distance(metres), time: duration(report["duration_s"] as number) })],
+        : [sentence("length", { length: distance(metres), time: duration(report["duration_s"] as number) })],
   },
   segments_in_network: {
     topic: "result",
     say: (n: number, report) => [
-      n > 0 ? said("in_network", { n, passes: Number(report["passes"] ?? n) }) : said("slopes_only"),
+      n > 0 ? sentence("in_network", { n, passes: Number(report["passes"] ?? n) }) : sentence("slopes_only"),
     ],
   },
   rejected_segments: {
     topic: "result",
-    say: (n: number) => [n > 0 ? said("rejected", { n }) : said("none_rejected")],
+    say: (n: number) => [n > 0 ? sentence("rejected", { n }) : sentence("none_rejected")],
   },
-  matched_share: { topic: "matching", say: (share: number) => [said("matched", { share: whole(share) })] },
+  matched_share: {
+    topic: "matching",
+    say: (share: number) => [sentence("matched", { share: percentOf(share) })],
+  },
   breaks: {
     topic: "matching",
     say: (breaks: { time_s: number; reason: string }[]) =>
       breaks.length > 12
-        ? [said("breaks", { n: breaks.length })]
+        ? [sentence("breaks", { n: breaks.length })]
         : breaks.map((one) =>
-            said("break", { clock: clock(one.time_s), reason: nameOf("reason", one.reason) }),
+            sentence("break", { clock: clock(one.time_s), reason: nameOf("reason", one.reason) }),
           ),
   },
   passes_dropped_as_uncertain: {
     topic: "matching",
-    say: (n: number) => (n > 0 ? [said("dropped", { n })] : []),
+    say: (n: number) => (n > 0 ? [sentence("dropped", { n })] : []),
   },
   passes_of_part_of_a_segment: {
     topic: "matching",
-    say: (n: number) => (n > 0 ? [said("in_part", { n })] : []),
+    say: (n: number) => (n > 0 ? [sentence("in_part", { n })] : []),
   },
   sensors: {
     topic: "sensors",
@@ -161,7 +164,7 @@ const SAYINGS: Sayings = {
       Object.entries(sensors)
         .sort(([, a], [, b]) => b.grade_sigma_percent_without - a.grade_sigma_percent_without)
         .map(([name, one]) =>
-          said(one.outliers > 0 ? "sensor_outliers" : "sensor", {
+          sentence(one.outliers > 0 ? "sensor_outliers" : "sensor", {
             name: nameOf("sensor", name),
             n: one.measurements,
             outliers: one.outliers,
@@ -176,14 +179,14 @@ const SAYINGS: Sayings = {
       mount === null
         ? []
         : [
-            said(mount.pitch_deg < 0 ? "mount_down" : "mount_up", {
+            sentence(mount.pitch_deg < 0 ? "mount_down" : "mount_up", {
               angle: number(Math.abs(mount.pitch_deg), 2),
               sigma: number(mount.sigma_deg, 2),
             }),
             ...mount.moves.map((move) =>
-              said("mount_moved", { angle: number(move.change_deg, 1), clock: clock(move.time_s) }),
+              sentence("mount_moved", { angle: number(move.change_deg, 1), clock: clock(move.time_s) }),
             ),
-            ...(mount.moves.length === 0 ? [said("mount_firm")] : []),
+            ...(mount.moves.length === 0 ? [sentence("mount_firm")] : []),
           ],
   },
   inertia: {
@@ -202,7 +205,7 @@ const SAYINGS: Sayings = {
       angle === null
         ? []
         : [
-            said(angle < 0 ? "mount_down" : "mount_up", {
+            sentence(angle < 0 ? "mount_down" : "mount_up", {
               angle: number(Math.abs(angle), 2),
               sigma: number(report["mount_pitch_sigma_deg"] as number | null, 2),
             }),
@@ -215,7 +218,7 @@ const SAYINGS: Sayings = {
       return Object.entries(LEVELS).flatMap(([name, write]) => {
         const value = noise[name];
         return value !== undefined && (!used || (OF[name] ?? "") in used)
-          ? [said(`noise_${name}`, { value: write(value) })]
+          ? [sentence(`noise_${name}`, { value: write(value) })]
           : [];
       });
     },
@@ -226,34 +229,37 @@ const SAYINGS: Sayings = {
       pressure === null
         ? []
         : [
-            said("speed_pressure", {
+            sentence("speed_pressure", {
               share: percent(100 * pressure.share, 0),
-              found: found(pressure.found_share, 2),
+              found: withSigma(pressure.found_share, 2),
             }),
           ],
   },
   white_altitude_sigma_m: {
     topic: "noise",
     say: (value: number | null) =>
-      value === null ? [] : [said("noise_altitude_m", { value: number(value, 2) })],
+      value === null ? [] : [sentence("noise_altitude_m", { value: number(value, 2) })],
   },
-  outage_share: { topic: "positions", say: (share: number) => [said("outages", { share: whole(share) })] },
+  outage_share: {
+    topic: "positions",
+    say: (share: number) => [sentence("outages", { share: percentOf(share) })],
+  },
   height_datum: {
     topic: "heights",
-    say: (datum: string | null) => (datum ? [said("datum", { datum })] : []),
+    say: (datum: string | null) => (datum ? [sentence("datum", { datum })] : []),
   },
   dem: {
     topic: "heights",
     say: (dem: string | null, report) => {
       const share = report["dem_share"] as number | null;
       return dem === null
-        ? [said("no_dem")]
-        : [said("dem", { dem, share: share === null ? "–" : whole(share) })];
+        ? [sentence("no_dem")]
+        : [sentence("dem", { dem, share: share === null ? "–" : percentOf(share) })];
     },
   },
   height_jumps_s: {
     topic: "heights",
-    say: (times: number[]) => times.map((at) => said("height_jump", { clock: clock(at) })),
+    say: (times: number[]) => times.map((at) => sentence("height_jump", { clock: clock(at) })),
   },
   gnss: {
     topic: "positions",
@@ -265,7 +271,7 @@ const SAYINGS: Sayings = {
             ? [t("drive.positioning.of", { name: gnss.positioning })]
             : [];
       return [
-        said("positions_computed", {
+        sentence("positions_computed", {
           name: gnss.positioning ?? "",
           n: gnss.solved,
           all: gnss.epochs ?? gnss.solved,
@@ -274,21 +280,21 @@ const SAYINGS: Sayings = {
           systems: (gnss.systems ?? []).join(", "),
         }),
         ...(typeof gnss.reflected_share === "number"
-          ? [said("reflected", { share: whole(gnss.reflected_share) })]
+          ? [sentence("reflected", { share: percentOf(gnss.reflected_share) })]
           : []),
       ];
     },
   },
   format: {
     topic: "log",
-    say: (format: string, report) => [said("format", { format, n: Number(report["epochs"] ?? 0) })],
+    say: (format: string, report) => [sentence("format", { format, n: Number(report["epochs"] ?? 0) })],
   },
   skipped: { topic: "log", say: (of: Record<string, number>) => counts("skipped", of) },
   repaired: { topic: "log", say: (of: Record<string, number>) => counts("repaired", of) },
   missing: {
     topic: "log",
     say: (names: string[]) =>
-      names.length > 0 ? [said("missing", { n: names.length, names: names.join(", ") })] : [],
+      names.length > 0 ? [sentence("missing", { n: names.length, names: names.join(", ") })] : [],
   },
 };
 
@@ -334,5 +340,9 @@ function plain(value: unknown): string {
 /** Versions that a result rests on. */
 export function versionsOf(report: Report): string {
   const of = (key: string) => String(report[key] ?? "–");
-  return said("versions", { code: of("code_version"), roads: of("road_version"), dem: of("dem_version") });
+  return sentence("versions", {
+    code: of("code_version"),
+    roads: of("road_version"),
+    dem: of("dem_version"),
+  });
 }

@@ -19,7 +19,7 @@ export const removed = signal(false);
 export const problem = signal<unknown>(null);
 export const profile = signal<Profile | null>(null);
 /** The same with every row, once it is there: what the map draws, and charts that are looked at closely. */
-export const whole = signal<Profile | null>(null);
+export const fullProfile = signal<Profile | null>(null);
 export const segments = signal<DriveSegment[]>([]);
 export const sensors = signal<Sensor[]>([]);
 export const trials = signal<Trial[]>([]);
@@ -34,5 +34,7 @@ export const rejected = computed(
   () => new Set(segments.value.filter((one) => one.properties.accepted === false).map((one) => one.id)),
 );
 export const kinds = computed(() => (profile.value ? kindsOf(profile.value, rejected.value) : []));
-export const wholeKinds = computed(() => (whole.value ? kindsOf(whole.value, rejected.value) : []));
+export const fullKinds = computed(() =>
+  fullProfile.value ? kindsOf(fullProfile.value, rejected.value) : [],
+);
 export const segmentById = computed(() => new Map(segments.value.map((one) => [one.id, one])));

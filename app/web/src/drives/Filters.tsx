@@ -39,16 +39,16 @@ export function failureText(kind: string): string {
 function Search() {
   const field = useRef<HTMLInputElement>(null);
   const timer = useRef<ReturnType<typeof setTimeout> | undefined>(undefined);
-  const said = query.value.get("q") ?? "";
+  const searched = query.value.get("q") ?? "";
   useEffect(() => {
     // Another address by the back button, but not while somebody types.
-    if (field.current && document.activeElement !== field.current) field.current.value = said;
-  }, [said]);
+    if (field.current && document.activeElement !== field.current) field.current.value = searched;
+  }, [searched]);
   const search = (inPlace: boolean) => {
     clearTimeout(timer.current);
     const text = (field.current?.value ?? "").trim();
     // The back button leads to the list before the search, not letter by letter.
-    if (text !== said) go(addressWith({ q: text }), inPlace && said !== "");
+    if (text !== searched) go(addressWith({ q: text }), inPlace && searched !== "");
   };
   return (
     <form
@@ -63,7 +63,7 @@ function Search() {
           ref={field}
           type="search"
           maxLength={100}
-          defaultValue={said}
+          defaultValue={searched}
           placeholder={t("drives.search_example")}
           onInput={() => {
             clearTimeout(timer.current);

@@ -37,8 +37,8 @@ export const sort = computed<Sort>(
   () => SORTS.find((one) => one === query.value.get("sort")) ?? "created_at",
 );
 export const order = computed<"asc" | "desc">(() => {
-  const said = query.value.get("order");
-  return said === "asc" || said === "desc" ? said : usualOrder(sort.value);
+  const named = query.value.get("order");
+  return named === "asc" || named === "desc" ? named : usualOrder(sort.value);
 });
 export const filtered = computed(() => FILTERS.some((name) => query.value.has(name)));
 
@@ -105,7 +105,7 @@ const follower = new Follower<string>({
       .filter((one) => ["queued", "running"].includes(one.status))
       .map((one) => one.id)
       .reverse(),
-  told: (id, drive) => change(id, drive),
+  onDrive: (id, drive) => change(id, drive),
   gone: (id) => change(id, null),
 });
 

@@ -60,7 +60,7 @@ function Slider(props: {
   name: string;
   steps: readonly (number | null)[];
   value: number | null;
-  said: (value: number | null) => string;
+  describe: (value: number | null) => string;
   choose: (value: number | null) => void;
   disabled: boolean;
 }) {
@@ -73,7 +73,7 @@ function Slider(props: {
   return (
     <label class="slider">
       <span>{props.name}</span>
-      <span aria-hidden="true">{props.said(moving === null ? value : (steps[moving] ?? null))}</span>
+      <span aria-hidden="true">{props.describe(moving === null ? value : (steps[moving] ?? null))}</span>
       <input
         type="range"
         min={0}
@@ -81,7 +81,7 @@ function Slider(props: {
         step={1}
         value={shown}
         disabled={props.disabled}
-        aria-valuetext={props.said(steps[shown] ?? null)}
+        aria-valuetext={props.describe(steps[shown] ?? null)}
         onInput={(event) => setMoving(Number(event.currentTarget.value))}
         onChange={(event) => {
           setMoving(null);
@@ -149,8 +149,8 @@ function Hint() {
         </button>
       </p>
     );
-  const found = counts.value;
-  if (found && found.all > 0 && found.measured === 0 && colour.value !== "elevation-model")
+  const counted = counts.value;
+  if (counted && counted.all > 0 && counted.measured === 0 && colour.value !== "elevation-model")
     return (
       <p class="hint">
         {t("map.none_measured")} <a href="/upload">{t("map.upload")}</a>
@@ -160,25 +160,25 @@ function Hint() {
 }
 
 function Count() {
-  const found = counts.value;
-  if (!found) return null;
+  const counted = counts.value;
+  if (!counted) return null;
   const kind =
     layer.value === "ways"
       ? "ways"
       : (view.value?.zoom ?? 20) < segmentsFrom.value
         ? "stretches"
         : "segments";
-  const shown = number(found.shown);
+  const shown = number(counted.shown);
   return (
     <p class="total" role="status">
-      {t(`map.of_${kind}`, { n: found.all, shown })}
+      {t(`map.of_${kind}`, { n: counted.all, shown })}
     </p>
   );
 }
 
 /** The legend with everything that chooses what is shown. */
 export function Legend() {
-  const said = legend.value;
+  const shades = legend.value;
   const [narrow] = useState(() => matchMedia("(max-width: 40rem), (max-height: 30rem)").matches);
   const filtered = filters({
     classes: classes.value,
@@ -190,9 +190,9 @@ export function Legend() {
     <details class="legend card" open={!narrow}>
       <summary>
         <h2>{t(`map.colour.${colour.value}` as TextKey)}</h2>
-        {narrow && said && (
+        {narrow && shades && (
           <span class="strip" aria-hidden="true">
-            {said.classes.map((one) => (
+            {shades.classes.map((one) => (
               <span key={one.colour} style={{ background: one.colour }} />
             ))}
           </span>
@@ -201,16 +201,16 @@ export function Legend() {
       <Hint />
       <Count />
       <ul class="classes" aria-label={t("map.classes")}>
-        {said?.classes.map((one, k) => (
+        {shades?.classes.map((one, k) => (
           <ClassButton key={one.from_percent} one={k} name={nameOf(one)} shade={one.colour} />
         ))}
-        {said && <ClassButton one="unknown" name={t("map.unknown")} shade={said.unknown} />}
+        {shades && <ClassButton one="unknown" name={t("map.unknown")} shade={shades.unknown} />}
       </ul>
       <Slider
         name={t("map.most_sigma")}
         steps={[...SIGMAS, null]}
         value={mostSigma.value}
-        said={(value) => (value === null ? t("map.any") : `± ${number(value, value < 1 ? 2 : 1)} %`)}
+        describe={(value) => (value === null ? t("map.any") : `± ${number(value, value < 1 ? 2 : 1)} %`)}
         choose={(value) => {
           mostSigma.value = value;
         }}
@@ -220,7 +220,7 @@ export function Legend() {
         name={t("map.least_drives")}
         steps={DRIVES}
         value={leastDrives.value}
-        said={(value) => (value ? number(value) : t("map.any"))}
+        describe={(value) => (value ? number(value) : t("map.any"))}
         choose={(value) => {
           leastDrives.value = value ?? 0;
         }}

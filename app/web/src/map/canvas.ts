@@ -90,8 +90,8 @@ export function openMap(
   map.on("error", ({ error }) => {
     if (!(error instanceof DOMException && error.name === "AbortError")) tellError(error);
   });
-  followState(map, (found) => {
-    own = found;
+  followState(map, (style) => {
+    own = style;
     return styleNow();
   });
   const inView = () =>
@@ -187,9 +187,9 @@ function clicks(map: MapLibre, singlesFrom: () => number): void {
     return nearest(map.queryRenderedFeatures(box, { layers }), point, (place) => map.project(place));
   };
   const select = (point: { x: number; y: number }, reach: number) => {
-    const found = at(point, reach);
+    const hit = at(point, reach);
     if (layer.value === "segments" && map.getZoom() < singlesFrom()) {
-      if (!found) return;
+      if (!hit) return;
       map.once("idle", () => select(map.project(map.getCenter()), FINGER_PX));
       map.easeTo({
         center: map.unproject([point.x, point.y]),
@@ -198,7 +198,7 @@ function clicks(map: MapLibre, singlesFrom: () => number): void {
       });
       return;
     }
-    selected.value = found === null ? null : { kind: layer.value === "ways" ? "way" : "segment", id: found };
+    selected.value = hit === null ? null : { kind: layer.value === "ways" ? "way" : "segment", id: hit };
   };
   const finger = (event: MapMouseEvent) =>
     (event.originalEvent as PointerEvent).pointerType === "touch" || !matchMedia("(pointer: fine)").matches;
@@ -227,8 +227,8 @@ function counter(
     if (data.number === number) counts.value = data;
   };
   const ask = () => {
-    const said = legend.value;
-    if (!said || map.isMoving() || !map.isSourceLoaded(SOURCE)) return;
+    const shades = legend.value;
+    if (!shades || map.isMoving() || !map.isSourceLoaded(SOURCE)) return;
     const bounds = map.getBounds();
     const state = choices();
     const question: Omit<Asked, "number"> = {
@@ -237,7 +237,7 @@ function counter(
       archive,
       box: [bounds.getWest(), bounds.getSouth(), bounds.getEast(), bounds.getNorth()] as Box,
       colour: colour.value,
-      breaks: breaksOf(said.classes),
+      breaks: breaksOf(shades.classes),
       classes: state.classes,
       mostSigma: state.mostSigma,
       leastDrives: state.leastDrives,

@@ -107,8 +107,8 @@ function add(result: Counted, asked: Asked, roads: Roads, row: number): void {
   const sigma = roads.sigma[row] as number;
   if (asked.mostSigma !== null && !(sigma <= asked.mostSigma)) return;
   if ((roads.drives[row] as number) < asked.leastDrives) return;
-  let found = asked.breaks.length - 1;
-  while (found > 0 && value < (asked.breaks[found] as number)) found -= 1;
-  result.each[found] = (result.each[found] as number) + 1;
-  if (!asked.classes.length || asked.classes.includes(found)) result.shown += 1;
+  let index = asked.breaks.length - 1;
+  while (index > 0 && value < (asked.breaks[index] as number)) index -= 1;
+  result.each[index] = (result.each[index] as number) + 1;
+  if (!asked.classes.length || asked.classes.includes(index)) result.shown += 1;
 }

@@ -7,7 +7,7 @@ import { acrossOf, downOf, type Tile } from "./tiles";
 type Wanted = Asked["tiles"][number];
 
 const MOST_TILES = 200;
-const kept = new Map<string, Roads>();
+const cache = new Map<string, Roads>();
 
 function read(data: ArrayBuffer): Roads {
   const layer = Object.values(new VectorTile(new PbfReader(data)).layers)[0];
@@ -23,8 +23,8 @@ function read(data: ArrayBuffer): Roads {
   for (let row = 0; row < n; row += 1) {
     const feature = layer?.feature(row);
     if (!feature) continue;
-    const said = feature.properties;
-    const value = (name: string) => (typeof said[name] === "number" ? said[name] : Number.NaN);
+    const properties = feature.properties;
+    const value = (name: string) => (typeof properties[name] === "number" ? properties[name] : Number.NaN);
     roads.ids[row] = feature.id ?? -row;
     roads.slope[row] = value("slope_percent");
     roads.sigma[row] = value("slope_sigma_percent");
@@ -69,17 +69,17 @@ async function fromService(url: string): Promise<ArrayBuffer> {
 }
 
 async function roadsOf({ url, tile }: Wanted, archive: string | null): Promise<Roads> {
-  const found = kept.get(url);
-  if (found) {
-    kept.delete(url);
-    kept.set(url, found);
-    return found;
+  const cached = cache.get(url);
+  if (cached) {
+    cache.delete(url);
+    cache.set(url, cached);
+    return cached;
   }
   const roads = read(await (archive === null ? fromService(url) : fromArchive(archive, tile)));
-  kept.set(url, roads);
-  for (const oldest of kept.keys()) {
-    if (kept.size <= MOST_TILES) break;
-    kept.delete(oldest);
+  cache.set(url, roads);
+  for (const oldest of cache.keys()) {
+    if (cache.size <= MOST_TILES) break;
+    cache.delete(oldest);
   }
   return roads;
 }
@@ -88,7 +88,7 @@ let newest = 0;
 
 self.onmessage = async ({ data: asked }: MessageEvent<Asked>) => {
   newest = asked.number;
-  for (const url of asked.anew) kept.delete(url);
+  for (const url of asked.anew) cache.delete(url);
   try {
     const parts = await Promise.all(
       asked.tiles.map(async (one) => ({ tile: one.tile, roads: await roadsOf(one, asked.archive) })),

@@ -12,16 +12,16 @@ export const isMap = (one: Export) => one.status === "done" && one.media_type ==
 
 /** The newest that are kept. */
 export async function keptMaps(signal: AbortSignal): Promise<Export[]> {
-  const said = await got(api.GET("/v1/exports", { params: { query: { limit: 100 } }, signal }));
-  return said.exports.filter(isMap);
+  const listed = await got(api.GET("/v1/exports", { params: { query: { limit: 100 } }, signal }));
+  return listed.exports.filter(isMap);
 }
 
 /** The same view of another map; null: of today's. */
 export function searchOf(id: string | null): string {
-  const said = new URLSearchParams(location.search);
-  said.delete("export");
-  if (id !== null) said.set("export", id);
-  const text = said.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
+  const query = new URLSearchParams(location.search);
+  query.delete("export");
+  if (id !== null) query.set("export", id);
+  const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
   return text ? `?${text}` : "";
 }
 

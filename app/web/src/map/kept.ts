@@ -7,9 +7,9 @@ import { isMap, type Kept } from "./keeping";
 
 /** Make the export's tiles known to the map; throws where it is gone, not done, or holds no tiles. */
 export async function openKept(id: string): Promise<Kept> {
-  const said = await got(api.GET("/v1/exports/{export_id}", { params: { path: { export_id: id } } }));
-  if (!isMap(said)) {
-    const why = t("map.kept_not", { name: said.file_name });
+  const exported = await got(api.GET("/v1/exports/{export_id}", { params: { path: { export_id: id } } }));
+  if (!isMap(exported)) {
+    const why = t("map.kept_not", { name: exported.file_name });
     throw new ApiProblem(409, why, why);
   }
   const address = `${location.origin}/v1/exports/${id}/file`;
@@ -20,7 +20,7 @@ export async function openKept(id: string): Promise<Kept> {
   addProtocol("pmtiles", protocol.tile);
   return {
     address,
-    moment: said.started_at,
+    moment: exported.started_at,
     leastZoom: head.minZoom,
     mostZoom: head.maxZoom,
     bbox: [head.minLon, head.minLat, head.maxLon, head.maxLat],

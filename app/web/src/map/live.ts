@@ -16,7 +16,7 @@ const WAYS_AFTER_MS = [1500, 5000];
 const AGAIN_MS = 20_000;
 const MOST_CHANGES = 200;
 
-/** Of tiles, whether they are as new as what was heard of. */
+/** Of tiles, whether they are as new as the last change that was announced. */
 export class Freshness {
   private changes: { number: number; box: Box | null }[] = [];
   private readonly fetched = new Map<string, number>();
@@ -61,14 +61,14 @@ export function stayNew(
   map: MapLibre,
   freshness: Freshness,
   inView: () => Tile[],
-  told: (tiles: Tile[]) => void,
+  onStale: (tiles: Tile[]) => void,
 ): void {
   let version: string | null = null;
   let timer = 0;
   const refresh = () => {
     const old = freshness.old(inView());
     if (!old.length || !map.getSource(SOURCE)) return;
-    told(old);
+    onStale(old);
     map.refreshTiles(SOURCE, old);
     for (const tile of old) freshness.asked(tile);
   };
@@ -77,7 +77,7 @@ export function stayNew(
     clearTimeout(timer);
     timer = window.setTimeout(refresh, TOGETHER_MS);
   };
-  const heard = (change: Change) => {
+  const onChange = (change: Change) => {
     const before = version;
     version = change.version;
     if (before === null || before === change.version) return;
@@ -86,7 +86,7 @@ export function stayNew(
       for (const wait of WAYS_AFTER_MS) window.setTimeout(() => changed(change.bbox), wait);
   };
   const start = () => {
-    const end = follow<Change>("/v1/changes/events", "change", heard, () => {
+    const end = follow<Change>("/v1/changes/events", "change", onChange, () => {
       end();
       window.setTimeout(start, AGAIN_MS);
     });

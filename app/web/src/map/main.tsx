@@ -20,7 +20,7 @@ const library = import("./canvas");
 const keeping = keptId === null ? null : import("./kept");
 
 type Found = "waiting" | "roads" | "nothing";
-const found = signal<Found>("waiting");
+const content = signal<Found>("waiting");
 
 /** Where what a link selects is, where the link does not say. */
 async function showSelected(): Promise<void> {
@@ -52,10 +52,10 @@ async function open(place: HTMLElement): Promise<void> {
   legend.value = own.legend;
   segmentsFrom.value = own.segmentsFrom;
   if (!own.style.center && kept.value === null) {
-    found.value = "nothing";
+    content.value = "nothing";
     return;
   }
-  found.value = "roads";
+  content.value = "roads";
   const { backgroundStyle, openMap } = await library;
   openMap(place, own, await backgroundStyle(), kept.value);
   keepAddress();
@@ -87,7 +87,7 @@ function Content() {
   return (
     <Page name="map" filled>
       <div class="map-page">
-        {found.value === "nothing" ? (
+        {content.value === "nothing" ? (
           <Nothing />
         ) : (
           <>

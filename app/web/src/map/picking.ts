@@ -15,7 +15,7 @@ export function nearest(
   at: Point,
   project: (place: [number, number]) => Point,
 ): number | null {
-  let found: number | null = null;
+  let nearest: number | null = null;
   let least = Number.POSITIVE_INFINITY;
   for (const { id, geometry } of roads) {
     if (typeof id !== "number") continue;
@@ -23,11 +23,11 @@ export function nearest(
       const points = line.map((place) => project(place as [number, number]));
       for (let k = 1; k < points.length; k += 1) {
         const away = distance(at, points[k - 1] as Point, points[k] as Point);
-        if (away < least) [least, found] = [away, id];
+        if (away < least) [least, nearest] = [away, id];
       }
     }
   }
-  return found;
+  return nearest;
 }
 
 function linesOf(geometry: GeoJSON.Geometry): GeoJSON.Position[][] {

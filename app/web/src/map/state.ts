@@ -51,11 +51,11 @@ export interface State {
 }
 
 function numbers(text: string | null, separator: string, count: number): number[] | null {
-  const found = text?.split(separator).map((one) => (one === "" ? Number.NaN : Number(one))) ?? [];
-  return found.length === count && found.every(Number.isFinite) ? found : null;
+  const numbers = text?.split(separator).map((one) => (one === "" ? Number.NaN : Number(one))) ?? [];
+  return numbers.length === count && numbers.every(Number.isFinite) ? numbers : null;
 }
 
-function whole(text: string | null): number | null {
+function wholeNumber(text: string | null): number | null {
   return text !== null && /^[0-9]{1,15}$/.test(text) ? Number(text) : null;
 }
 
@@ -64,8 +64,8 @@ export function parsed(search: string): State {
   const asked = new URLSearchParams(search);
   const at = numbers(asked.get("at"), "/", 3);
   const box = numbers(asked.get("bbox"), ",", 4);
-  const segment = whole(asked.get("segment"));
-  const way = whole(asked.get("way"));
+  const segment = wholeNumber(asked.get("segment"));
+  const way = wholeNumber(asked.get("way"));
   const layerAsked: LayerName =
     asked.get("layer") === "ways" || (way !== null && !asked.has("layer")) ? "ways" : "segments";
   const colourAsked = COLOURS.find((one) => one === asked.get("colour")) ?? "steepness";
@@ -82,10 +82,10 @@ export function parsed(search: string): State {
     layer: layerAsked,
     classes: (asked.get("classes") ?? "")
       .split(",")
-      .map((one) => (one === "unknown" ? one : whole(one)))
+      .map((one) => (one === "unknown" ? one : wholeNumber(one)))
       .filter((one): one is Class => one !== null),
     mostSigma: sigma > 0 && Number.isFinite(sigma) ? sigma : null,
-    leastDrives: whole(asked.get("drives")) ?? 0,
+    leastDrives: wholeNumber(asked.get("drives")) ?? 0,
   };
 }
 
@@ -93,24 +93,24 @@ const OWN = ["at", "bbox", "segment", "way", "colour", "layer", "classes", "sigm
 
 /** The address of a state; what others have in it stays. */
 export function address(state: State, search: string): string {
-  const said = new URLSearchParams(search);
-  for (const name of OWN) said.delete(name);
+  const query = new URLSearchParams(search);
+  for (const name of OWN) query.delete(name);
   const at = state.view;
-  if (at) said.set("at", `${at.zoom.toFixed(2)}/${at.lat.toFixed(5)}/${at.lon.toFixed(5)}`);
-  if (state.selected) said.set(state.selected.kind, String(state.selected.id));
-  if (state.colour !== "steepness") said.set("colour", state.colour);
-  if (state.layer !== (state.selected?.kind === "way" ? "ways" : "segments")) said.set("layer", state.layer);
-  if (state.classes.length) said.set("classes", state.classes.join(","));
-  if (state.mostSigma !== null) said.set("sigma", String(state.mostSigma));
-  if (state.leastDrives) said.set("drives", String(state.leastDrives));
-  const text = said.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
+  if (at) query.set("at", `${at.zoom.toFixed(2)}/${at.lat.toFixed(5)}/${at.lon.toFixed(5)}`);
+  if (state.selected) query.set(state.selected.kind, String(state.selected.id));
+  if (state.colour !== "steepness") query.set("colour", state.colour);
+  if (state.layer !== (state.selected?.kind === "way" ? "ways" : "segments")) query.set("layer", state.layer);
+  if (state.classes.length) query.set("classes", state.classes.join(","));
+  if (state.mostSigma !== null) query.set("sigma", String(state.mostSigma));
+  if (state.leastDrives) query.set("drives", String(state.leastDrives));
+  const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
   return text ? `?${text}` : "";
 }
 
 /** The export that an address asks for in place of today's map. */
 export function keptOf(search: string): string | null {
-  const said = new URLSearchParams(search).get("export") ?? "";
-  return /^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/i.test(said) ? said : null;
+  const query = new URLSearchParams(search).get("export") ?? "";
+  return /^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/i.test(query) ? query : null;
 }
 
 /** What the address said when the page was opened. */

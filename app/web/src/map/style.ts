@@ -32,38 +32,38 @@ const styles = new Map<string, Promise<OwnStyle>>();
 /** The style of these choices; asked for once. */
 export function ownStyle(theme: Theme, colour: Colour, layer: LayerName): Promise<OwnStyle> {
   const query = `theme=${theme}&colour=${colour}&layer=${layer}`;
-  let found = styles.get(query);
-  if (!found) {
-    found = getJson<StyleSpecification>(`/style.json?${query}`).then((style) => {
-      const said = style.metadata as Record<string, unknown>;
+  let pending = styles.get(query);
+  if (!pending) {
+    pending = getJson<StyleSpecification>(`/style.json?${query}`).then((style) => {
+      const metadata = style.metadata as Record<string, unknown>;
       return {
         style,
-        legend: said["versant:legend"] as Legend,
-        segmentsFrom: said["versant:segments_from_zoom"] as number,
+        legend: metadata["versant:legend"] as Legend,
+        segmentsFrom: metadata["versant:segments_from_zoom"] as number,
       };
     });
-    styles.set(query, found);
-    found.catch(() => styles.delete(query));
+    styles.set(query, pending);
+    pending.catch(() => styles.delete(query));
   }
-  return found;
+  return pending;
 }
 
 /** Whether a road passes the sliders. */
 export function sliders(state: Pick<State, "mostSigma" | "leastDrives">): ExpressionSpecification[] {
-  const found: ExpressionSpecification[] = [];
+  const conditions: ExpressionSpecification[] = [];
   if (state.mostSigma !== null)
-    found.push(["<=", ["coalesce", ["get", "slope_sigma_percent"], 1e9], state.mostSigma]);
-  if (state.leastDrives > 0) found.push([">=", ["coalesce", ["get", "drives"], 0], state.leastDrives]);
-  return found;
+    conditions.push(["<=", ["coalesce", ["get", "slope_sigma_percent"], 1e9], state.mostSigma]);
+  if (state.leastDrives > 0) conditions.push([">=", ["coalesce", ["get", "drives"], 0], state.leastDrives]);
+  return conditions;
 }
 
 function inClasses(legend: Legend, classes: readonly Class[]): ExpressionSpecification[] {
   if (!classes.length) return [];
   const each = classes.flatMap((one): ExpressionSpecification[] => {
-    const found = typeof one === "number" ? legend.classes[one] : undefined;
-    if (!found) return [];
-    const low: ExpressionSpecification = [">=", legend.value, found.from_percent];
-    return [found.to_percent === null ? low : ["all", low, ["<", legend.value, found.to_percent]]];
+    const step = typeof one === "number" ? legend.classes[one] : undefined;
+    if (!step) return [];
+    const low: ExpressionSpecification = [">=", legend.value, step.from_percent];
+    return [step.to_percent === null ? low : ["all", low, ["<", legend.value, step.to_percent]]];
   });
   return [["any", ...each] as ExpressionSpecification];
 }
@@ -112,7 +112,7 @@ export function drawn(own: OwnStyle, state: State, theme: Theme): StyleSpecifica
   const passing = [...inClasses(legend, state.classes), ...sliders(state)];
   const unknown = showsUnknown(state);
   const [ground, ...roads] = own.style.layers;
-  const kept = roads.map((one): LayerSpecification => {
+  const restyled = roads.map((one): LayerSpecification => {
     if (!passing.length && unknown) return one;
     const base = (one as { filter?: ExpressionSpecification }).filter ?? true;
     const known: unknown = ["all", ...passing];
@@ -130,7 +130,7 @@ export function drawn(own: OwnStyle, state: State, theme: Theme): StyleSpecifica
     "line-color": CHOSEN[theme],
     "line-width": HALO_PX,
   });
-  return { ...own.style, layers: [ground as LayerSpecification, ...others, halo, ...kept] };
+  return { ...own.style, layers: [ground as LayerSpecification, ...others, halo, ...restyled] };
 }
 
 function isSelected(selected: Selection | null, layer: LayerName): FilterSpecification {

@@ -24,12 +24,12 @@ export function downOf(lat: number): number {
 /** The tiles of a zoom that meet a box, by `margin` of their width more. */
 export function tilesOver(box: Box, z: number, margin = 0): Tile[] {
   const side = 2 ** z;
-  const found: Tile[] = [];
+  const tiles: Tile[] = [];
   const last = (at: number) => Math.min(side - 1, Math.floor(at * side + margin));
   const first = (at: number) => Math.max(0, Math.floor(at * side - margin));
   for (let x = first(acrossOf(box[0])); x <= last(acrossOf(box[2])); x += 1)
-    for (let y = first(downOf(box[3])); y <= last(downOf(box[1])); y += 1) found.push({ z, x, y });
-  return found;
+    for (let y = first(downOf(box[3])); y <= last(downOf(box[1])); y += 1) tiles.push({ z, x, y });
+  return tiles;
 }
 
 /** Whether a change in the box can be seen in the tile; null: it may be anywhere. */

@@ -1,4 +1,4 @@
-/** The drives behind a segment: what each says, whether it is heard, and how the slope came together. */
+/** The drives behind a segment: what each says, whether it is accepted, and how the slope came together. */
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { Chart, type Line } from "../shared/Chart";
 import { moment, number, slope } from "../shared/format";
@@ -54,7 +54,7 @@ export function Drives({ segment }: { segment: Segment }) {
           {t("segment.more")}
         </button>
       )}
-      <p class="quiet-text small">{t("segment.heard_note")}</p>
+      <p class="quiet-text small">{t("segment.rejected_note")}</p>
       {read.drives.length > 0 && (
         <History segment={segment} drives={read.drives} whole={read.next === null} />
       )}
@@ -62,8 +62,8 @@ export function Drives({ segment }: { segment: Segment }) {
   );
 }
 
-function verdict(one: Observation): "heard" | "unheard" | "averaged" {
-  return one.accepted === null ? "averaged" : one.accepted ? "heard" : "unheard";
+function statusOf(one: Observation): "accepted" | "rejected" | "averaged" {
+  return one.accepted === null ? "averaged" : one.accepted ? "accepted" : "rejected";
 }
 
 function Table({ drives }: { drives: Observation[] }) {
@@ -77,7 +77,7 @@ function Table({ drives }: { drives: Observation[] }) {
             <th scope="col" class="number">
               {t("segment.says")}
             </th>
-            <th scope="col">{t("segment.verdict")}</th>
+            <th scope="col">{t("segment.accepted_title")}</th>
             <th scope="col" class="number">
               {t("segment.weight")}
             </th>
@@ -86,12 +86,12 @@ function Table({ drives }: { drives: Observation[] }) {
         </thead>
         <tbody>
           {drives.map((one) => (
-            <tr key={one.drive_id} class={verdict(one)}>
+            <tr key={one.drive_id} class={statusOf(one)}>
               <th scope="row">
                 <a href={`/drives/${one.drive_id}`}>{moment(one.first_at)}</a>
               </th>
               <td class="number">{slope(one.slope_percent, one.slope_sigma_percent)}</td>
-              <td>{t(`segment.${verdict(one)}`)}</td>
+              <td>{t(`segment.${statusOf(one)}`)}</td>
               <td class="number">{share(one.weight)}</td>
               <td>
                 {one.method}
@@ -136,17 +136,17 @@ function History({ segment, drives, whole }: HistoryProps) {
       });
     all.push({
       ...look,
-      label: t("segment.line_heard"),
-      values: history.heard,
+      label: t("segment.line_accepted"),
+      values: history.accepted,
       sigma: history.sigma,
       colour: "other",
       points: true,
     });
-    if (history.unheard.some((one) => one !== null))
+    if (history.rejected.some((one) => one !== null))
       all.push({
         ...look,
-        label: t("segment.line_unheard"),
-        values: history.unheard,
+        label: t("segment.line_rejected"),
+        values: history.rejected,
         sigma: history.sigma,
         colour: "danger",
         points: true,

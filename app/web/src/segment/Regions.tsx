@@ -15,7 +15,7 @@ export function Regions() {
   useEffect(() => {
     const ended = new AbortController();
     getJson<{ regions: Region[] }>("/v1/regions", ended.signal).then(
-      (said) => set(said.regions.filter((one) => one.bbox !== null)),
+      (answer) => set(answer.regions.filter((one) => one.bbox !== null)),
       // The map is there without a choice of regions.
       () => {},
     );

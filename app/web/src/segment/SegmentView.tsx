@@ -24,10 +24,10 @@ import { besideModel, compass, headline, share, steepest } from "./words";
 export function Facts({ rows }: { rows: [string, ComponentChildren][] }) {
   return (
     <dl class="facts">
-      {rows.map(([term, said]) => (
+      {rows.map(([term, description]) => (
         <div key={term}>
           <dt>{term}</dt>
-          <dd>{said}</dd>
+          <dd>{description}</dd>
         </div>
       ))}
     </dl>

@@ -137,7 +137,7 @@ function Segments({ way }: { way: Way }) {
             >
               <span>{t("segment.title", { id: String(one.id) })}</span>
               <span class="number">{distance(one.properties.length_m)}</span>
-              <span class="number">{said(one)}</span>
+              <span class="number">{summaryOf(one)}</span>
             </button>
           </li>
         ))}
@@ -152,7 +152,7 @@ function Segments({ way }: { way: Way }) {
 }
 
 /** What is known of a segment of the list, and from where. */
-function said({ properties: of }: Segment): string {
+function summaryOf({ properties: of }: Segment): string {
   if (of.slope_percent === null) return t("segment.list_unknown");
   const value = slope(of.slope_percent, of.slope_sigma_percent);
   return of.drives === 0 ? t("segment.list_gap", { slope: value }) : value;

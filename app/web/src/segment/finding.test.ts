@@ -19,11 +19,11 @@ test.each([
   ["https://www.openstreetmap.org/#map=17/49.41/8.69", 49.41, 8.69],
   ["https://www.openstreetmap.org/?mlat=49.41&mlon=8.69#map=12/1/2", 49.41, 8.69],
 ])("the place %s", (text, lat, lon) => {
-  const found = meaning(text);
-  expect(found?.kind).toBe("place");
-  if (found?.kind !== "place") return;
-  expect(found.lat).toBeCloseTo(lat, 6);
-  expect(found.lon).toBeCloseTo(lon, 6);
+  const place = meaning(text);
+  expect(place?.kind).toBe("place");
+  if (place?.kind !== "place") return;
+  expect(place.lat).toBeCloseTo(lat, 6);
+  expect(place.lon).toBeCloseTo(lon, 6);
 });
 
 test.each([

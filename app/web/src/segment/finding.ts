@@ -41,11 +41,11 @@ const BEHIND = new RegExp(`()${SIZE}${LETTER}`, "gi");
 
 /** Degrees of one angle, and by its letter whether it is a latitude. */
 function angle(match: RegExpMatchArray): { degrees: number; axis: "lat" | "lon" | null } | null {
-  const [, before, whole = "", minutes = "0", seconds = "0", after] = match;
+  const [, before, degrees = "", minutes = "0", seconds = "0", after] = match;
   const letter = (before || after || "").toUpperCase();
   if (Number(minutes) >= 60 || Number(seconds) >= 60) return null;
-  const size = Math.abs(Number(whole)) + Number(minutes) / 60 + Number(seconds) / 3600;
-  const negative = whole.startsWith("-") !== ("SW".includes(letter) && letter !== "");
+  const size = Math.abs(Number(degrees)) + Number(minutes) / 60 + Number(seconds) / 3600;
+  const negative = degrees.startsWith("-") !== ("SW".includes(letter) && letter !== "");
   return {
     degrees: negative ? -size : size,
     axis: letter === "" ? null : "NS".includes(letter) ? "lat" : "lon",

@@ -4,10 +4,10 @@ import type { Observation } from "./data";
 export interface History {
   /** Seconds since 1970, ascending. */
   at: number[];
-  heard: (number | null)[];
-  unheard: (number | null)[];
+  accepted: (number | null)[];
+  rejected: (number | null)[];
   sigma: number[];
-  /** Of those that are heard, up to each, by the inverse of their variances. */
+  /** Of the accepted ones, up to each, by the inverse of their variances. */
   mean: (number | null)[];
 }
 
@@ -25,8 +25,8 @@ export function together(drives: readonly Observation[]): History {
   });
   return {
     at: sorted.map((one) => Date.parse(one.first_at) / 1000),
-    heard: sorted.map((one) => (one.accepted === false ? null : one.slope_percent)),
-    unheard: sorted.map((one) => (one.accepted === false ? one.slope_percent : null)),
+    accepted: sorted.map((one) => (one.accepted === false ? null : one.slope_percent)),
+    rejected: sorted.map((one) => (one.accepted === false ? one.slope_percent : null)),
     sigma: sorted.map((one) => one.slope_sigma_percent),
     mean,
   };

@@ -19,7 +19,7 @@ export interface Result {
 export interface Found {
   results: Result[];
   /** Why there is none, or what else is to be known of them. */
-  said: string;
+  message: string;
 }
 
 const MOST_WAYS = 8;
@@ -103,13 +103,13 @@ async function segment(id: number, signal: AbortSignal): Promise<Result[]> {
 
 /** Several names that begin so: one short look into the index for each. */
 async function names(name: string, signal: AbortSignal): Promise<Result[]> {
-  const found: Result[] = [];
+  const named: Result[] = [];
   let after: string | null = null;
-  while (found.length < MOST_NAMES) {
+  while (named.length < MOST_NAMES) {
     const [next] = await segmentsWhere(fromName(name, after), 1, signal);
     const called: string | null | undefined = next?.properties.name;
     if (!called || called === after || !begins(called, name)) break;
-    found.push({
+    named.push({
       key: `name ${called}`,
       label: called,
       detail: t("segment.a_name"),
@@ -118,18 +118,18 @@ async function names(name: string, signal: AbortSignal): Promise<Result[]> {
     });
     after = called;
   }
-  return found;
+  return named;
 }
 
 /** What there is for a meaning. */
 export async function find(meant: Meaning, signal: AbortSignal): Promise<Found> {
-  const none = (said: string): Found => ({ results: [], said });
+  const none = (message: string): Found => ({ results: [], message });
   if (meant.kind === "wrong") return none(t(`segment.wrong.${meant.why}`));
   if (meant.kind === "place") {
     const { lon, lat, zoom = 16 } = meant;
     const label = `${number(lat, 5)}°, ${number(lon, 5)}°`;
     const go = () => flyTo({ lon, lat, zoom });
-    return { results: [{ key: "place", label, detail: t("segment.a_place"), go }], said: "" };
+    return { results: [{ key: "place", label, detail: t("segment.a_place"), go }], message: "" };
   }
   if (meant.kind === "name") {
     const segments = await segmentsWhere(exactly(meant.name), NAMED_AT_ONCE, signal);
@@ -137,11 +137,11 @@ export async function find(meant: Meaning, signal: AbortSignal): Promise<Found> 
       ...byWay(segments),
       ...(await names(meant.name, signal)).filter((one) => one.name !== segments[0]?.properties.name),
     ];
-    return results.length > 0 ? { results, said: "" } : none(t("segment.no_name", { name: meant.name }));
+    return results.length > 0 ? { results, message: "" } : none(t("segment.no_name", { name: meant.name }));
   }
   const id = String(meant.id);
   const ways = meant.kind === "segment" ? [] : (await waysOf(meant.id, signal)).map(ofWay);
   const segments = meant.kind === "way" ? [] : await segment(meant.id, signal);
   const results = [...ways, ...segments];
-  return results.length > 0 ? { results, said: "" } : none(t(`segment.no_${meant.kind}`, { id }));
+  return results.length > 0 ? { results, message: "" } : none(t(`segment.no_${meant.kind}`, { id }));
 }

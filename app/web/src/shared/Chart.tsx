@@ -64,8 +64,8 @@ export function Chart(props: ChartProps) {
   const link = props.link ?? own;
   const into = useRef<HTMLDivElement>(null);
   const chart = useRef<uPlot | null>(null);
-  const told = useRef(onHover);
-  told.current = onHover;
+  const hoverHandler = useRef(onHover);
+  hoverHandler.current = onHover;
   const off = useSignal<ReadonlySet<string>>(
     new Set(lines.filter((one) => one.hidden).map((one) => one.label)),
   );
@@ -82,7 +82,7 @@ export function Chart(props: ChartProps) {
     const at = index === null ? null : (x[index] ?? null);
     if (at === link.at.peek()) return;
     link.at.value = at;
-    told.current?.(at);
+    hoverHandler.current?.(at);
   };
 
   useEffect(() => {
@@ -92,30 +92,30 @@ export function Chart(props: ChartProps) {
     const shown = lines.map((line) => ({ ...line, hidden: off.peek().has(line.label) }));
     const drawing = { title, x, lines: shown, axis, unit, height, stretches };
     let ready = false;
-    const made = draw(drawing, host, hover, ([low, high]) => {
+    const plot = draw(drawing, host, hover, ([low, high]) => {
       if (!ready) return;
       const whole = low <= all[0] && high >= all[1];
       const before = link.range.peek();
       if (whole ? before !== null : before?.[0] !== low || before[1] !== high)
         link.range.value = whole ? null : [low, high];
     });
-    chart.current = made;
+    chart.current = plot;
     const range = link.range.peek();
-    if (range) made.setScale("x", { min: range[0], max: range[1] });
+    if (range) plot.setScale("x", { min: range[0], max: range[1] });
     queueMicrotask(() => {
       ready = true;
-      pointAt(made, x, link.at.peek());
+      pointAt(plot, x, link.at.peek());
     });
     const sized = new ResizeObserver(() => {
-      if (host.clientWidth > 0 && Math.abs(host.clientWidth - made.width) > 1)
-        made.setSize({ width: host.clientWidth, height });
+      if (host.clientWidth > 0 && Math.abs(host.clientWidth - plot.width) > 1)
+        plot.setSize({ width: host.clientWidth, height });
     });
     sized.observe(host);
-    const still = [touched(made, hover), pannedByDrag(made, all)];
+    const still = [touched(plot, hover), pannedByDrag(plot, all)];
     return () => {
       for (const end of still) end();
       sized.disconnect();
-      made.destroy();
+      plot.destroy();
       chart.current = null;
     };
   }, [x, lines, stretches, chosen, height, axis, unit]);
@@ -127,10 +127,10 @@ export function Chart(props: ChartProps) {
   });
   useSignalEffect(() => {
     const range = link.range.value;
-    const made = chart.current;
-    if (!made || x.length === 0) return;
+    const plot = chart.current;
+    if (!plot || x.length === 0) return;
     const [min, max] = range ?? [x[0] as number, x[x.length - 1] as number];
-    if (made.scales["x"]?.min !== min || made.scales["x"]?.max !== max) made.setScale("x", { min, max });
+    if (plot.scales["x"]?.min !== min || plot.scales["x"]?.max !== max) plot.setScale("x", { min, max });
   });
   const { cursor } = props;
   useEffect(() => {

@@ -66,9 +66,9 @@ export function MethodForm({ chosen, choose, known }: FormProps) {
   const [all, setAll] = useState<Methods | null>(null);
   const [problem, setProblem] = useState<unknown>(null);
   useEffect(() => {
-    methods().then((found) => {
-      setAll(found);
-      known?.(found);
+    methods().then((all) => {
+      setAll(all);
+      known?.(all);
     }, setProblem);
   }, []);
   if (problem !== null)

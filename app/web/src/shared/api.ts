@@ -37,14 +37,14 @@ export async function problemOf(response: Response, read?: unknown): Promise<Api
   try {
     const document = read === undefined ? await response.json() : read;
     if (typeof document !== "object" || document === null) throw new TypeError("no document");
-    const said = document as Record<string, string | undefined>;
-    const title = said["title"] ?? statusText;
+    const fields = document as Record<string, string | undefined>;
+    const title = fields["title"] ?? statusText;
     return new ApiProblem(
       status,
       title,
-      said["detail"] ?? title,
-      said["field"] ?? null,
-      said["type"] ?? null,
+      fields["detail"] ?? title,
+      fields["field"] ?? null,
+      fields["type"] ?? null,
     );
   } catch {
     return new ApiProblem(status, statusText, t("problem.unreadable", { status }));

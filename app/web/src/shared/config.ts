@@ -8,11 +8,11 @@ export interface PageConfig {
   login_url: string | null;
 }
 
-const said = document.querySelector<HTMLMetaElement>('meta[name="versant"]')?.content ?? "{}";
+const json = document.querySelector<HTMLMetaElement>('meta[name="versant"]')?.content ?? "{}";
 
 export const config: PageConfig = {
   version: "",
   background_style_url: null,
   login_url: null,
-  ...(JSON.parse(said) as Partial<PageConfig>),
+  ...(JSON.parse(json) as Partial<PageConfig>),
 };

@@ -4,11 +4,11 @@
 export function follow<T>(
   address: string,
   name: string,
-  told: (data: T) => void,
+  onData: (data: T) => void,
   ended?: () => void,
 ): () => void {
   const source = new EventSource(address);
-  source.addEventListener(name, (event) => told(JSON.parse((event as MessageEvent<string>).data) as T));
+  source.addEventListener(name, (event) => onData(JSON.parse((event as MessageEvent<string>).data) as T));
   source.addEventListener("error", () => {
     // The browser connects again unless the answer was no stream: too many of them, or the drive is gone.
     if (source.readyState === EventSource.CLOSED) ended?.();

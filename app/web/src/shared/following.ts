@@ -12,7 +12,7 @@ interface Followed<T> {
   driveOf: (item: T) => string;
   /** Those that are not over, the oldest first. */
   unfinished: () => T[];
-  told: (item: T, drive: Drive) => void;
+  onDrive: (item: T, drive: Drive) => void;
   gone: (item: T) => void;
 }
 
@@ -43,15 +43,15 @@ export class Follower<T> {
 
   private begin(item: T): void {
     const address = `/v1/drives/${this.list.driveOf(item)}/events`;
-    const told = (drive: Drive) => {
-      this.list.told(item, drive);
+    const onDrive = (drive: Drive) => {
+      this.list.onDrive(item, drive);
       this.arrange();
     };
     const ended = () => {
       this.end(item);
       this.noStreamsUntil = Date.now() + WITHOUT_STREAMS_MS;
     };
-    this.streams.set(item, follow<Drive>(address, "drive", told, ended));
+    this.streams.set(item, follow<Drive>(address, "drive", onDrive, ended));
   }
 
   private end(item: T): void {
@@ -70,7 +70,7 @@ export class Follower<T> {
 
   private async askFor(item: T): Promise<void> {
     try {
-      this.list.told(item, await getDrive(this.list.driveOf(item)));
+      this.list.onDrive(item, await getDrive(this.list.driveOf(item)));
     } catch (error) {
       // What else may be wrong is over in a while, and it is asked again.
       if (error instanceof ApiProblem && error.status === 404) this.list.gone(item);

@@ -30,11 +30,9 @@ describe("columns", () => {
   });
 
   it("asks for those that a refusal names and the file lacks", () => {
-    const said = "This CSV lacks required columns: time_s or time, lat_deg. Its header names: lon_deg.";
-    expect(missingColumns(said, ["time", "time_s", "lat_deg", "lon_deg", "alt_msl_m"], ["lon_deg"])).toEqual([
-      "time",
-      "time_s",
-      "lat_deg",
-    ]);
+    const reason = "This CSV lacks required columns: time_s or time, lat_deg. Its header names: lon_deg.";
+    expect(
+      missingColumns(reason, ["time", "time_s", "lat_deg", "lon_deg", "alt_msl_m"], ["lon_deg"]),
+    ).toEqual(["time", "time_s", "lat_deg"]);
   });
 });

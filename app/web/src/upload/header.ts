@@ -31,7 +31,7 @@ export async function columnsOf(file: File): Promise<string[]> {
 }
 
 /** Those of `ours` that a refusal speaks of and the file does not have. */
-export function missingColumns(said: string, ours: string[], theirs: string[]): string[] {
-  const words = new Set(said.split(/[^A-Za-z0-9_]+/));
+export function missingColumns(reason: string, ours: string[], theirs: string[]): string[] {
+  const words = new Set(reason.split(/[^A-Za-z0-9_]+/));
   return ours.filter((one) => words.has(one) && !theirs.includes(one));
 }

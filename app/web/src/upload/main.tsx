@@ -11,14 +11,14 @@ const TOLD_EVERY_MS = 3000;
 
 /** Says to screen readers how far all is, and not at each step of it. */
 function Told({ text }: { text: string }) {
-  const [told, setTold] = useState(text);
+  const [announced, setAnnounced] = useState(text);
   useEffect(() => {
-    const timer = setTimeout(() => setTold(text), TOLD_EVERY_MS);
+    const timer = setTimeout(() => setAnnounced(text), TOLD_EVERY_MS);
     return () => clearTimeout(timer);
   }, [text]);
   return (
     <p class="unseen" role="status">
-      {told}
+      {announced}
     </p>
   );
 }

@@ -87,7 +87,7 @@ const follower = new Follower<Item>({
   driveOf: (item) => item.driveId,
   unfinished: () =>
     items.value.filter((item) => item.phase.value === "queued" || item.phase.value === "running"),
-  told: (item, drive) => tell(item, drive),
+  onDrive: (item, drive) => tell(item, drive),
   gone: (item) => {
     item.phase.value = "cancelled";
   },

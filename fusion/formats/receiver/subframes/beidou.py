@@ -118,26 +118,26 @@ def read_beidou(pages: Pages, notes: Notes) -> KeplerEphemerides:
 def _read_d1(pages: Pages, notes: Notes) -> KeplerEphemerides:
     """Ephemerides of subframes 1 to 3."""
     pages, sent_s, subframe = _dated(pages, notes)
-    wanted = subframe < 4
-    pages, sent_s, subframe = pages.take(wanted), sent_s[wanted], subframe[wanted]
+    orbit = subframe < 4
+    pages, sent_s, subframe = pages.take(orbit), sent_s[orbit], subframe[orbit]
     frame = (sent_s - SUBFRAME_S * (subframe - 1)).astype(np.int64)
     rows = complete_sets(pages.number, subframe, frame, sent_s, (1, 2, 3), 5 * SUBFRAME_S, notes)
-    told = {name: c for p in D1 for name, c in read(pages.bits[rows[:, p - 1]], D1[p]).items()}
-    told["toe"] = told.pop("toe_high") + told.pop("toe_low")
-    return _ephemerides(told, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
+    values = {name: c for p in D1 for name, c in read(pages.bits[rows[:, p - 1]], D1[p]).items()}
+    values["toe"] = values.pop("toe_high") + values.pop("toe_low")
+    return _ephemerides(values, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
 
 
 def _read_d2(pages: Pages, notes: Notes) -> KeplerEphemerides:
     """Ephemerides of the pages of subframe 1."""
     pages, sent_s, subframe = _dated(pages, notes)
     page = numbers(pages.bits, PAGE)
-    wanted = (subframe == 1) & np.isin(page, _D2_PAGES)
-    pages, sent_s, page = pages.take(wanted), sent_s[wanted], page[wanted]
+    orbit = (subframe == 1) & np.isin(page, _D2_PAGES)
+    pages, sent_s, page = pages.take(orbit), sent_s[orbit], page[orbit]
     frame = (sent_s - PAGE_S * (page - 1)).astype(np.int64)
     rows = complete_sets(pages.number, page, frame, sent_s, _D2_PAGES, 10 * PAGE_S, notes)
     rows = np.insert(rows, 1, rows[:, 0], axis=1)  # in the place of page 2, which nothing is read from
-    told = read(pages.bits[rows].reshape(len(rows), 10 * BITS), D2)
-    return _ephemerides(told, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
+    values = read(pages.bits[rows].reshape(len(rows), 10 * BITS), D2)
+    return _ephemerides(values, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
 
 
 def _dated(pages: Pages, notes: Notes) -> tuple[Pages, Floats, Ints]:
@@ -151,19 +151,19 @@ def _dated(pages: Pages, notes: Notes) -> tuple[Pages, Floats, Ints]:
     return pages.take(sound), sent_s[sound], head["subframe"][sound].astype(np.int64)
 
 
-def _ephemerides(told: dict[str, Floats], number: Ints, sent_s: Floats, notes: Notes) -> KeplerEphemerides:
+def _ephemerides(values: dict[str, Floats], number: Ints, sent_s: Floats, notes: Notes) -> KeplerEphemerides:
     week = np.floor((sent_s - BEIDOU_LATE_S) / WEEK_S) - BEIDOU_WEEK_0
-    of_week = week % 8192 == told.pop("week")
+    of_week = week % 8192 == values.pop("week")
     notes.skip(NOT_THEN, int(np.count_nonzero(~of_week)))
     columns = {
         "system": np.full(len(number), BEIDOU),
         "number": number,
-        "toe_s": nearest(sent_s, told.pop("toe") + BEIDOU_LATE_S, WEEK_S),
-        "toc_s": nearest(sent_s, told.pop("toc") + BEIDOU_LATE_S, WEEK_S),
+        "toe_s": nearest(sent_s, values.pop("toe") + BEIDOU_LATE_S, WEEK_S),
+        "toc_s": nearest(sent_s, values.pop("toc") + BEIDOU_LATE_S, WEEK_S),
         "sent_s": sent_s,
-        "healthy": told.pop("health") == 0,
-        "accuracy_m": user_range_accuracy_m(told.pop("accuracy_index")),
-        "issue": told.pop("issue").astype(np.int64),
-        **told,
+        "healthy": values.pop("health") == 0,
+        "accuracy_m": user_range_accuracy_m(values.pop("accuracy_index")),
+        "issue": values.pop("issue").astype(np.int64),
+        **values,
     }
     return KeplerEphemerides(**{name: column[of_week] for name, column in columns.items()})

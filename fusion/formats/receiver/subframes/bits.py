@@ -69,9 +69,9 @@ def bits_of(words: NDArray[np.uint32], used: int = 32) -> Bits:
 def words_of(bits: Bits, used: int = 32) -> NDArray[np.uint32]:
     """The opposite of ``bits_of``; bits that are not used are 0."""
     n, count = len(bits), bits.shape[1] // used
-    whole = np.zeros((n, count, 32), np.uint8)
-    whole[:, :, 32 - used :] = bits.reshape(n, count, used)
-    return np.packbits(whole.reshape(n, count * 32), axis=1).view(">u4").astype(np.uint32)
+    padded = np.zeros((n, count, 32), np.uint8)
+    padded[:, :, 32 - used :] = bits.reshape(n, count, used)
+    return np.packbits(padded.reshape(n, count * 32), axis=1).view(">u4").astype(np.uint32)
 
 
 def numbers(bits: Bits, field: Field) -> Ints:
@@ -155,8 +155,8 @@ def complete_sets(
     without any whole are counted.
     """
     latest: dict[int, dict[int, int]] = {}
-    given: dict[tuple[int, int, int], float] = {}
-    found: list[list[int]] = []
+    last_given_s: dict[tuple[int, int, int], float] = {}
+    sets: list[list[int]] = []
     state = (np.zeros(len(number), np.int64) if status is None else status).tolist()
     issues, times = issue.tolist(), time_s.tolist()
     for row, (satellite, kind) in enumerate(zip(number.tolist(), part.tolist(), strict=True)):
@@ -165,16 +165,16 @@ def complete_sets(
         if len(held) < len(parts):
             continue
         rows = [held[p] for p in parts]
-        said = {issues[r] for r in rows} - {-1}
+        stated_issues = {issues[r] for r in rows} - {-1}
         moments = [times[r] for r in rows]
-        if len(said) != 1 or max(moments) - min(moments) > within_s:
+        if len(stated_issues) != 1 or max(moments) - min(moments) > within_s:
             continue
-        key = satellite, said.pop(), max(state[r] for r in rows)
-        if not abs(moments[0] - given.get(key, -np.inf)) <= within_s:
-            given[key] = moments[0]
-            found.append(rows)
-    notes.skip(MIXED, len(latest.keys() - {satellite for satellite, _, _ in given}))
-    return np.array(found, np.int64).reshape(-1, len(parts))
+        key = satellite, stated_issues.pop(), max(state[r] for r in rows)
+        if not abs(moments[0] - last_given_s.get(key, -np.inf)) <= within_s:
+            last_given_s[key] = moments[0]
+            sets.append(rows)
+    notes.skip(MIXED, len(latest.keys() - {satellite for satellite, _, _ in last_given_s}))
+    return np.array(sets, np.int64).reshape(-1, len(parts))
 
 
 def user_range_accuracy_m(index: Iterable[float]) -> Floats:

@@ -76,26 +76,26 @@ def read_strings(pages: Pages, notes: Notes) -> GlonassEphemerides:
     notes.skip(WRONG_CODE, int(np.count_nonzero(~right)))
     pages = pages.take(right)
     string = numbers(pages.bits, STRING)
-    wanted = (string > 0) & (string < 5)
-    pages, string = pages.take(wanted), string[wanted]
+    orbit = (string > 0) & (string < 5)
+    pages, string = pages.take(orbit), string[orbit]
     frame = numbers(pages.bits, FRAME)
     rows = complete_sets(pages.number, string, frame, pages.near_s, (1, 2, 3, 4), _SAME_FRAME_S, notes)
-    told = [read(pages.bits[rows[:, k]], layout) for k, layout in enumerate(PARTS.values())]
+    values = [read(pages.bits[rows[:, k]], layout) for k, layout in enumerate(PARTS.values())]
     number, near_s = pages.number[rows[:, 0]], pages.near_s[rows[:, 0]]
-    moscow_s, fits = _moscow(told, near_s, notes)
-    same = (told[3]["slot"] == number) | (
-        told[3]["slot"] == 0
+    moscow_s, fits = _moscow(values, near_s, notes)
+    same = (values[3]["slot"] == number) | (
+        values[3]["slot"] == 0
     )  # satellites of the first generation send none
     notes.skip(OTHER_SLOT, int(np.count_nonzero(fits & ~same)))
     columns = {
         "number": number,
         "channel": pages.channel[rows[:, 0]],
         "toe_s": gps_from_unix(moscow_s - GLONASS_AHEAD_S),
-        "healthy": (told[1]["unhealthy"] == 0) & (told[2]["unhealthy_too"] == 0),
-        "clock_s": -told[3]["delay"],
-        "clock_rate": told[2]["clock_rate"],
+        "healthy": (values[1]["unhealthy"] == 0) & (values[2]["unhealthy_too"] == 0),
+        "clock_s": -values[3]["delay"],
+        "clock_rate": values[2]["clock_rate"],
         **{
-            f"{name}_{unit}": np.column_stack([axis[name] for axis in told[:3]])
+            f"{name}_{unit}": np.column_stack([axis[name] for axis in values[:3]])
             for name, unit in (("position", "m"), ("velocity", "mps"), ("acceleration", "mps2"))
         },
     }
@@ -105,13 +105,13 @@ def read_strings(pages: Pages, notes: Notes) -> GlonassEphemerides:
     return GlonassEphemerides(**{name: column[keep] for name, column in columns.items()})
 
 
-def _moscow(told: list[dict[str, Floats]], near_s: Floats, notes: Notes) -> tuple[Floats, Bools]:
+def _moscow(values: list[dict[str, Floats]], near_s: Floats, notes: Notes) -> tuple[Floats, Bools]:
     """The states' times in Moscow's Unix seconds, and which of them agree with the epochs and with their own date."""
     moscow_s = unix_from_gps(near_s) + GLONASS_AHEAD_S
-    clock_s = 3600 * told[0]["hour"] + 60 * told[0]["minute"] + 30 * told[0]["half"]
+    clock_s = 3600 * values[0]["hour"] + 60 * values[0]["minute"] + 30 * values[0]["half"]
     fits = in_time(nearest(moscow_s, clock_s, DAY_S), moscow_s, notes)
-    state_s = nearest(moscow_s, QUARTER_S * told[1]["quarter"], DAY_S)
-    of_day = (told[3]["day"] == day_of_four_years(state_s)) & (told[1]["quarter"] < 96)
+    state_s = nearest(moscow_s, QUARTER_S * values[1]["quarter"], DAY_S)
+    of_day = (values[3]["day"] == day_of_four_years(state_s)) & (values[1]["quarter"] < 96)
     notes.skip(NOT_THEN, int(np.count_nonzero(fits & ~of_day)))
     return state_s, np.asarray(fits & of_day)
 
@@ -135,8 +135,8 @@ def check_bits(bits: Bits) -> Bits:
     """Check bits 8 to 1 (n, 8) of strings whose bits 85 to 9 stand in the first 77 columns."""
     data = bits[:, :77].astype(np.int64)
     seven = (data @ _checks() & 1)[:, ::-1]
-    whole = (data.sum(axis=1) + seven.sum(axis=1)) & 1
-    return np.column_stack([whole, seven]).astype(np.uint8)
+    parity = (data.sum(axis=1) + seven.sum(axis=1)) & 1
+    return np.column_stack([parity, seven]).astype(np.uint8)
 
 
 def _right(bits: Bits) -> Bools:

@@ -103,9 +103,9 @@ def read_inav(pages: Pages, notes: Notes) -> KeplerEphemerides:
     pages = pages.take(sound)
     pages = Pages(pages.number, pages.bits[:, _WORD], pages.near_s, pages.channel)
     kind = numbers(pages.bits, KIND)
-    wanted = (kind > 0) & (kind < 6)
-    wanted &= (kind != 4) | (numbers(pages.bits, PARTS[4]["satellite"]) == pages.number)
-    pages, kind = pages.take(wanted), kind[wanted]
+    orbit = (kind > 0) & (kind < 6)
+    orbit &= (kind != 4) | (numbers(pages.bits, PARTS[4]["satellite"]) == pages.number)
+    pages, kind = pages.take(orbit), kind[orbit]
     tow = numbers(pages.bits, PARTS[5]["tow"])
     sent_s = np.where(kind == 5, nearest(pages.near_s, tow.astype(float), WEEK_S), pages.near_s)
     fits = in_time(sent_s, pages.near_s, notes) & ((kind != 5) | (tow < WEEK_S))
@@ -156,24 +156,26 @@ def _crc_of_each_bit() -> NDArray[np.float32]:
 
 
 def _ephemerides(pages: Pages, rows: Ints, sent_s: Floats, notes: Notes) -> KeplerEphemerides:
-    told = {
+    values = {
         name: c
         for k, part in enumerate(PARTS)
         for name, c in read(pages.bits[rows[:, k]], PARTS[part]).items()
     }
-    of_week = (np.floor(sent_s / WEEK_S) - WEEK_0) % 4096 == told["week"]
+    of_week = (np.floor(sent_s / WEEK_S) - WEEK_0) % 4096 == values["week"]
     notes.skip(NOT_THEN, int(np.count_nonzero(~of_week)))
-    healthy = (told["health"] == 0) & (told["invalid"] == 0)
+    healthy = (values["health"] == 0) & (values["invalid"] == 0)
     columns = {
         "system": np.full(len(rows), GALILEO),
         "number": pages.number[rows[:, 0]],
-        "toe_s": nearest(sent_s, told.pop("toe"), WEEK_S),
-        "toc_s": nearest(sent_s, told.pop("toc"), WEEK_S),
+        "toe_s": nearest(sent_s, values.pop("toe"), WEEK_S),
+        "toc_s": nearest(sent_s, values.pop("toc"), WEEK_S),
         "sent_s": sent_s,
         "healthy": healthy,
-        "accuracy_m": signal_accuracy_m(told.pop("accuracy_index")),
-        "issue": told.pop("issue").astype(np.int64),
-        **{name: column for name, column in told.items() if name not in PARTS[5] or name == "group_delay_s"},
+        "accuracy_m": signal_accuracy_m(values.pop("accuracy_index")),
+        "issue": values.pop("issue").astype(np.int64),
+        **{
+            name: column for name, column in values.items() if name not in PARTS[5] or name == "group_delay_s"
+        },
     }
     del columns["satellite"]
     return KeplerEphemerides(**{name: column[of_week] for name, column in columns.items()})

@@ -100,20 +100,20 @@ def read_lnav(pages: Pages, system: int, notes: Notes) -> tuple[KeplerEphemeride
     issue, health = _issue(pages, subframe), numbers(pages.bits, PARTS[1]["health"]) + 1
     status = np.where(subframe == 1, health, 0)
     rows = complete_sets(pages.number, subframe, issue, sent_s, (1, 2, 3), _SAME_ISSUE_S, notes, status)
-    told = {name: c for p in (1, 2, 3) for name, c in read(pages.bits[rows[:, p - 1]], PARTS[p]).items()}
+    values = {name: c for p in (1, 2, 3) for name, c in read(pages.bits[rows[:, p - 1]], PARTS[p]).items()}
     sent_s = sent_s[rows[:, 0]]
-    of_week = np.floor(sent_s / WEEK_S) % 1024 == told.pop("week")
+    of_week = np.floor(sent_s / WEEK_S) % 1024 == values.pop("week")
     notes.skip(NOT_THEN, int(np.count_nonzero(~of_week)))
-    told.pop("issue_of_clock")
+    values.pop("issue_of_clock")
     columns = {
         "system": np.full(len(rows), system),
         "number": pages.number[rows[:, 0]],
-        "toe_s": nearest(sent_s, told.pop("toe"), WEEK_S),
-        "toc_s": nearest(sent_s, told.pop("toc"), WEEK_S),
+        "toe_s": nearest(sent_s, values.pop("toe"), WEEK_S),
+        "toc_s": nearest(sent_s, values.pop("toc"), WEEK_S),
         "sent_s": sent_s,
-        "healthy": told.pop("health") == 0,
-        "accuracy_m": user_range_accuracy_m(told.pop("accuracy_index")),
-        **told,
+        "healthy": values.pop("health") == 0,
+        "accuracy_m": user_range_accuracy_m(values.pop("accuracy_index")),
+        **values,
     }
     columns["issue"] = columns["issue"].astype(np.int64)
     return KeplerEphemerides(**{name: column[of_week] for name, column in columns.items()}), ionosphere
@@ -127,9 +127,9 @@ def _issue(pages: Pages, subframe: Ints) -> Ints:
 
 
 def _ionosphere(pages: Pages) -> tuple[float, ...] | None:
-    told = read(pages.bits, IONOSPHERE)
-    at = np.flatnonzero(told.pop("page") == IONOSPHERE_PAGE)
+    values = read(pages.bits, IONOSPHERE)
+    at = np.flatnonzero(values.pop("page") == IONOSPHERE_PAGE)
     if not len(at):
         return None
-    last = tuple(float(column[at[-1]]) for column in told.values())
+    last = tuple(float(column[at[-1]]) for column in values.values())
     return last if any(last) else None

@@ -78,7 +78,7 @@ def test_a_follower_of_a_part_is_told_of_that_part(told: Web) -> None:
         assert send_due(told) == 1
         change(told, 1)
         with told.sessions() as session:
-            versions = {tuple(one.bbox or ()): one.told for one in store.list_webhooks(session)}
+            versions = {tuple(one.bbox or ()): one.reported_version for one in store.list_webhooks(session)}
         assert versions[tuple(GRID)] == versions[tuple(ELSEWHERE)], (
             "who was not concerned goes on from there as well"
         )
@@ -103,8 +103,8 @@ def test_drives_are_told_when_they_are_done_or_failed_where_they_were(told: Web)
         done = add_drive(told.sessions, [0, 1])
         failed, far = (waiting_drive(told, box) for box in ((8.4, 49.0, 8.5, 49.1), (20.0, 20.0, 21.0, 21.0)))
         for drive in (failed, far):
-            give_up(told.bench, drive, 1, "too-long", "It took too long.")
-            give_up(told.bench, drive, 1, "too-long", "It is told once.")
+            give_up(told.context, drive, 1, "too-long", "It took too long.")
+            give_up(told.context, drive, 1, "too-long", "It is told once.")
         assert send_due(told) == 2
         said = {document["type"]: document["data"] for document in receiver.documents}
         assert said["drive.done"]["drive_id"] == str(done)

@@ -26,7 +26,7 @@ WAITS = Measure("test_waits_seconds", "Waits.", ("lock",), (0.1, 1.0))
 @pytest.fixture(autouse=True)
 def empty(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """As if this process had counted nothing yet."""
-    monkeypatch.setattr(measures, "_totals", type(measures._totals)(float))
+    monkeypatch.setattr(measures, "_totals", type(measures._totals)(float))  # type: ignore[call-overload]
     yield
 
 

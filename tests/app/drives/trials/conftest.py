@@ -30,7 +30,7 @@ def driven(town_web: Web, files: Path) -> str:
     with (files / "0.csv").open("rb") as file:
         answer: Any = town_web.client.post("/v1/drives?method=raw", files={"file": file})
     drive = answer.json()["id"]
-    assert process_drive(town_web.bench, uuid.UUID(drive), 1) is Outcome.DONE
+    assert process_drive(town_web.context, uuid.UUID(drive), 1) is Outcome.DONE
     return f"/v1/drives/{drive}"
 
 

@@ -10,11 +10,12 @@ import pytest
 from sqlalchemy import text
 
 from app.drives import process
-from app.drives.trials import run
-from app.drives.trials.store import ONE_AT_A_TIME
+from app.drives.trials.run import TRIAL
 from app.drives.worker import run_worker
+from app.jobs.requests.run import perform
+from app.jobs.requests.upkeep import look_after
 from app.jobs.runs import MAX_DEATHS
-from app.jobs.task import Interrupted
+from app.jobs.task import Interrupted, Work
 from app.upkeep.dumps import LEFT_OUT
 from problem_support import check
 from web_fixtures import Web
@@ -31,7 +32,7 @@ def number(address: str) -> uuid.UUID:
 
 
 def tried(web: Web, address: str, *, stop: bool = False) -> str:
-    return run.run_trial(web.bench, number(address), lambda: stop, nullcontext)
+    return perform(TRIAL, web.context, number(address), Work(lambda: stop, nullcontext))
 
 
 def test_one_that_is_removed_while_it_runs_is_discarded(
@@ -117,7 +118,7 @@ def test_uploads_go_first_and_one_lane_is_enough(filled: Web, uploaded: str) -> 
     with filled.sessions() as session:
         jobs = [tuple(row) for row in session.execute(text(query))]
     assert [name for name, _ in jobs] == ["process_drive", "try_drive", "try_drive"]
-    assert {lock for name, lock in jobs if name == "try_drive"} == {ONE_AT_A_TIME}
+    assert {lock for name, lock in jobs if name == "try_drive"} == {TRIAL.store.lock}
 
 
 def test_one_whose_job_is_lost_gets_another(filled: Web, uploaded: str) -> None:
@@ -125,7 +126,7 @@ def test_one_whose_job_is_lost_gets_another(filled: Web, uploaded: str) -> None:
     with filled.sessions.begin() as session:
         session.execute(text("UPDATE procrastinate_jobs SET status = 'failed'"))
     for _ in range(2):
-        run.tend(filled.sessions)
+        look_after(TRIAL, filled.context)
     with filled.sessions() as session:
         query = "SELECT args ->> 'trial_id' FROM procrastinate_jobs WHERE status = 'todo'"
         assert list(session.execute(text(query)).scalars()) == [str(number(here))]
@@ -142,7 +143,7 @@ def test_they_are_forgotten_a_week_after_their_end(filled: Web, uploaded: str) -
         )
         for days, here in ended.items():
             session.execute(end, {"s": days * 86_400, "id": number(here)})
-    run.tend(filled.sessions)
+    look_after(TRIAL, filled.context)
     assert [filled.client.get(here).status_code for here in ended.values()] == [200, 404]
     assert filled.client.get(waits).status_code == 200, "what waits is not forgotten"
 

@@ -14,10 +14,10 @@ from app.core.settings import Settings
 from app.drives import publishing, queue
 from app.drives.worker import run_worker
 from app.map.derived import following, store
-from app.map.drawn.levels import LEVELS, children
-from app.map.drawn.lines import Course
-from app.map.drawn.pieces import Stretches, pieces_of
-from app.map.drawn.store import replace_pieces
+from app.map.derived.drawn_store import replace_pieces
+from app.map.derived.levels import LEVELS, children
+from app.map.derived.lines import Course
+from app.map.derived.pieces import Stretches, pieces_of
 from app.ops import store as figures
 from derived_support import add_segment, derived, execute, from_scratch, ids_of, measure
 from fusion.types import Ints
@@ -139,7 +139,7 @@ def test_a_square_that_a_solver_has_is_left_until_later(followed: Sessions, segm
         solver.execute(text("SELECT id FROM cells FOR UPDATE"))
         following.follow(followed, 0.1)
         assert value(followed, "SELECT count(slope_percent) FROM drawn_pieces") == 0
-        assert value(followed, "SELECT count(*) FROM squares_to_draw") == 1
+        assert value(followed, "SELECT count(*) FROM cells_to_draw") == 1
         # Nobody who holds squares waits for this one.
         solver.execute(text("SET LOCAL lock_timeout = '100ms'"))
         solver.execute(text("UPDATE segment_slopes SET drives = 2"))

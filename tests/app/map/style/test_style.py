@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-from app.map.slope_map import certain_signs, line_widths
+from app.map.picture.slope_map import certain_signs, line_widths
 from app.map.style.glyphs import FONTS
 from app.map.style.layers import LAYER, ZOOMS
 from app.map.style.routes import THEMES, first_view, style_document
@@ -275,7 +275,7 @@ console.log(JSON.stringify(errors.map((error) => error.message)));
 
 @pytest.fixture(scope="module")
 def validator() -> Callable[[dict[str, Any]], list[str]]:
-    """The reference validator of the specification, where Node and its package are (see .docs/clients.md)."""
+    """The specification's own validator, where Node and its package are (docs/how-to/connect-programs.md)."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("Node is not installed")

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import httpx
 import pytest
 from sqlalchemy import create_engine, text
 
 from app.core.settings import Settings
-from app.map.tiles.answers import asked_by, takes_gzip
+from app.map.tiles.front import parse_path, takes_gzip
 from app.map.tiles.store import Address
 from mvt_support import layers
 from problem_support import check
@@ -22,12 +22,18 @@ QUICK_AND_NOT = pytest.mark.parametrize("query", ["", "?v=2"])
 """On the quick way, and through the route."""
 
 
-def raw(web: Any, path: str, method: str = "GET", **headers: str) -> httpx.Response:
+class RawResponse(httpx.Response):
+    """An answer with its body as it was sent."""
+
+    sent: bytes
+
+
+def raw(web: Any, path: str, method: str = "GET", **headers: str) -> RawResponse:
     """The answer with its body as it was sent."""
     named = {name.replace("_", "-"): value for name, value in headers.items()}
     with web.client.stream(method, path, headers={"Accept-Encoding": "identity", **named}) as answer:
         answer.sent = b"".join(answer.iter_raw())
-        return answer
+        return cast(RawResponse, answer)
 
 
 @QUICK_AND_NOT
@@ -151,7 +157,7 @@ def test_a_request_with_a_body_is_answered_too(reading: Any) -> None:
     ],
 )
 def test_the_quick_way_takes_only_what_is_a_tile_beyond_doubt(path: str) -> None:
-    assert asked_by(path, 18) is None
+    assert parse_path(path, 18) is None
 
 
 def test_the_row_is_before_the_column_where_the_standard_has_it_so() -> None:
@@ -163,10 +169,10 @@ def test_the_row_is_before_the_column_where_the_standard_has_it_so() -> None:
         "/tiles/WebMercatorQuad/13/2813/4287.mvt",
         "/collections/segments/tiles/WebMercatorQuad/13/2813/4287.pbf",
     ):
-        asked = asked_by(path, 18)
+        asked = parse_path(path, 18)
         assert asked is not None
         assert asked.at == wanted
-    ways = asked_by("/collections/ways/tiles/WebMercatorQuad/13/2813/4287", 18)
+    ways = parse_path("/collections/ways/tiles/WebMercatorQuad/13/2813/4287", 18)
     assert ways is not None
     assert ways.at == wanted._replace(layer="ways")
 

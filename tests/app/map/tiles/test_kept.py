@@ -131,7 +131,7 @@ def test_what_is_asked_for_often_is_built_before_it_is_asked_for(
     monkeypatch.setattr(tiles, "REFRESH_S", 0.02)
 
     async def scenario(one: Tiles, _: Tiles) -> None:
-        for _ in range(tiles.OFTEN):
+        for _ in range(tiles.OFTEN):  # type: ignore[assignment]
             one.count(HERE)
         one.count(FAR)
         before = await answered(one, HERE)
@@ -159,7 +159,7 @@ def test_what_nobody_asks_for_goes_when_room_is_short(
             await answered(one, one_at)
         size = kept(sessions)[1].size_bytes
         one.settings = one.settings.model_copy(update={"tiles_stored_bytes": 10 * size})
-        for _ in range(3):
+        for _ in range(3):  # type: ignore[assignment]
             one.count(at[0])
         await one.note()
         assert [(row.z, row.asked) for row in kept(sessions)] == [(13, 4), (14, 1)]

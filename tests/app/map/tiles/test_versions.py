@@ -15,8 +15,7 @@ from app.core import databases
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
 from app.map.tiles.connections import Connections
-from app.map.tiles.versions import Sums, Versions
-from app.map.tiles.watch import Watch
+from app.map.tiles.watch import Sums, Versions, Watch
 from app.network.cells import span
 
 PATIENCE = Patience(20, 2, 3)

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from app.map import figures, growth
+from app.map.statistics import figures, growth
 from app.ops.admin.attention import attention
-from app.ops.admin.queries import QUERIES, Asked
+from app.ops.admin.queries import QUERIES, Parameters
 from web_fixtures import Web, add_drive
 
 
@@ -68,7 +68,7 @@ def test_each_trouble_is_named_and_what_is_urgent_comes_first(filled: Web) -> No
         ("stuck", "act", 1),
         ("wait", "look", 1),
         ("removal", "look", 1),
-        ("square", "act", 1),
+        ("cell", "act", 1),
         ("webhook", "look", 1),
         ("operation-planned", "act", 1),
         ("operation-failed", "look", 1),
@@ -167,7 +167,7 @@ def test_no_query_reads_a_whole_table_that_grows(filled: Web) -> None:
         session.execute(text("SET enable_seqscan = off"))
         for name in asked:
             before = session.execute(text(_SCANS)).scalar_one()
-            QUERIES[name].read(session, Asked(days=30))
+            QUERIES[name].read(session, Parameters(days=30))
             assert session.execute(text(_SCANS)).scalar_one() == before, name
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from app.map import figures
+from app.map.statistics import figures
 from app.network import extracts
 from app.ops.admin.queries import QUERIES
 from network_support import drive_over, new_drive, pass_over, publish
@@ -86,7 +86,7 @@ def test_a_drive_that_contradicts_the_others_leads_the_disagreements(filled: Any
     publish(filled.sessions, new_drive(filled.sessions), ids, [pass_over(table, 56, 9.0, 0.3)])
     (row,) = ask(filled, "disagreements")
     assert row["segment_id"] == ids[56]
-    assert (row["drives"], row["drives_unheard"]) == (3, 1)
+    assert (row["drives"], row["drives_rejected"], row["drives_unheard"]) == (3, 1, 1)
     assert row["highest_percent"] == pytest.approx(9.0, abs=0.5)
     assert row["farthest_sigmas"] > 10
 

@@ -98,7 +98,7 @@ def test_forces_that_have_nothing_to_do_with_the_drive_are_left_out() -> None:
     log = phone_log(Rotation.identity())
     rng = np.random.default_rng(2)
     force = log.device.force
-    other = ThreeAxes(force.time_s, *(rng.normal(0, 1, (2, len(force)))), force.z)
+    other = ThreeAxes(force.time_s, *(rng.normal(0, 1, (2, len(force)))), force.z)  # type: ignore[call-arg]
     log = in_vehicle_axes(replace(log, device=replace(log.device, force=other)))
     assert not len(log.force)
     assert len(log.rate)  # the turning agrees with the course

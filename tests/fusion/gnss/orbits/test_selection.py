@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,7 +17,7 @@ from satellites.library import glonass_table, kepler_table
 SYSTEMS = (GPS, GALILEO, BEIDOU, QZSS)
 
 
-def chosen(rows: list[dict], system: int, number: int, gps_s: float) -> int:
+def chosen(rows: list[dict[str, Any]], system: int, number: int, gps_s: float) -> int:
     return int(
         choose_kepler(kepler_table(rows), np.array([system]), np.array([number]), np.array([gps_s]))[0]
     )

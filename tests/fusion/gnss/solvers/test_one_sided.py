@@ -13,8 +13,8 @@ from fusion.gnss.earth import local_axes
 from fusion.gnss.measurements import Aids, Measurements, Solution
 from fusion.gnss.solvers.one_sided import OneSided, OneSidedOptions
 from fusion.types import Floats, no_progress
-from positioning import smartloc
-from positioning.scoring import Scene, figures
+from published.positioning import smartloc
+from published.positioning.scoring import Scene, figures
 from town_drives import TownDrive, rows_of, town_drive
 
 SMARTLOC = Path(__file__).parents[5] / "shared/data/smartloc"

@@ -1,5 +1,7 @@
 """Lines through altitudes: slopes, signs, passes, and sigmas checked by simulation."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -32,7 +34,7 @@ def make_track(
     )
 
 
-def white(sigma_m: float):
+def white(sigma_m: float) -> Callable[..., np.ndarray]:
     return lambda epochs: np.eye(len(epochs)) * sigma_m**2
 
 

@@ -130,7 +130,7 @@ def test_no_other_place_has_a_nearer_curve(network: RoadNetwork, places: list[Pl
     found = matched(matcher, network, positions)
     place = float(found.x_m[k]), float(found.y_m[k])
     taken = curve_sum(network, int(found.segment[k]), place, bool(found.forward[k]), positions, k)
-    x, y, along, _ = network.project_points(*positions[k], np.arange(len(network)))
+    x, y, along, _ = network.project_points(*positions[k], np.arange(len(network)))  # type: ignore[call-arg]
     # At the ends of segments other rules decide which of them offers the place.
     for s in np.flatnonzero((along > 1e-6) & (along < network.length_m - 1e-6)).tolist():
         for forward in (True, False):

@@ -176,7 +176,7 @@ def test_a_prepared_network_serves_many_drives(name: str) -> None:
     network, positions = fork()
     matching = MATCHERS[name].on(network)
     for drive in (positions, positions[::-1], positions):
-        again = matching(2.0 * np.arange(len(drive)), *drive.T, np.zeros(len(drive)))
+        again = matching(2.0 * np.arange(len(drive)), *drive.T, np.zeros(len(drive)))  # type: ignore[call-arg]
         assert np.array_equal(again.segment, matched(MATCHERS[name], network, drive, 0.0).segment)
         assert np.array_equal(
             again.distance_m, matched(MATCHERS[name], network, drive, 0.0).distance_m, equal_nan=True

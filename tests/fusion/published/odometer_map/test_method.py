@@ -23,7 +23,7 @@ from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.dem import Dem
 from fusion.types import AngularRate, Attitude, DriveLog, GnssVelocity, Odometry, no_progress
 from profile_support import identities, log_of
-from scenes.lahrech import lahrech_drive
+from published.odometer_map.scene import lahrech_drive
 
 MakeLog = Callable[..., DriveLog]
 NAME = "odometer-map"
@@ -143,7 +143,7 @@ def test_points_of_a_map_lie_apart_as_asked(make_log: MakeLog, town: Town) -> No
         taken.append(match(*args))
         return taken[-1]
 
-    run.roads.match = watch
+    run.roads.match = watch  # type: ignore[method-assign]
     run.run(no_progress)
     points = [m for m in taken if m is not None]
     assert len(points) > 150

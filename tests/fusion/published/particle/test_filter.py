@@ -27,7 +27,7 @@ def particles(cloud: ParticleCloud) -> np.ndarray:
     return states.astype(float) + cloud._origin[:, None]
 
 
-def kalman(options: ParticleOptions, mean: np.ndarray, var: np.ndarray, z: np.ndarray, inv_var: np.ndarray):
+def kalman(options: ParticleOptions, mean: np.ndarray, var: np.ndarray, z: np.ndarray, inv_var: np.ndarray):  # type: ignore[no-untyped-def]
     """The exact posterior of the linear part, by a textbook Kalman filter; yields (mean, covariance) per epoch."""
     o = options
     horizontal = np.array([o.sigma_acc_mps2, o.sigma_vel_mps, o.sigma_pos_m]) ** 2

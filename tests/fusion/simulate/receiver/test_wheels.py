@@ -12,7 +12,7 @@ from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.receiver.wheels import PERFECT_WHEELS, TEN_PERCENT_WHEELS, WheelReadings, WheelSet
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns, write_csv
-from scenes.lahrech import lahrech_drive
+from published.odometer_map.scene import lahrech_drive
 
 
 def rolling(drive: SimulatedDrive) -> WheelReadings:

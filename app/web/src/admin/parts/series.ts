@@ -33,14 +33,14 @@ export function throughputSeries(rows: Throughput[], days: number, nowS = Date.n
   const sorted = byTime(rows, (row) => row.at);
   const first = sorted[0];
   const step = days <= HOURLY_DAYS ? HOUR_S : DAY_S;
-  const told = new Map(sorted.map((row) => [seconds(row.at), row]));
+  const rowAt = new Map(sorted.map((row) => [seconds(row.at), row]));
   const times: number[] = [];
   if (first) for (let at = seconds(first.at); at <= nowS; at += step) times.push(at);
   return {
     times,
     lines: [
-      { label: t("admin.status.done"), values: times.map((at) => told.get(at)?.done ?? 0) },
-      { label: t("admin.status.failed"), values: times.map((at) => told.get(at)?.failed ?? 0) },
+      { label: t("admin.status.done"), values: times.map((at) => rowAt.get(at)?.done ?? 0) },
+      { label: t("admin.status.failed"), values: times.map((at) => rowAt.get(at)?.failed ?? 0) },
     ],
   };
 }

@@ -8,9 +8,9 @@ import type { Failure, Region } from "../types";
 const WHICH = ["failed", "stale", "other", "all"] as const;
 
 /** What a form says, without what is empty; days become their first moment. */
-export function selectionOf(said: Iterable<[string, unknown]>): Selection {
+export function selectionOf(entries: Iterable<[string, unknown]>): Selection {
   const chosen: Selection = {};
-  for (const [name, value] of said) {
+  for (const [name, value] of entries) {
     const text = String(value).trim();
     if (text !== "") chosen[name] = /^\d{4}-\d\d-\d\d$/.test(text) ? `${text}T00:00:00Z` : text;
   }
@@ -19,7 +19,7 @@ export function selectionOf(said: Iterable<[string, unknown]>): Selection {
 
 export function Bulk() {
   const form = useRef<HTMLFormElement>(null);
-  const [said, say] = useState<string | null>(null);
+  const [message, setMessage] = useState<string | null>(null);
   const [asking, setAsking] = useState(false);
   const failures = useQuery<Failure>("failures", 60, days.value).data.value?.rows ?? [];
   const regions = useReading<{ regions: Region[] }>("/v1/regions", 60).data.value?.regions ?? [];
@@ -32,8 +32,8 @@ export function Bulk() {
     const selection = selectionOf(new FormData(form.current).entries() as Iterable<[string, unknown]>);
     if (action === remove) delete selection["method"];
     setAsking(true);
-    say(null);
-    say(await action(selection, t("admin.bulk.whom")));
+    setMessage(null);
+    setMessage(await action(selection, t("admin.bulk.whom")));
     setAsking(false);
   }
 
@@ -107,7 +107,7 @@ export function Bulk() {
           </select>
         </label>
       </div>
-      {said && <p role="status">{said}</p>}
+      {message && <p role="status">{message}</p>}
       <div class="buttons">
         <button type="button" class="danger" disabled={asking} onClick={() => void go(remove)}>
           {t("admin.bulk.remove")}

@@ -19,7 +19,7 @@ function listOf(row: Failure): string {
 }
 
 export function Failures() {
-  const [said, say] = useState<string | null>(null);
+  const [message, setMessage] = useState<string | null>(null);
   const reading = useQuery<Failure>("failures", 30, days.value);
   const acts = (row: Failure) => {
     if (row.kind === null) return null;
@@ -30,7 +30,7 @@ export function Failures() {
         <button
           type="button"
           aria-label={t("admin.failures.retry_of", { kind: row.kind })}
-          onClick={() => void reprocess(selection, whom).then(say)}
+          onClick={() => void reprocess(selection, whom).then(setMessage)}
         >
           {t("admin.failures.retry")}
         </button>
@@ -38,7 +38,7 @@ export function Failures() {
           type="button"
           class="danger"
           aria-label={t("admin.failures.remove_of", { kind: row.kind })}
-          onClick={() => void remove(selection, whom).then(say)}
+          onClick={() => void remove(selection, whom).then(setMessage)}
         >
           {t("admin.failures.remove")}
         </button>
@@ -50,7 +50,7 @@ export function Failures() {
       {({ rows }) => (
         <>
           {rows.length > 0 && <p>{t("admin.failures.what", { n: days.value })}</p>}
-          {said && <p role="status">{said}</p>}
+          {message && <p role="status">{message}</p>}
           <Table
             caption={t("admin.failures.caption")}
             none={t("admin.failures.none")}

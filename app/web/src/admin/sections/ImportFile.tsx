@@ -18,10 +18,10 @@ export function ImportFile({ kind }: { kind: "import-roads" | "import-dem" }) {
 
   async function start(event: Event) {
     event.preventDefault();
-    const said = new FormData(form.current ?? undefined);
-    const file = said.get("file");
+    const entries = new FormData(form.current ?? undefined);
+    const file = entries.get("file");
     if (!(file instanceof File) || file.size === 0) return;
-    const named = String(said.get("named") ?? "").trim();
+    const named = String(entries.get("named") ?? "").trim();
     ending.current = new AbortController();
     setShare(0);
     try {

@@ -21,28 +21,28 @@ function titleOf(one: Operation): string {
   return one.subject && one.kind !== "settle" ? `${kindText(one)}: ${one.subject}` : kindText(one);
 }
 
-function sentenceOf(said: Record<string, unknown> | null): string | null {
-  return typeof said?.["sentence"] === "string" ? said["sentence"] : null;
+function sentenceOf(plan: Record<string, unknown> | null): string | null {
+  return typeof plan?.["sentence"] === "string" ? plan["sentence"] : null;
 }
 
 // Worth a look though it is none; others are left out then.
 const ALWAYS = new Set(["kept", "moved", "dropped", "added", "measured_lost", "drives_again"]);
 
 /** Figures that there are names for, in the order of the service. */
-function figuresOf(said: Record<string, unknown>): [string, number][] {
-  return Object.entries(said).filter(
+function figuresOf(plan: Record<string, unknown>): [string, number][] {
+  return Object.entries(plan).filter(
     (one): one is [string, number] =>
       typeof one[1] === "number" && hasText(`admin.plan.${one[0]}`) && (one[1] !== 0 || ALWAYS.has(one[0])),
   );
 }
 
-function Plan({ said }: { said: Record<string, unknown> }) {
-  const sentence = sentenceOf(said);
+function Plan({ plan }: { plan: Record<string, unknown> }) {
+  const sentence = sentenceOf(plan);
   return (
     <>
       {sentence && <p>{sentence}</p>}
       <dl class="figures">
-        {figuresOf(said).map(([name, value]) => {
+        {figuresOf(plan).map(([name, value]) => {
           const key = `admin.plan.${name}`;
           return (
             <div key={name}>
@@ -78,7 +78,7 @@ function Card({ one }: { one: Operation }) {
         </>
       )}
       {one.status === "planned" && <p>{t("admin.operations.planned")}</p>}
-      {one.plan && <Plan said={one.plan} />}
+      {one.plan && <Plan plan={one.plan} />}
       <div class="buttons">
         {mayEnd(one) && (
           <button type="button" onClick={() => void drop(one)}>
@@ -89,7 +89,7 @@ function Card({ one }: { one: Operation }) {
           <button
             type="button"
             class={one.kind.startsWith("remove") ? "danger" : "primary"}
-            onClick={() => void approve(one, one.plan ? <Plan said={one.plan} /> : null)}
+            onClick={() => void approve(one, one.plan ? <Plan plan={one.plan} /> : null)}
           >
             {t("admin.operations.approve")}
           </button>

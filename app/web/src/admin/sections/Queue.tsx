@@ -7,7 +7,7 @@ import { useQuery, useReading } from "../page_state";
 import { Progress } from "../parts/Progress";
 import { Loaded } from "../parts/Section";
 import { Table } from "../parts/Table";
-import type { Batch, UnsolvedSquare, Waiting } from "../types";
+import type { Batch, UnsolvedCell, Waiting } from "../types";
 
 const SQUARES = "square to be solved";
 const LISTS: Record<string, string> = {
@@ -61,10 +61,10 @@ export function Queue() {
   );
 }
 
-/** Squares that solvers have begun with again and again in vain, if there are any. */
+/** Cells that could not be solved after several attempts, if there are any. */
 function Unsolved() {
   return (
-    <Loaded of={useReading<{ unsolved: UnsolvedSquare[] }>("/v1/admin/stats?days=1", 30)}>
+    <Loaded of={useReading<{ unsolved: UnsolvedCell[] }>("/v1/admin/stats?days=1", 30)}>
       {({ unsolved }) =>
         unsolved.length === 0 ? null : (
           <Table
@@ -72,7 +72,7 @@ function Unsolved() {
             rows={unsolved}
             columns={[
               {
-                title: t("admin.queue.square"),
+                title: t("admin.queue.cell"),
                 cell: (row) => <a href={mapOfBox(row.bbox)}>{row.square}</a>,
               },
               { title: t("admin.queue.solvers"), number: true, cell: (row) => number(row.solvers) },

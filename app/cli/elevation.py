@@ -1,0 +1,180 @@
+"""``versant elevation``: the elevation rasters that are in use, which of them counts where, and their removal."""
+
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli.console import Console, write_json
+from app.cli.options import DataDir, JsonFile
+from fusion.errors import TerrainError
+
+if TYPE_CHECKING:
+    from app.core.settings.places import FilePlace
+    from app.terrain.coverage import Effect
+    from app.terrain.store import DemSource
+
+elevation = typer.Typer(no_args_is_help=True)
+app = typer.Typer(add_completion=False)
+app.add_typer(elevation, name="elevation")
+
+_MIB = 2**20
+
+
+@elevation.callback()
+def explain() -> None:
+    """List, rank or remove the elevation rasters that are in use."""
+
+
+@elevation.command("list")
+def list_rasters(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+    """List the rasters: place, resolution, datum, priority, size, and how many segments lie under each.
+
+    Where several lie over each other the one of the highest priority counts, of one priority the finest.
+    """
+    from app.cli.database import sessions
+    from app.terrain.coverage import segments_under
+    from app.terrain.files import add_bounds
+    from app.terrain.store import current_dem
+
+    console: Console = ctx.obj
+    with sessions(data_dir) as (settings, factory):
+        add_bounds(factory, settings.dem_dir)
+        with factory() as session:
+            active = current_dem(session, settings.dem_dir)
+            sources = active.sources if active else ()
+            counts = segments_under(session, sources)
+        rows = [
+            _facts(source, settings.dem_dir) | {"segments": n}
+            for source, n in zip(sources, counts, strict=True)
+        ]
+    rows.sort(key=lambda row: -row["priority"])
+    columns = ("name", "priority", "posting m", "datum", "west, south, east, north", "MiB", "segments")
+    console.table(columns, [[*map(row.get, ("name", "priority", "posting_m", "datum")), _box(row["bounds_deg"]),
+                             row["mib"], row["segments"]] for row in rows])  # fmt: skip
+    for row in rows:
+        if row["problem"]:
+            console.complain(row["problem"])
+    write_json(json_file, {"rasters": rows})
+
+
+@elevation.command("priority", context_settings={"ignore_unknown_options": True})
+def priority(
+    ctx: typer.Context,
+    name: Annotated[str, typer.Argument(help="A raster, as `list` names it.")],
+    number: Annotated[
+        int, typer.Argument(metavar="N", help="The higher the sooner it counts; any whole number.")
+    ],
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Say how early a raster counts where others lie over it, and renew the heights of the segments under it."""
+    from app.cli.database import sessions
+    from app.terrain.imports import rank_dem
+
+    console: Console = ctx.obj
+    with sessions(data_dir) as (settings, factory), console.progress() as bars:
+        active = rank_dem(factory, name, number, settings.dem_dir, bars.work(name))
+    typer.echo(f"{name} has priority {number}. Heights of the segments under it are renewed. {_ADVICE}")
+    ranks = {source.name: source.priority for source in active.sources} if active else {}
+    write_json(json_file, {"priorities": ranks})
+
+
+@elevation.command("remove")
+def remove(
+    ctx: typer.Context,
+    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Rasters, as `list` names them.")],
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would change, and change nothing.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask, whatever it changes.")] = False,
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Take rasters out of use; what is left gives the heights of the segments that they covered.
+
+    Where measured segments are left without any raster it asks first. The files stay for VERSANT_ORPHAN_DAYS, for
+    drives that run and backups that may be restored; then a worker or `versant sweep` removes them, unless another
+    database may use them (`versant sweep --only-database`). To undo it, import the file again.
+    """
+    from app.cli.database import sessions
+    from app.terrain.coverage import effect_of_removal
+    from app.terrain.files import add_bounds
+    from app.terrain.imports import remove_dem
+    from app.terrain.store import chosen, current_dem
+
+    console: Console = ctx.obj
+    with sessions(data_dir) as (settings, factory):
+        add_bounds(factory, settings.dem_dir)
+        with factory() as session:
+            active = current_dem(session, settings.dem_dir)
+            former = active.sources if active else ()
+            gone = chosen(former, names)
+            remaining = [source for source in former if source not in gone]
+            effect = effect_of_removal(session, gone, remaining)
+        typer.echo(_told(gone, remaining, effect))
+        if not dry_run:
+            _confirm(effect, yes)
+            with console.progress() as bars:
+                remove_dem(factory, names, settings.dem_dir, bars.work("elevation"))
+            typer.echo(f"Removed: {', '.join(source.name for source in gone)}. {_ADVICE}")
+    figures = {"removed": [s.name for s in gone], "left": [s.name for s in remaining], "dry_run": dry_run}
+    write_json(json_file, figures | asdict(effect))
+
+
+_ADVICE = (
+    "Drives computed before are stale (`versant drives reprocess --stale`); `versant settle` lets the network as a "
+    "whole take the change into account."
+)
+
+
+def _told(gone: Sequence[DemSource], remaining: Sequence[DemSource], effect: Effect) -> str:
+    names = ", ".join(source.name for source in gone)
+    return (
+        f"Under {names} lie {effect.segments} segments, {effect.measured} of them measured, and {effect.drives} "
+        f"drives. {effect.bare} measured segments lie under no other raster ({len(remaining)} left)."
+    )
+
+
+def _confirm(effect: Effect, yes: bool) -> None:
+    if yes or not effect.bare:
+        return
+    if not sys.stdin.isatty():
+        raise TerrainError(
+            f"Nothing is removed: {effect.bare} measured segments would be left without elevation. --yes does it."
+        )
+    typer.confirm("Remove nevertheless?", abort=True)
+
+
+def _facts(source: DemSource, dem_dir: FilePlace) -> dict[str, Any]:
+    """What ``list`` shows of a raster; ``problem`` says why where its file cannot be read."""
+    from app.terrain.store import local_raster
+    from fusion.terrain.dem import Dem
+
+    facts: dict[str, Any] = {
+        "name": source.name,
+        "priority": source.priority,
+        "bounds_deg": source.bounds_deg,
+    }
+    unread = {"posting_m": None, "datum": None, "mib": None}
+    try:
+        path = local_raster(dem_dir, source)
+        with Dem.open([path]) as dem:
+            read = {
+                "posting_m": max(dem.postings_m[0]),
+                "datum": dem.datum,
+                "mib": path.stat().st_size / _MIB,
+            }
+    except TerrainError as error:
+        return facts | unread | {"problem": str(error)}
+    return facts | read | {"problem": None}
+
+
+def _box(bounds_deg: Sequence[float] | None) -> str | None:
+    return None if bounds_deg is None else ", ".join(f"{corner:.5g}" for corner in bounds_deg)

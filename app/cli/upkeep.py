@@ -1,0 +1,219 @@
+"""``versant backup``, ``restore``, ``doctor`` and ``sweep``: what operators do to look after a service."""
+
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli.console import Console, write_json
+from app.cli.options import DataDir, JsonFile
+
+if TYPE_CHECKING:
+    from app.upkeep.doctor import Finding
+    from app.upkeep.manifest import Manifest
+
+_MIB = 2**20
+
+app = typer.Typer(add_completion=False)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", file_okay=False, help="Folder of the backup.")]
+
+
+@app.command("backup")
+def backup(ctx: typer.Context, folder: Folder, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+    """Copy the database, the logs and the elevation rasters of a running service.
+
+    The database as it is at one moment, and every file that it refers to then. Given the same folder again it copies
+    what is new and replaces the rest; broken off, it leaves the backup that was there, and goes on the next time.
+    """
+    from app.cli.database import as_it_is, settings_for
+    from app.upkeep.backup import back_up
+
+    console: Console = ctx.obj
+    started = time.perf_counter()
+    folder = folder.expanduser().absolute()
+    named, embedded = settings_for(data_dir), True if data_dir else None
+    with as_it_is(named, embedded=embedded) as (settings, factory), console.progress() as bars:
+        manifest = back_up(settings, factory, folder, bars.work("backup"))
+    seconds = time.perf_counter() - started
+    typer.echo(f"{folder}: {_backup_summary(manifest)}, in {seconds:.1f} s.")
+    for line in _backup_remarks(manifest):
+        typer.echo(line)
+    write_json(json_file, _backup_figures(manifest) | {"folder": str(folder), "seconds": round(seconds, 3)})
+
+
+@app.command("restore")
+def restore(
+    ctx: typer.Context,
+    folder: Folder,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check every file of the backup, and bring nothing back.")
+    ] = False,
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Bring a backup back into an empty database.
+
+    Every file is checked first. Nothing is overwritten: a data folder with a database, or a database that is not empty,
+    is refused. Drives that were waiting or being processed wait again. Broken off, it can be done again.
+    """
+    from app.cli.database import as_it_is, settings_for
+    from app.core import migrate
+    from app.upkeep import restore as bringing_back
+
+    console: Console = ctx.obj
+    started = time.perf_counter()
+    folder = folder.expanduser().absolute()
+    named = settings_for(data_dir)
+    embedded = data_dir is not None or named.database_url is None
+    with console.progress() as bars:
+        manifest = bringing_back.checked(folder, bars.work("backup"))
+    if dry_run:
+        typer.echo(f"{folder}: {_backup_summary(manifest)}; every file is as it was.")
+        write_json(json_file, _backup_figures(manifest) | {"folder": str(folder), "dry_run": True})
+        return
+    with as_it_is(named, embedded=embedded, make=True) as (settings, factory), console.progress() as bars:
+        restored = bringing_back.restore(settings, factory, folder, manifest, bars.work("restore"))
+        assert settings.database_url is not None  # noqa: S101 - as_it_is() sees to it
+        if embedded:
+            migrate.upgrade(settings.database_url, finish=True)
+        standing = migrate.standing_of(settings.database_url)
+    seconds = time.perf_counter() - started
+    typer.echo(
+        f"{_backup_summary(manifest)} are back, in {seconds:.1f} s. {restored.waiting} drives wait to be processed."
+    )
+    for line in _backup_remarks(manifest):
+        typer.echo(line)
+    if restored.other_databases:
+        typer.echo(
+            f"Other databases have used the store of logs ({', '.join(restored.other_databases)}): nothing is removed "
+            "there until `versant sweep --only-database` says that they are gone."
+        )
+    if standing.sentence:
+        typer.echo(standing.sentence)
+    write_json(
+        json_file,
+        _backup_figures(manifest) | asdict(restored) | {"folder": str(folder), "seconds": round(seconds, 3)},
+    )
+
+
+def _backup_summary(manifest: Manifest) -> str:
+    from app.upkeep.manifest import LOGS, RASTERS
+
+    logs, rasters = len(manifest.below(LOGS)), len(manifest.below(RASTERS))
+    return (
+        f"{manifest.drives} drives, {logs} logs, {rasters} files of rasters and {manifest.segments} segments of "
+        f"{manifest.made_at}, {manifest.size_bytes / _MIB:.1f} MiB"
+    )
+
+
+def _backup_remarks(manifest: Manifest) -> list[str]:
+    from app.upkeep.manifest import some
+
+    lines = []
+    if manifest.missing:
+        lines.append(
+            f"Warning: {len(manifest.missing)} logs are not in the store and not in the backup: "
+            f"{some(manifest.missing)}. Their drives keep what they said; uploading a log again gives it back."
+        )
+    if manifest.damaged:
+        lines.append(
+            f"Warning: {len(manifest.damaged)} logs are not as they were uploaded: {some(manifest.damaged)}. They are "
+            "in the backup as they are; look at the disk that they are on."
+        )
+    return lines
+
+
+def _backup_figures(manifest: Manifest) -> dict[str, Any]:
+    figures = {
+        name: getattr(manifest, name) for name in ("made_at", "versions", "drives", "segments", "size_bytes")
+    }
+    return figures | {"files": len(manifest.files), "missing": manifest.missing, "damaged": manifest.damaged}
+
+
+@app.command("doctor")
+def doctor(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+    """Look for what is wrong with a service; changes nothing.
+
+    Versions, room, database and schema, clocks, queue, squares, logs, elevation, and who reaches the API; each finding
+    with what to do. Exit status 1 where something fails, 0 with warnings.
+    """
+    from app.cli.database import as_it_is, settings_for
+    from app.core.databases import UnreachableError
+    from app.upkeep.doctor import Patient, examine
+
+    console: Console = ctx.obj
+    named, embedded = settings_for(data_dir), True if data_dir else None
+    try:
+        with as_it_is(named, embedded=embedded) as (settings, factory), console.progress() as bars:
+            findings = examine(Patient(settings, factory), bars.work("looking"))
+    except UnreachableError as error:
+        findings = examine(Patient(named, None, str(error)))
+    console.table(("", "what", "found", "to do"), [_finding_row(one) for one in findings])
+    worst = max(findings, key=lambda one: ("ok", "warn", "fail").index(one.state)).state
+    write_json(json_file, {"state": worst, "findings": [asdict(one) for one in findings]})
+    if worst == "fail":
+        failed = ", ".join(one.subject for one in findings if one.state == "fail")
+        console.complain(f"Something is wrong: {failed}.")
+        raise typer.Exit(1)
+
+
+def _finding_row(one: Finding) -> tuple[str, str, str, str]:
+    return one.state, one.subject, one.found, one.advice
+
+
+@app.command("sweep")
+def sweep(
+    only_database: Annotated[
+        bool,
+        typer.Option(
+            "--only-database",
+            help="No other database uses the store any more, though others have: this one is, say, their restored "
+            "backup, and no other backup is to be restored.",
+        ),
+    ] = False,
+    data_dir: DataDir = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Remove stored logs that no drive refers to any more, and files that no export does.
+
+    Workers do so every hour, for logs older than VERSANT_ORPHAN_DAYS, and for elevation rasters that have been in no
+    use for so long. Where other databases have used the store as well nothing is removed and the logs are listed,
+    unless --only-database is given; so are rasters that are kept elsewhere than logs, for nobody knows who uses them.
+    """
+    from app.cli.database import sessions
+    from app.core.blobs import BlobStore
+    from app.drives.intake import sweep_blobs
+    from app.exports.run import EXPORT
+    from app.jobs.context import JobContext
+    from app.jobs.requests.upkeep import sweep_files
+    from app.terrain.files import sweep_rasters
+
+    with sessions(data_dir) as (settings, factory):
+        blobs = BlobStore(settings.blob_store_url)
+        age = timedelta(days=settings.orphan_days)
+        swept = sweep_blobs(factory, blobs, age, confirmed=only_database)
+        files = sweep_files(EXPORT, JobContext(settings, factory))
+        sure = only_database or (settings.keeps_files_together and not swept.strangers)
+        rasters = sweep_rasters(factory, settings.dem_dir, age) if sure else []
+    if swept.strangers:
+        for key in swept.orphans:
+            typer.echo(key)
+        typer.echo(
+            f"{len(swept.orphans)} logs without a drive stay: other databases have used the store "
+            f"({', '.join(swept.strangers)}). --only-database removes them."
+        )
+    else:
+        typer.echo(f"{len(swept.orphans)} logs without a drive removed.")
+    if files:
+        typer.echo(f"{len(files)} files without an export removed.")
+    for uri in rasters:
+        typer.echo(f"{uri.rpartition('/')[2]}: this elevation raster is in no use any more and removed.")
+    write_json(json_file, asdict(swept) | {"removed": swept.removed, "rasters": rasters, "exports": files})

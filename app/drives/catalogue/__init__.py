@@ -1,1 +1,0 @@
-"""What can be chosen for a drive, as documents that forms are made of."""

@@ -1,1 +1,0 @@
-"""Lists of drives: their orders, places in them and what is searched for."""

@@ -1,0 +1,62 @@
+"""GeoJSON FeatureCollections, written piece by piece: to a file, or wherever a stream goes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from app.core.text import GEO_JSON, dumps
+from app.exports.format import Stated, TableFormat
+from app.exports.writing.qgis_style import style_beside
+from app.map.segment import Record
+
+
+def collection_chunks(records: Iterable[Record], members: dict[str, Any] | None = None) -> Iterator[str]:
+    """The text of a FeatureCollection piece by piece, in constant memory.
+
+    ``members`` are further top-level members such as ``links``; they come before ``features``.
+    """
+    head = dumps({"type": "FeatureCollection"} | (members or {}))
+    yield head[:-1] + ',"features":['
+    separator = ""
+    for record in records:
+        yield separator + dumps(record.geojson())
+        separator = ",\n"
+    yield "]}\n"
+
+
+class GeoJson(TableFormat):
+    """A FeatureCollection in one file."""
+
+    name = "geojson"
+    suffixes = (".geojson",)
+    media_type = GEO_JSON
+    description = "GeoJSON FeatureCollection (RFC 7946), WGS 84"
+
+    def write_records(self, records: Iterable[Record], path: Path, stated: Stated) -> int:
+        """Write the collection with what is ``stated`` as members."""
+        count = 0
+
+        def counted() -> Iterator[Record]:
+            nonlocal count
+            for record in records:
+                count += 1
+                yield record
+
+        with path.open("w", encoding="utf-8") as file:
+            file.writelines(collection_chunks(counted(), _members(stated)))
+        return count
+
+    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
+        """The style for QGIS."""
+        return style_beside(path)
+
+
+def _members(stated: Stated) -> dict[str, Any]:
+    """What is stated as members; where the data come from is a document by itself."""
+    members: dict[str, Any] = dict(stated)
+    if "provenance" in members:
+        members["provenance"] = json.loads(members["provenance"])
+    return members

@@ -1,0 +1,80 @@
+"""GeoParquet 1.1, written row group by row group.
+
+The metadata are written here, not by geopandas, which would need all segments in memory at once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.exports.format import WAY_FILTERS, Stated, TableFormat
+from app.exports.writing.layers import WAYS
+from app.exports.writing.qgis_style import style_beside
+from app.map.segment import Record
+from fusion.types import Floats
+
+NO_BOUNDS = np.array([np.inf, np.inf, -np.inf, -np.inf])
+
+
+class GeoParquet(TableFormat):
+    """One Parquet file with a WKB geometry column; no stated CRS means longitude, latitude on WGS 84."""
+
+    name = "geoparquet"
+    suffixes = (".parquet",)
+    media_type = "application/vnd.apache.parquet"
+    description = "GeoParquet 1.1, WKB lines, WGS 84"
+
+    def write_records(self, records: Iterable[Record], path: Path, stated: Stated) -> int:
+        """Write the file with what is ``stated`` among its metadata."""
+        # Imported where a file is written: every command that only names the outputs would wait for it.
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        from app.exports.writing.arrow import (  # noqa: PLC0415
+            GEOMETRY,
+            ROWS_PER_GROUP,
+            arrow_tables,
+            bounds_deg,
+            schema_of,
+        )
+
+        count, bounds = 0, NO_BOUNDS
+        with pq.ParquetWriter(path, schema_of(self.layer), compression="zstd") as writer:
+            for table in arrow_tables(records, ROWS_PER_GROUP, self.layer):
+                writer.write_table(table)
+                count += len(table)
+                bounds = _grown(bounds, bounds_deg(table))
+            geo = json.dumps(_metadata(GEOMETRY, bounds))
+            writer.add_key_value_metadata({"geo": geo, **stated})
+        return count
+
+    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
+        """The style for QGIS."""
+        return style_beside(path)
+
+
+class WayParquet(GeoParquet):
+    """The same of whole ways."""
+
+    name = "ways-parquet"
+    description = "GeoParquet 1.1 of whole ways: mean slope by length, steepest 20 m and where"
+    layer = WAYS
+    holds = WAYS.name
+    filters = WAY_FILTERS
+
+
+def _grown(bounds: Floats, more: Floats) -> Floats:
+    grown: Floats = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
+    return grown
+
+
+def _metadata(geometry: str, bounds: Floats) -> dict[str, Any]:
+    """What the standard wants under the key ``geo``."""
+    column: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
+    if np.all(np.isfinite(bounds)):
+        column["bbox"] = [float(value) for value in bounds]
+    return {"version": "1.1.0", "primary_column": geometry, "columns": {geometry: column}}

@@ -1,0 +1,215 @@
+"""What pieces are made of out of the database, and pieces into it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.db import fetch_binary, send_binary
+from app.map.derived.levels import CHOSEN, HALF_WORLD, LEVELS, rank, square_of
+from app.map.derived.pieces import Piece, Stretches
+from app.map.derived.way_store import lines
+from app.network.cells import TILE_MARGIN, ZOOM
+from fusion.types import Floats, Ints
+
+# A gap's slope is measured by nobody. What is not followed yet is not drawn yet, or nobody would know of it when it
+# goes (``app.map.derived``).
+_SEGMENTS = """
+    SELECT s.id, s.highway, s.oneway, s.length_m, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0),
+           s.geom_3857, s.osm_way_id, s.from_node, s.to_node, s.cell
+    FROM segments AS s
+    JOIN derived_segments AS d ON d.segment_id = s.id AND d.cell = s.cell
+    LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
+    WHERE s.cell = ANY(%(cells)s::bigint[])
+        AND (s.cell = ANY(%(all_of)s::bigint[]) OR s.highway = ANY(%(classes)s::text[]) OR a.drives > 0)
+    ORDER BY s.id
+"""
+_CLASSES = text(
+    """
+    SELECT DISTINCT s.highway FROM segments AS s
+    JOIN derived_segments AS d ON d.segment_id = s.id AND d.cell = s.cell
+    WHERE s.cell = ANY(CAST(:cells AS integer[]))
+    """
+)
+_COLUMNS = ", ".join(Piece._fields)
+_PIECES = f"""
+    SELECT cell, {_COLUMNS} FROM drawn_pieces
+    WHERE level = %(level)s AND cell = ANY(%(squares)s::bigint[]) ORDER BY segment_id
+"""  # noqa: S608 - constants
+_DELETE = """
+    DELETE FROM drawn_pieces AS p USING unnest(%(square)s::bigint[], %(id)s::bigint[]) AS gone (square, id)
+    WHERE p.level = %(level)s AND p.cell = gone.square AND p.segment_id = gone.id
+"""
+_INSERT = f"""
+    INSERT INTO drawn_pieces (level, cell, {_COLUMNS})
+    SELECT %(level)s, square, segment_id, rank, highway, oneway, slope, sigma, drives, length, ST_GeomFromEWKB(geom)
+    FROM unnest(%(square)b::bigint[], %(segment_id)b::bigint[], %(rank)b::bigint[], %(highway)b::text[],
+                %(oneway)b::bigint[], %(slope_percent)b::float8[], %(slope_sigma_percent)b::float8[],
+                %(drives)b::bigint[], %(length_m)b::float8[], %(geom_3857)b::bytea[])
+        AS row (square, segment_id, rank, highway, oneway, slope, sigma, drives, length, geom)
+"""  # noqa: S608 - constants
+
+# Any square that nobody is at: solvers and imports hold some for milliseconds.
+_FREE_CELL = text(
+    """
+    SELECT id FROM cells WHERE id BETWEEN :first AND :last AND (id & 16383) BETWEEN :top AND :bottom
+    ORDER BY id LIMIT 1 FOR UPDATE SKIP LOCKED
+    """
+)
+_MAKE = text(
+    "INSERT INTO cells (id) SELECT unnest(CAST(:ids AS integer[])) ORDER BY 1 ON CONFLICT (id) DO NOTHING"
+)
+_TAKE = text(
+    "SELECT id FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id FOR UPDATE SKIP LOCKED"
+)
+_RAISE = text("UPDATE cells SET drawn_version = drawn_version + 1 WHERE id = ANY(CAST(:ids AS integer[]))")
+
+_BEYOND = 8 * TILE_MARGIN / 2
+"""Of a square's side: how far a tile draws beyond its edge, which is at most eight squares."""
+
+Drawn = dict[int, dict[int, Piece]]
+"""Pieces by square and segment."""
+
+
+class Ends(NamedTuple):
+    """Beside stretches that are segments: the way of each, its nodes, and its square of zoom 14; shape (n,)."""
+
+    osm_way_id: Ints
+    from_node: Ints
+    to_node: Ints
+    cell: Ints
+
+
+def segments_in(
+    session: Session, cells: Collection[int], all_of: Collection[int], classes: Collection[str] = CHOSEN
+) -> tuple[Stretches, Ends]:
+    """Followed segments in squares of zoom 14: all of ``all_of``, of others driven ones and those of the classes."""
+    values = {"cells": np.array(sorted(cells), np.int64), "all_of": np.array(sorted(all_of), np.int64)}
+    rows = fetch_binary(session, _SEGMENTS, {**values, "classes": sorted(classes)})
+    columns = list(zip(*rows, strict=True)) or [()] * 12
+    points = lines(columns[7]).reshape(-1, 2)
+    return (
+        _stretches(columns[:7], points, 2 * np.arange(len(rows) + 1)),
+        Ends(*(np.array(column, np.int64) for column in columns[8:])),
+    )
+
+
+def most_important_in(session: Session, cells: Collection[int]) -> list[str]:
+    """Of the classes in these squares those of the lowest rank."""
+    found = session.execute(_CLASSES, {"cells": sorted(cells)}).scalars().all()
+    lowest = min(map(rank, found), default=0)
+    return [highway for highway in found if rank(highway) == lowest]
+
+
+def drawn(session: Session, level: int, squares: Collection[int]) -> Drawn:
+    """The pieces that are there."""
+    found: Drawn = {square: {} for square in squares}
+    for square, *row in fetch_binary(
+        session, _PIECES, {"level": level, "squares": np.array(sorted(squares), np.int64)}
+    ):
+        piece = Piece(*row)
+        found[square][piece.segment_id] = piece
+    return found
+
+
+def stretches_of(pieces: Iterable[Piece]) -> Stretches:
+    """Pieces as what those of the level above are made of, by ascending id."""
+    ordered = sorted(pieces)
+    columns = list(zip(*(p[:1] + p[2:4] + (p.length_m, *p[4:7]) for p in ordered), strict=True)) or [()] * 7
+    geometry = shapely.from_wkb(np.array([p.geom_3857 for p in ordered], object))
+    first = np.concatenate([[0], np.cumsum(shapely.get_num_coordinates(geometry))]).astype(np.int64)
+    return _stretches(columns, shapely.get_coordinates(geometry), first)
+
+
+def _stretches(columns: Any, points: Floats, first: Ints) -> Stretches:
+    ids, highway, oneway, length_m, slope, sigma, drives = columns
+    return Stretches(
+        ids=np.array(ids, np.int64),
+        highway=np.array(highway, object),
+        oneway=np.array(oneway, np.int64),
+        length_m=np.array(length_m, float),
+        slope_percent=np.array(slope, float),
+        sigma_percent=np.array(sigma, float),
+        drives=np.array(drives, np.int64),
+        points=points,
+        first=first,
+    )
+
+
+def replace_pieces(session: Session, level: int, before: Drawn, after: Drawn) -> None:
+    """Write what differs."""
+    gone = [(square, k) for square in before for k, p in before[square].items() if after[square].get(k) != p]
+    new = [(square, p) for square in after for k, p in after[square].items() if before[square].get(k) != p]
+    if gone:
+        square, ids = (np.array(column, np.int64) for column in zip(*gone, strict=True))
+        send_binary(session, _DELETE, {"level": level, "square": square, "id": ids})
+    if new:
+        columns = dict(zip(Piece._fields, map(list, zip(*(p for _, p in new), strict=True)), strict=True))
+        for name in ("slope_percent", "slope_sigma_percent"):
+            columns[name] = np.ma.masked_invalid(np.array(columns[name], float))  # type: ignore[assignment]
+        send_binary(session, _INSERT, {"level": level, "square": [square for square, _ in new], **columns})
+
+
+def changed_squares(level: int, before: Drawn, after: Drawn) -> set[int]:
+    """The squares of the level in which what is drawn differs, those that pieces reach into from others included."""
+    differing = [
+        pieces[k]
+        for these, those in ((before, after), (after, before))
+        for square, pieces in these.items()
+        for k in pieces
+        if those[square].get(k) != pieces[k]
+    ]
+    own = {square for square in after if before[square] != after[square]}
+    if not differing:
+        return own
+    zoom = LEVELS[level].square_zoom
+    side = 2 * HALF_WORLD / 2**zoom
+    lines = shapely.from_wkb(np.array([p.geom_3857 for p in differing], object))
+    along = shapely.get_coordinates(shapely.segmentize(lines, side / 8))
+    at = np.column_stack([along[:, 0] + HALF_WORLD, HALF_WORLD - along[:, 1]]) / side
+    near = np.concatenate(
+        [at + np.array([dx, dy]) for dx in (-_BEYOND, _BEYOND) for dy in (-_BEYOND, _BEYOND)]
+    )
+    met = np.unique(np.clip(np.floor(near), 0, 2**zoom - 1).astype(np.int64), axis=0)
+    return own | {x << zoom | y for x, y in met.tolist()}
+
+
+def raise_drawn(session: Session, exact: Collection[int], any_of: Mapping[int, Collection[int]]) -> bool:
+    """Say of these squares of zoom 14, and of one in each of these squares by level, that low zooms draw them anew.
+
+    The last of a transaction, since solvers want the same rows. False: others have them, and nothing was said.
+    """
+    wanted = sorted(exact)
+    session.execute(_MAKE, {"ids": wanted})
+    taken = set(session.execute(_TAKE, {"ids": wanted}).scalars())
+    if len(taken) < len(wanted):
+        return False
+    for level, squares in any_of.items():
+        for square in sorted(squares):
+            if not any(square_of(cell, level) == square for cell in taken):
+                taken.add(_free_cell(session, level, square))
+    session.execute(_RAISE, {"ids": sorted(taken)})
+    return True
+
+
+def _free_cell(session: Session, level: int, square: int) -> int:
+    zoom = LEVELS[level].square_zoom
+    by = ZOOM - zoom
+    x, y = square >> zoom, square & ((1 << zoom) - 1)
+    left, top, last = x << by, y << by, (1 << by) - 1
+    values = {
+        "first": left << ZOOM | top,
+        "last": left + last << ZOOM | top + last,
+        "top": top,
+        "bottom": top + last,
+    }
+    found = session.execute(_FREE_CELL, values).scalar()
+    if found is None:
+        found = left << ZOOM | top
+        session.execute(_MAKE, {"ids": [found]})
+    return int(found)

@@ -1,0 +1,175 @@
+"""The column beside a map that explains it: colours, widths, signs. Only what is drawn is explained.
+
+Importing this imports matplotlib: import it where a picture is drawn. Lengths are inches of paper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Affine2D, Transform
+
+from app.map.picture.slope_map import ARROW_PERCENT, SURE_SIGMA_PERCENT, UNSURE_SIGMA_PERCENT, line_widths
+from app.map.picture.text import wrapped
+
+INK, MUTED = "#20262b", "#5f6b73"
+TEXT_PT, SMALL_PT = 9.0, 8.0
+WIDTH_IN = 2.3
+CASE_PT = 2.6
+"""By so much the case of a bridge or tunnel is wider than its road."""
+_SAMPLE_IN, _TEXT_AT_IN = 0.45, 0.58
+_ROW_IN, _SMALL_ROW_IN, _APART_IN = 0.215, 0.165, 0.14
+_BAR_IN, _BAR_WITH_TICKS_IN = 0.17, 0.44
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the key: its text, and the lines of a sample before it, the lowest first."""
+
+    text: str
+    samples: tuple[dict[str, Any], ...] = ()
+    bold: bool = False
+    small: bool = False
+
+    @property
+    def height_in(self) -> float:
+        return _SMALL_ROW_IN if self.small else _ROW_IN
+
+
+@dataclass(frozen=True)
+class Signs:
+    """Which signs a map shows."""
+
+    unknown: bool
+    arrows: bool
+    bridges: bool
+    tunnels: bool
+
+
+@dataclass(frozen=True)
+class Style:
+    """What the samples look like, as the map's lines do."""
+
+    colours: LinearSegmentedColormap
+    unknown: dict[str, Any]
+    arrow_colour: str
+    thinner: float
+    """By which every line is, on maps of wide land."""
+
+
+def rows_of(style: Style, signs: Signs) -> list[list[Row]]:
+    """What stands below the bar of colours, in groups."""
+    widths = [
+        Row(text, ({"color": "#777777", "lw": style.thinner * float(line_widths(np.array([sigma]))[0])},))
+        for sigma, text in (
+            (SURE_SIGMA_PERCENT, f"± {SURE_SIGMA_PERCENT:g} % or better"),
+            (1.0, "± 1 %"),
+            (UNSURE_SIGMA_PERCENT, f"± {UNSURE_SIGMA_PERCENT:g} % or worse"),
+        )
+    ]
+    certainty = [
+        Row("Width: how certain the slope is", bold=True),
+        *widths,
+        *_small("One standard deviation: 95 of 100 slopes are within twice of it. Thin lines are guesses."),
+    ]
+    return [certainty, _sign_rows(style, signs)]
+
+
+def _sign_rows(style: Style, signs: Signs) -> list[Row]:
+    width = style.thinner * float(line_widths(np.array([SURE_SIGMA_PERCENT]))[0])
+    inside = {"color": style.colours(0.5), "lw": width}
+    case = {"color": "black", "lw": width + CASE_PT * max(style.thinner, 0.5)}
+    arrow = {
+        "ls": "none", "marker": ">", "ms": 7, "mfc": style.arrow_colour, "mec": INK, "mew": 0.8, "single": True,
+    }  # fmt: skip
+    return [
+        row
+        for shown, row in (
+            (signs.arrows, Row(f"uphill, steeper than {ARROW_PERCENT:g} %", (arrow,))),
+            (signs.bridges, Row("bridge", (case, inside))),
+            (signs.tunnels, Row("tunnel", ({**case, "ls": (0, (1.2, 0.8))}, inside))),
+            (signs.unknown, Row("slope unknown", (style.unknown,))),
+        )
+        if shown
+    ]
+
+
+def _small(text: str) -> list[Row]:
+    return [Row(line, small=True) for line in wrapped(text, SMALL_PT, 72 * WIDTH_IN)]
+
+
+def colour_rows(scale: Normalize, asked: bool) -> list[Row]:
+    """What is said of the range of colours."""
+    top = f"{scale.vmax:g} %"
+    how = "as asked" if asked else "chosen by the slopes shown"
+    return _small(f"Darkest from {top} on, {how}. Up or down alike: arrows point uphill.")
+
+
+def height_in(colours: Sequence[Row], groups: Sequence[Sequence[Row]]) -> float:
+    """How high the whole column is."""
+    below = sum(_APART_IN + sum(row.height_in for row in group) for group in groups if group)
+    return _ROW_IN + _BAR_WITH_TICKS_IN + sum(row.height_in for row in colours) + below
+
+
+def draw_key(
+    figure: Figure,
+    left_in: float,
+    top_in: float,
+    style: Style,
+    scale: Normalize,
+    colours: Sequence[Row],
+    groups: Sequence[Sequence[Row]],
+) -> None:
+    """Draw the column with its upper left corner there, measured from the upper left of the figure."""
+    from_top = from_upper_left(figure)
+    y = _draw_rows(figure, from_top, left_in, top_in, [Row("Colour: steepness, %", bold=True)])
+    width, height = figure.get_size_inches()
+    bar = figure.add_axes(
+        (left_in / width, 1 - (y + 0.03 + _BAR_IN) / height, (WIDTH_IN - 0.1) / width, _BAR_IN / height)
+    )
+    drawn = figure.colorbar(
+        ScalarMappable(scale, style.colours), cax=bar, orientation="horizontal", extend="max"
+    )
+    if drawn.solids is not None:  # in a file of lines it would be the only picture of pixels
+        drawn.solids.set_rasterized(False)
+        drawn.solids.set_edgecolor("face")
+    bar.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 5, 10]))
+    bar.tick_params(labelsize=SMALL_PT, length=2.5)
+    y = _draw_rows(figure, from_top, left_in, y + _BAR_WITH_TICKS_IN, colours)
+    for group in groups:
+        if group:
+            y = _draw_rows(figure, from_top, left_in, y + _APART_IN, group)
+
+
+def from_upper_left(figure: Figure) -> Transform:
+    """Inches to the right and downwards from a figure's upper left corner."""
+    return Affine2D().scale(1, -1).translate(0, figure.get_size_inches()[1]) + figure.dpi_scale_trans
+
+
+def _draw_rows(figure: Figure, place: Transform, left_in: float, y_in: float, rows: Sequence[Row]) -> float:
+    for row in rows:
+        middle = y_in + row.height_in / 2
+        for sample in row.samples:
+            look = dict(sample)
+            ends = [0.5] if look.pop("single", False) else [0.0, 1.0]
+            x = [left_in + share * _SAMPLE_IN for share in ends]
+            figure.add_artist(
+                Line2D(
+                    x, [middle] * len(x), transform=place, solid_capstyle="butt", dash_capstyle="butt", **look
+                )
+            )
+        figure.text(
+            left_in + (_TEXT_AT_IN if row.samples else 0.0), middle, row.text, transform=place, va="center_baseline",
+            fontsize=SMALL_PT if row.small else TEXT_PT, fontweight="bold" if row.bold else "normal",
+            color=MUTED if row.small else INK, parse_math=False,
+        )  # fmt: skip
+        y_in += row.height_in
+    return y_in

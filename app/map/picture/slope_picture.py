@@ -1,0 +1,292 @@
+"""A picture of the slopes of a road network: colour is steepness, arrows point uphill, width is certainty.
+
+The paper is laid out in inches, so that every line of text has its room whatever shape the roads have: the title
+above, the map, the column that explains it to its right, scale and attribution below. Importing this imports
+matplotlib: import it where a picture is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+
+from app.core.text import whole_file
+from app.map.attribution import OSM_ATTRIBUTION
+from app.map.picture.key import (
+    INK,
+    MUTED,
+    SMALL_PT,
+    TEXT_PT,
+    WIDTH_IN,
+    Signs,
+    Style,
+    colour_rows,
+    draw_key,
+    from_upper_left,
+    height_in,
+    rows_of,
+)
+from app.map.picture.roads import (
+    ARROW_COLOUR,
+    STEEPNESS,
+    draw_known,
+    draw_unknown,
+    unknown_look,
+)
+from app.map.picture.slope_map import (
+    SURE_WIDTH_PT,
+    MapError,
+    MapSegments,
+    certain_signs,
+    frame_around,
+    picture_format,
+)
+from app.map.picture.street_names import place_names, points_along
+from app.map.picture.text import is_writable, width_pt, wrapped
+from fusion.frames import LocalProjection
+from fusion.types import Floats
+
+if TYPE_CHECKING:
+    from app.core.db import Bounds
+
+SCALE_FLOOR_PERCENT = 4.0  # a colour scale of a flat town must not dramatise tenths of a percent
+MAP_IN, EDGE_IN, BETWEEN_IN = 9.0, 0.3, 0.3
+"""Inches: longer side of the map, what stays empty at the figure's edge and between map and key."""
+TITLE_PT, NAME_PT = 13.0, 7.5
+TITLE_ROW_IN, FOOT_ROW_IN, SCALE_ROW_IN = 0.26, 0.165, 0.3
+DENSE_SHARE, CELL_IN, LEAST_THICKNESS = 0.25, 0.3, 0.3
+"""Where the surest lines would cover more than that share of the cells of paper that they run through, all lines are
+thinner, else streets merge; never thinner than the last share of their width."""
+
+
+def write_map(
+    path: Path,
+    segments: MapSegments,
+    *,
+    title: str,
+    credit: str,
+    scale_percent: float | None = None,
+    box_deg: Bounds | None = None,
+    notes: Sequence[str] = (),
+) -> None:
+    """Write the map to ``path``, complete or not at all, as its suffix says; see ``slope_figure``.
+
+    Raises ``UnknownNameError`` for an unknown suffix, ``MapError`` where there is nothing to draw, and ``OSError``.
+    """
+    picture_format(path)
+    figure = slope_figure(
+        segments, title=title, credit=credit, scale_percent=scale_percent, box_deg=box_deg, notes=notes
+    )
+    with whole_file(path) as partial:
+        save_figure(figure, partial, picture_format(path), title, credit)
+
+
+def save_figure(figure: Figure, out: Path | BinaryIO, kind: str, title: str, credit: str) -> None:
+    """Write a figure as png, pdf or svg, with what it is and whose data it shows among its metadata."""
+    said = {
+        "png": {"Software": "Versant", "Title": title, "Copyright": credit},
+        "pdf": {"Creator": "Versant", "Title": title, "Subject": credit},
+        "svg": {"Creator": "Versant", "Title": title, "Rights": credit},
+    }[kind]
+    with mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "versant"}):
+        figure.savefig(out, format=kind, metadata=said)
+
+
+def slope_figure(
+    segments: MapSegments,
+    *,
+    title: str = "Road slopes",
+    credit: str = OSM_ATTRIBUTION,
+    scale_percent: float | None = None,
+    box_deg: Bounds | None = None,
+    notes: Sequence[str] = (),
+    dpi: int = 130,
+) -> Figure:
+    """The map; an unknown slope is a thin dashed grey line, never a colour.
+
+    ``credit`` is the attribution printed below the map, ``notes`` what else is to be said there. ``scale_percent``
+    is the steepness from which on the colour is the darkest, by default one that suits the slopes shown. ``box_deg``
+    is what is shown; by default the measured roads with some land around them, or all roads where none is measured.
+    Roads end at the frame. Raises ``MapError`` when there is no segment, or none in a map's reach.
+    """
+    if not len(segments):
+        raise MapError("There is no segment to draw.")
+    view = _view(segments, box_deg)
+    lines = view.lines
+    figure = Figure(dpi=dpi)
+    FigureCanvasAgg(figure)
+    scale, style = _colour_scale(view.segments, scale_percent), _style(view)
+    page = _page(view, title, credit, notes)
+    signs = _signs(view.segments)
+    colours, groups = colour_rows(scale, scale_percent is not None), rows_of(style, signs)
+    top = EDGE_IN + TITLE_ROW_IN * len(page.title) + 0.08
+    foot = top + max(page.map_in[1] + SCALE_ROW_IN, height_in(colours, groups))
+    figure.set_size_inches(page.width_in, foot + FOOT_ROW_IN * len(page.foot) + 0.6 * EDGE_IN)
+    axes = _map_axes(figure, view, page.map_in, top)
+    draw_unknown(axes, lines[~view.segments.known], style.thinner)
+    draw_known(axes, lines, view.segments, scale, style.thinner)
+    _draw_names(axes, view)
+    _draw_scale(figure, view, page.map_in[0], top + page.map_in[1])
+    _write(figure, page.title, EDGE_IN, TITLE_ROW_IN, TITLE_PT, INK)
+    _write(figure, page.foot, foot, FOOT_ROW_IN, SMALL_PT, MUTED)
+    draw_key(figure, EDGE_IN + page.map_in[0] + BETWEEN_IN, top, style, scale, colours, groups)
+    return figure
+
+
+class _View(NamedTuple):
+    """What lies in the frame: segments, their ends in metres (n, 2, 2), and the frame, (left, bottom, right, top)."""
+
+    segments: MapSegments
+    lines: Floats
+    frame_m: tuple[float, float, float, float]
+
+    @property
+    def metres_per_inch(self) -> float:
+        left, bottom, right, top = self.frame_m
+        return max(right - left, top - bottom) / MAP_IN
+
+
+class _Page(NamedTuple):
+    """Lines of text that fit the paper, and the sizes of the map and of the paper."""
+
+    title: list[str]
+    foot: list[str]
+    map_in: tuple[float, float]
+    width_in: float
+
+
+def _view(segments: MapSegments, box_deg: Bounds | None) -> _View:
+    box = box_deg or frame_around(_extent(segments))
+    west, south, east, north = box
+    plane = LocalProjection.around(np.array([west, east]), np.array([south, north]))
+    middle = (west + east) / 2, (south + north) / 2
+    (left, right), _ = plane.to_xy(np.array([west, east]), np.full(2, middle[1]))
+    _, (bottom, top) = plane.to_xy(np.full(2, middle[0]), np.array([south, north]))
+    near = segments.within(box)
+    lon = np.column_stack([near.lon0_deg, near.lon1_deg])
+    lat = np.column_stack([near.lat0_deg, near.lat1_deg])
+    x, y = plane.to_xy(lon, lat)
+    return _View(near, np.stack([x, y], axis=-1), (float(left), float(bottom), float(right), float(top)))
+
+
+def _extent(segments: MapSegments) -> Bounds:
+    shown = segments.known if segments.known.any() else np.ones(len(segments), np.bool_)
+    lon = np.concatenate([segments.lon0_deg[shown], segments.lon1_deg[shown]])
+    lat = np.concatenate([segments.lat0_deg[shown], segments.lat1_deg[shown]])
+    return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
+
+
+def _page(view: _View, title: str, credit: str, notes: Sequence[str]) -> _Page:
+    left, bottom, right, top = view.frame_m
+    map_in = (right - left) / view.metres_per_inch, (top - bottom) / view.metres_per_inch
+    inner = map_in[0] + BETWEEN_IN + WIDTH_IN
+    foot = [line for text in (credit, *notes) for line in wrapped(text, SMALL_PT, 72 * inner)]
+    return _Page(wrapped(title, TITLE_PT, 72 * inner), foot, map_in, inner + 2 * EDGE_IN)
+
+
+def _style(view: _View) -> Style:
+    thinner = _thinner(view)
+    return Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
+
+
+def _thinner(view: _View) -> float:
+    """By how much lines must be thinner than on a map with room, 1 or less."""
+    lines = view.lines[view.segments.known] / view.metres_per_inch
+    points, _ = points_along(lines, CELL_IN / 4)
+    cells = len(np.unique(np.floor(points / CELL_IN), axis=0))
+    covered = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()) * SURE_WIDTH_PT / 72
+    share = covered / max(cells * CELL_IN**2, 1e-9)
+    return float(np.clip(DENSE_SHARE / max(share, 1e-9), LEAST_THICKNESS, 1.0))
+
+
+def _signs(segments: MapSegments) -> Signs:
+    known, slope = segments.known, segments.slope_percent
+    return Signs(
+        unknown=bool((~known).any()),
+        arrows=bool(certain_signs(slope, segments.slope_sigma_percent).any()),
+        bridges=bool((segments.bridge & known).any()),
+        tunnels=bool((segments.tunnel & known).any()),
+    )
+
+
+def _colour_scale(segments: MapSegments, scale_percent: float | None) -> Normalize:
+    if scale_percent is not None:
+        return Normalize(0.0, scale_percent)
+    steep = np.abs(segments.slope_percent[segments.known])
+    top = float(np.quantile(steep, 0.97)) if len(steep) else 0.0
+    return Normalize(0.0, max(SCALE_FLOOR_PERCENT, float(np.ceil(top))))
+
+
+def _map_axes(figure: Figure, view: _View, map_in: tuple[float, float], top_in: float) -> Axes:
+    width, height = figure.get_size_inches()
+    axes = figure.add_axes(
+        (EDGE_IN / width, 1 - (top_in + map_in[1]) / height, map_in[0] / width, map_in[1] / height)
+    )
+    left, bottom, right, top = view.frame_m
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for side in axes.spines.values():
+        side.set_color("#c9ced2")
+    return axes
+
+
+def _draw_names(axes: Axes, view: _View) -> None:
+    """A few names of streets; those that the font cannot write are left out rather than spoilt."""
+    metres_per_pt = view.metres_per_inch / 72
+    writable = np.array([bool(name) and is_writable(str(name)) for name in view.segments.name], np.bool_)
+    placed = place_names(
+        view.lines,
+        view.segments.name,
+        view.segments.known & writable,
+        frame_m=view.frame_m,
+        height_m=1.15 * NAME_PT * metres_per_pt,
+        length_m=lambda text: (width_pt(text, NAME_PT) + 4.0) * metres_per_pt,
+    )
+    for name in placed:
+        axes.text(
+            name.x_m, name.y_m, name.text, rotation=float(np.degrees(name.angle_rad)), rotation_mode="anchor",
+            ha="center", va="center_baseline", fontsize=NAME_PT, color=INK, zorder=6, parse_math=False, label="street",
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        )  # fmt: skip
+
+
+def _draw_scale(figure: Figure, view: _View, width_in: float, below_in: float) -> None:
+    place = from_upper_left(figure)
+    length_m = _round_length(width_in * view.metres_per_inch / 4)
+    y, end = below_in + SCALE_ROW_IN / 2, EDGE_IN + length_m / view.metres_per_inch
+    figure.add_artist(
+        Line2D([EDGE_IN, end], [y, y], transform=place, color="black", lw=2.5, solid_capstyle="butt", label="scale")
+    )  # fmt: skip
+    label = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m:g} m"
+    figure.text(
+        end + 0.08, y, f"{label}; north is up", transform=place, va="center_baseline", fontsize=TEXT_PT, color=INK
+    )  # fmt: skip
+
+
+def _write(
+    figure: Figure, lines: Sequence[str], top_in: float, row_in: float, size_pt: float, colour: str
+) -> None:
+    place = from_upper_left(figure)
+    for k, line in enumerate(lines):
+        figure.text(
+            EDGE_IN, top_in + row_in * (k + 0.5), line, transform=place, va="center_baseline", fontsize=size_pt,
+            color=colour, parse_math=False,
+        )  # fmt: skip
+
+
+def _round_length(longest_m: float) -> float:
+    """The greatest of 1, 2, 5, 10, 20 ... metres that is no longer."""
+    power = 10.0 ** np.floor(np.log10(max(longest_m, 1.0)))
+    return float(power * max(m for m in (1, 2, 5) if m * power <= max(longest_m, 1.0)))

@@ -1,0 +1,191 @@
+"""Figures of the whole map: what takes a look at every segment, or every verdict, is made by a worker and kept."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import TextClause, text
+from sqlalchemy.orm import Session
+
+from app.core.db import Sessions
+from app.map.statistics.stored_tiles import tiles_by_zoom
+
+LOOK_EVERY_S = 60.0
+"""How often a worker looks."""
+KEPT_S = 600.0
+"""How old figures become before they are made again: a look at a million segments takes a second or two."""
+MOST_ROWS = 500
+"""Of a list of the worst; the rest is for nobody's eyes."""
+
+# A segment of two regions counts in both. Nobody's roads stand under no region.
+COVERAGE = text(
+    """
+    SELECT coalesce(r.name, '') AS region, c.highway, c.segments, c.network_km, c.driven_segments, c.driven_km
+    FROM (SELECT region_id, s.highway, count(*) AS segments, sum(s.length_m) / 1000 AS network_km,
+                 count(a.segment_id) AS driven_segments,
+                 coalesce(sum(s.length_m) FILTER (WHERE a.segment_id IS NOT NULL), 0) / 1000 AS driven_km
+          FROM segments AS s
+          CROSS JOIN LATERAL unnest(CASE WHEN s.regions = '{}' THEN ARRAY[CAST(NULL AS smallint)] ELSE s.regions END)
+               AS region_id
+          LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0
+          GROUP BY region_id, s.highway) AS c
+    LEFT JOIN regions AS r ON r.id = c.region_id
+    ORDER BY region, c.network_km DESC, c.highway
+    """
+)
+
+# Classes of sigma as people read them, of drives in powers of two.
+SIGMAS = text(
+    """
+    SELECT drives_from, sigma_from_percent, count(*) AS segments, sum(length_m) / 1000 AS km
+    FROM (SELECT CAST(2 ^ floor(log(2, greatest(a.drives, 1))) AS integer) AS drives_from, s.length_m,
+                 steps.percent[width_bucket(a.slope_sigma_percent, steps.percent)] AS sigma_from_percent
+          FROM (SELECT CAST('{0,0.1,0.2,0.3,0.5,0.7,1,1.5,2,3,5,10}' AS float8[]) AS percent) AS steps,
+               segment_slopes AS a JOIN segments AS s ON s.id = a.segment_id
+          WHERE a.drives > 0) AS each
+    GROUP BY drives_from, sigma_from_percent ORDER BY drives_from, sigma_from_percent
+    """
+)
+
+# Drives disagree where passes are rejected; by how many, and how far apart they are.
+DISAGREEMENTS = text(
+    """
+    WITH worst AS (
+        SELECT r.segment_id, count(DISTINCT r.drive_id) AS rejected
+        FROM rejected_passes AS r GROUP BY r.segment_id ORDER BY rejected DESC, r.segment_id LIMIT 5 * :most
+    )
+    SELECT w.segment_id, s.osm_way_id, s.highway, s.name, a.slope_percent, a.slope_sigma_percent,
+           coalesce(a.drives, 0) AS drives, w.rejected AS drives_rejected, w.rejected AS drives_unheard,
+           e.lowest_percent, e.highest_percent, e.farthest_sigmas
+    FROM worst AS w JOIN segments AS s ON s.id = w.segment_id
+    LEFT JOIN segment_slopes AS a ON a.segment_id = w.segment_id
+    CROSS JOIN LATERAL (
+        SELECT min(d.slope_percent) AS lowest_percent, max(d.slope_percent) AS highest_percent,
+               max(abs(d.slope_percent - a.slope_percent) / d.slope_sigma_percent) AS farthest_sigmas
+        FROM drive_segments AS d WHERE d.segment_id = w.segment_id) AS e
+    ORDER BY w.rejected * least(coalesce(e.farthest_sigmas, 0), 100) DESC, w.segment_id LIMIT :most
+    """
+)
+
+# On the open road, where both know something: elevation models know neither bridges nor tunnels. Tiles of zoom 12.
+TERRAIN = text(
+    """
+    SELECT '12/' || (s.cell >> 16) || '/' || ((s.cell & 16383) >> 2) AS tile, count(*) AS segments,
+           sum(s.length_m) / 1000 AS km,
+           sum((s.dem_slope_percent - a.slope_percent) * s.length_m) / sum(s.length_m) AS mean_difference_percent,
+           sqrt(sum((s.dem_slope_percent - a.slope_percent) ^ 2 * s.length_m) / sum(s.length_m))
+               AS rms_difference_percent,
+           sqrt(sum(a.slope_sigma_percent ^ 2 * s.length_m) / sum(s.length_m)) AS rms_sigma_percent
+    FROM segment_slopes AS a JOIN segments AS s ON s.id = a.segment_id
+    WHERE a.drives > 0 AND s.dem_slope_percent IS NOT NULL AND NOT s.bridge AND NOT s.tunnel AND s.length_m > 0
+    GROUP BY s.cell >> 16, (s.cell & 16383) >> 2
+    ORDER BY rms_difference_percent DESC, tile LIMIT :most
+    """
+)
+
+Rows = list[dict[str, Any]]
+
+
+def _by(statement: TextClause) -> Callable[[Session], Rows]:
+    def made(session: Session) -> Rows:
+        return [dict(row._mapping) for row in session.execute(statement, {"most": MOST_ROWS})]
+
+    return made
+
+
+KEPT: Mapping[str, Callable[[Session], Rows]] = {
+    "coverage": _by(COVERAGE),
+    "sigmas": _by(SIGMAS),
+    "disagreements": _by(DISAGREEMENTS),
+    "terrain": _by(TERRAIN),
+    "tiles": tiles_by_zoom,
+}
+"""Name of figures -> how they are made."""
+
+OF_NO_STATE = frozenset({"tiles"})
+"""They change by themselves, whatever becomes of the map."""
+
+# The last transaction that changed what any square shows, the roads, and the rasters.
+_STATE = text(
+    """
+    SELECT concat_ws('.', (SELECT max(changed_xid) FROM cells), (SELECT max(id) FROM road_versions),
+                     (SELECT max(id) FROM dem_versions WHERE active))
+    """
+)
+_READ = text("SELECT rows, made_at FROM kept_figures WHERE name = :name")
+_DUE = text(
+    """
+    SELECT wanted.name FROM unnest(CAST(:names AS text[])) AS wanted (name)
+    LEFT JOIN kept_figures AS k ON k.name = wanted.name
+    WHERE k.name IS NULL OR (k.of_state <> :state AND k.made_at < clock_timestamp() - make_interval(secs => :age_s))
+    ORDER BY k.made_at NULLS FIRST, wanted.name LIMIT 1
+    """
+)
+_KEEP = text(
+    """
+    INSERT INTO kept_figures (name, rows, made_at, took_s, of_state)
+    VALUES (:name, CAST(:rows AS jsonb), clock_timestamp(), :took_s, :state)
+    ON CONFLICT (name) DO UPDATE
+    SET rows = excluded.rows, made_at = excluded.made_at, took_s = excluded.took_s, of_state = excluded.of_state
+    """
+)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Rows of figures and when they were made."""
+
+    rows: list[dict[str, Any]]
+    made_at: datetime
+
+
+def make(session: Session, name: str) -> Rows:
+    """The figures of this moment, JSON-serialisable."""
+    return KEPT[name](session)
+
+
+def kept(session: Session, name: str) -> Kept | None:
+    """The figures as they were made last."""
+    row = session.execute(_READ, {"name": name}).one_or_none()
+    return None if row is None else Kept(list(row.rows), row.made_at)
+
+
+def state(session: Session) -> str:
+    """Of all that the figures are made from but verdicts, which come with slopes."""
+    return str(session.execute(_STATE).scalar_one())
+
+
+def due(session: Session, state_now: str, age_s: float) -> str | None:
+    """The name of figures that are of another state and older than that, or were never made."""
+    values = {"names": sorted(KEPT), "state": state_now, "age_s": age_s}
+    found = session.execute(_DUE, values).scalar_one_or_none()
+    return None if found is None else str(found)
+
+
+def keep(session: Session, name: str, rows: list[dict[str, Any]], took_s: float, state_then: str) -> None:
+    """Put these figures in the place of those before."""
+    values = {"name": name, "rows": json.dumps(rows), "took_s": took_s, "state": state_then}
+    session.execute(_KEEP, values)
+
+
+def renew_one(sessions: Sessions) -> bool:
+    """Make those figures again that are out of date the longest; whether there were any.
+
+    Two workers may make the same at once; both are right.
+    """
+    with sessions() as session:
+        state_then = state(session)
+        name = due(session, state_then, KEPT_S)
+        if name is None:
+            return False
+        began = time.monotonic()
+        rows = make(session, name)
+        took_s = time.monotonic() - began
+    with sessions.begin() as session:
+        keep(session, name, rows, took_s, "" if name in OF_NO_STATE else state_then)
+    return True

@@ -1,0 +1,28 @@
+/** What pages the documentation has, as the service lists them (`docs/index.md`). */
+
+export interface Guide {
+  /** Its path below `/docs/`. */
+  name: string;
+  title: string;
+  /** A sentence that says what it is for. */
+  summary: string;
+  /** Headings below the title, of the second level. */
+  headings: { id: string; text: string }[];
+}
+
+export interface Section {
+  title: string;
+  pages: Guide[];
+}
+
+/** The sections with those pages in whose title, summary or headings every word occurs; empty sections are left out. */
+export function sectionsWith(sections: Section[], words: string[]): Section[] {
+  return sections
+    .map((section) => ({ ...section, pages: section.pages.filter((page) => matches(page, words)) }))
+    .filter((section) => section.pages.length > 0);
+}
+
+function matches(page: Guide, words: string[]): boolean {
+  const text = [page.title, page.summary, ...page.headings.map((one) => one.text)].join(" ").toLowerCase();
+  return words.every((word) => text.includes(word));
+}

@@ -1,1 +1,0 @@
-"""What ``pseudorange.py`` measures: real logs as measurements, estimators from the literature, and tables."""

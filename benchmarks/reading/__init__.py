@@ -1,1 +1,0 @@
-"""How fast logs are read: ``python -m reading``."""
